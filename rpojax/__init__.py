@@ -26,12 +26,16 @@ if TYPE_CHECKING:
     from rpojax.dispersions.designs.run_range import RunRange
     from rpojax.errors import RpojaxError
     from rpojax.flight.stages import Stages
+    from rpojax.interop.export import export
     from rpojax.report.page.html_report import write_report
     from rpojax.runtime.jax_environment import prepare_process
     from rpojax.scenario.loading.scenario_loader import load
     from rpojax.scenario.params import Params
+    from rpojax.scenario.plugins.custom_metrics import metric
+    from rpojax.scenario.plugins.plugin import Plugin
     from rpojax.scenario.schema import ScenarioFile
     from rpojax.scenario.static_settings import Scenario
+    from rpojax.sensors.additional.additional_sensor import AdditionalSensor
     from rpojax.simulation.initial_state import init
     from rpojax.simulation.noise import run_key
     from rpojax.simulation.rollout import rollout
@@ -40,8 +44,10 @@ if TYPE_CHECKING:
     from rpojax.simulation.telemetry import Telemetry
 
 _MODULE_OF = {
+    "AdditionalSensor": "sensors.additional.additional_sensor",
     "Campaign": "campaign.storage.campaign_folder",
     "Params": "scenario.params",
+    "Plugin": "scenario.plugins.plugin",
     "Retention": "campaign.options.history_retention",
     "RpojaxError": "errors",
     "RunRange": "dispersions.designs.run_range",
@@ -53,11 +59,13 @@ _MODULE_OF = {
     "Telemetry": "simulation.telemetry",
     "compare": "analysis.statistics.campaign_comparison",
     "estimate_probability": "analysis.reliability.rare_events.estimate_probability",
+    "export": "interop.export",
     "gradient": "analysis.gradients.scenario_gradient",
     "init": "simulation.initial_state",
     "initialise_run": "campaign.single_run",
     "linear_covariance": "analysis.linear_covariance.linear_covariance",
     "load": "scenario.loading.scenario_loader",
+    "metric": "scenario.plugins.custom_metrics",
     "nominal_parameters": "campaign.single_run",
     "open_campaign": "campaign.storage.xarray_dataset",
     "prepare_process": "runtime.jax_environment",
@@ -75,8 +83,10 @@ _MODULE_OF = {
 """Public name -> its module in the package."""
 
 __all__ = [
+    "AdditionalSensor",
     "Campaign",
     "Params",
+    "Plugin",
     "Retention",
     "RpojaxError",
     "RunRange",
@@ -89,11 +99,13 @@ __all__ = [
     "__version__",
     "compare",
     "estimate_probability",
+    "export",
     "gradient",
     "init",
     "initialise_run",
     "linear_covariance",
     "load",
+    "metric",
     "nominal_parameters",
     "open_campaign",
     "prepare_process",

@@ -15,6 +15,9 @@ EXTRAS = {
     "cyclonedds": "ros",
     "rerun": "viz",
     "imageio_ffmpeg": "viz",
+    "pyarrow": "formats",
+    "sgp4": "formats",
+    "erfa": "formats",
 }
 """Extra by the name under which an optional package is imported."""
 

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.page.html_report import write_report
 
-_VOID = {"meta", "img", "rect", "br", "wbr", "link"}
+_VOID = {"meta", "img", "br", "wbr", "link"}
 
 
 class ReportPage(HTMLParser):

@@ -13,6 +13,7 @@ from typing import Any, get_args
 import jax
 import jax.numpy as jnp
 import pytest
+from element_sets import TLE
 
 import rpojax
 from rpojax import Stages
@@ -29,6 +30,7 @@ from rpojax.report.labels import metric_label
 from rpojax.scenario import key_units, schema
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.sections import StartSection
 from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.simulation import channels
 from rpojax.simulation.channels import Channels, compute_channels
@@ -84,6 +86,7 @@ def sections_of_the_schema() -> dict[str, type[Section]]:
     """Name -> model of every section of a scenario."""
     fields = ScenarioFile.model_fields.items()
     models = {name: field.annotation for name, field in fields} | {name: sensor_class(name) for name in sensor_names()}
+    models["start"] = StartSection  # a scenario may be without it
     return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, Section)}
 
 
@@ -266,7 +269,10 @@ def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, unio
 
 
 def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None:
-    handover, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
+    start, handover, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
+    (tmp_path / "iss.tle").write_text(TLE)
+    (tmp_path / "start.toml").write_text(start)
+    assert scenario_loader.load(tmp_path / "start.toml").start is not None
     path = tmp_path / "mine.toml"
     path.write_text('extends = "inspection"\n' + handover)
     assert scenario_loader.load(path).initial.handover is not None
@@ -324,6 +330,8 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
         "rho_desired_H",
         *seen,
         *channels.MISSION_CHANNELS,
+        *channels.TEAM_CHANNELS,
+        *channels.PHASING_CHANNELS,
     } - {"running"}
 
 

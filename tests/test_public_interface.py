@@ -17,6 +17,7 @@ NAMES = {
     *("nominal_parameters", "initialise_run", "run_key", "init", "step", "rollout", "simulate"),
     *("run_campaign", "resume_campaign", "open_campaign", "Campaign", "Retention", "Shard", "RunRange"),
     *("write_report", "prepare_process"),
+    *("Plugin", "metric", "AdditionalSensor", "export"),
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
     "estimate_probability",
 }

@@ -83,5 +83,5 @@ def test_a_function_with_many_options_takes_them_as_a_record() -> None:
     assert many == {
         "analysis.gradients.tuning.tune.tune": 12,
         "analysis.reliability.worst_case.worst_case": 11,
-        "campaign.run_and_resume.run_campaign": 12,
+        "campaign.run_and_resume.run_campaign": 13,
     }

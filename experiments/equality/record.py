@@ -23,8 +23,20 @@ SCENARIOS = (
     "inspection_full",
     "inspection_radial",
 )
+MISSIONS = (
+    "elliptic_rendezvous",
+    "fly_around",
+    "geo_inspection",
+    "inspection_abort",
+    "rbar_approach",
+    "rendezvous",
+    "safety_ellipse",
+    "vbar_approach",
+)
+"""Packaged scenarios of several phases."""
 CAMPAIGNS: dict[str, tuple[str, int, list[str]]] = {
     **{name: (name, 64, ["duration_s=1000"]) for name in SCENARIOS},
+    **{name: (name, 16, ["duration_s=1000"]) for name in MISSIONS},
     "inspection, rendered camera": ("inspection", 4, ["duration_s=300", "camera.model=rendered"]),
     "inspection, statistical camera": ("inspection", 16, ["duration_s=300", "camera.model=statistical"]),
     "inspection, single precision": ("inspection", 16, ["duration_s=300", "precision=single"]),

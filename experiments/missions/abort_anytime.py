@@ -10,13 +10,19 @@ import json
 from typing import Any
 
 import numpy as np
-from fly_library import blocks
+from fly_library import Runs, blocks
 
+from rpojax.flight.mission.mission_state import AbortReason
+from rpojax.physics.equipment_faults import KINDS
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
 AFTER_S = 1200.0
 """Time of the run after the last abort [s], in which its burns are made."""
+BURN_S = 120.0
+"""From the decision of a burn to its end [s]."""
+FAULT_S = 1800.0
+"""Duration of the faults of `inspection_faults` and `inspection_abort` [s]."""
 LATEST_S = 12000.0
 """Longest run [s]: later aborts of longer missions are like earlier ones."""
 
@@ -42,41 +48,64 @@ def with_abort(name: str) -> ScenarioFile:
     return scenario_loader.validate(tables)
 
 
+def _missions_of_one() -> list[str]:
+    """Packaged missions of one servicer."""
+    return [name for name in scenario_loader.packaged_names() if not scenario_loader.load(name).servicers]
+
+
+def thruster_is_dead(run: Runs, index: int, at_s: int) -> bool:
+    """Whether the thruster gives nothing at a time of a run, or fails within the lead of a burn decided then."""
+    if "fault.kind" not in run or KINDS[round(float(run["fault.kind"][index]))] != "thruster_off":
+        return False
+    start = float(run["fault.start_s"][index])
+    return start - BURN_S <= at_s < start + FAULT_S
+
+
 def main() -> None:
     """Prints one line of JSON per mission."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", nargs="*", default=scenario_loader.packaged_names())
+    parser.add_argument("--only", nargs="*", default=_missions_of_one())
     arguments = parser.parse_args()
     for name in arguments.only:
         file = with_abort(name)
-        window = file.requirements[0].metric_name
-        aborted_count, unsafe, no_thrust = 0, [], 0
+        window, done = file.requirements[0].metric_name, 0
+        aborted_count, dead_count, unsafe, dead = 0, 0, [], []
         for run in blocks(file, arguments.runs, arguments.seed):
             for index, reasons in enumerate(run["abort_reason"]):
                 if not reasons[-1]:
                     continue
                 aborted_count += 1
                 begin = int(np.argmax(reasons > 0))
+                is_dead = thruster_is_dead(run, index, begin)
+                dead_count += is_dead
                 outside = run["range_m"][index] >= file.limits.keep_out_m
                 least = min(run["range_m"][index, begin:].min(), run[window][index])
                 if least >= file.limits.keep_out_m and outside[begin]:
                     continue
                 spent = float(run["delta_v_m_s"][index, -1] - run["delta_v_m_s"][index, begin])
-                no_thrust += spent == 0.0
-                unsafe.append(
-                    {"at_s": begin, "reason": int(reasons[-1]), "least_m": round(float(least), 1), "m_s": spent}
+                (dead if is_dead else unsafe).append(
+                    {
+                        "run": done + index,
+                        "at_s": begin,
+                        "reason": AbortReason(int(reasons[-1])).text,
+                        "range_m": round(float(run["range_m"][index, begin]), 1),
+                        "least_m": round(float(least), 1),
+                        "m_s": round(spent, 4),
+                    }
                 )
-        share = 1.0 - len(unsafe) / max(aborted_count, 1)
+            done += len(run["range_m"])
+        alive = max(aborted_count - dead_count, 1)
         print(
             json.dumps(
                 {
                     "mission": name,
-                    "aborts": aborted_count,
-                    "stay_outside": round(share, 4),
-                    "without_thrust": no_thrust,
+                    "aborts": aborted_count - dead_count,
+                    "stay_outside": round(1.0 - len(unsafe) / alive, 4),
                     "exceptions": unsafe[:12],
+                    "aborts_with_a_dead_thruster": dead_count,
+                    "of_these_not_outside": dead[:12],
                 }
             ),
             flush=True,

@@ -34,12 +34,15 @@ MISSIONS = (
     "inspection_abort",
 )
 Runs = dict[str, np.ndarray]
+RECORDED_S = 800_000.0
+"""Time of all runs of a block on one device [s]; its records take about 1 kB a second."""
 
 
 def blocks(file: ScenarioFile, runs: int, seed: int) -> Iterator[Runs]:
-    """Records (runs, ticks, ...) and what was judged from them, block by block."""
-    engine = BatchEngine(file, runs_per_device=min(64, -(-runs // 2)))
-    kept = ("rho_H", "rho_desired_H", "phase", "abort_reason", "range_m", "nees_relative", "delta_v_m_s")
+    """Records (runs, ticks, ...), values used and what was judged from them, block by block."""
+    engine = BatchEngine(file, runs_per_device=max(1, min(64, -(-runs // 2), int(RECORDED_S / file.duration_s))))
+    kept = ("rho_H", "rho_desired_H", "phase", "abort_reason", "range_m", "nees_relative", "delta_v_m_s",
+            "relative_error_H", "relative_sigma_H")  # fmt: skip
     for first in range(0, runs, engine.capacity):
         prepared = engine.prepare(seed, np.arange(first, first + engine.capacity))
         recorder = ChannelRecorder(engine.scenario.ticks, (), lambda _: False)
@@ -50,7 +53,7 @@ def blocks(file: ScenarioFile, runs: int, seed: int) -> Iterator[Runs]:
         used = {key: values[:count] for key, values in prepared.used.items()}
         judged = judgement.judge(file, used, records, segment.failure[:count], segment.failed_at[:count])
         safety = engine.passive_safety.evaluate(prepared.drawn, recorder.records)
-        found = {name: records[name] for name in kept} | {"outcome": of_codes(judged.codes)}
+        found = {name: records[name] for name in kept} | {"outcome": of_codes(judged.codes)} | used
         yield found | {name: values[:count] for name, values in safety.items()}
 
 
@@ -62,6 +65,8 @@ def figures(file: ScenarioFile, run: Runs) -> dict[str, list[float]]:
     found: dict[str, list[float]] = {"least range [m]": list(run["range_m"].min(axis=1))}
     for name in ("passive_range_24_h_m", "passive_unsafe_fraction"):
         found[name] = list(run[name])
+    inside_bounds = np.abs(run["relative_error_H"]) <= 3.0 * run["relative_sigma_H"]
+    found["3-sigma coverage"] = list(inside_bounds.mean(axis=(1, 2)))
     for row, name in enumerate(names):
         inside = run["phase"] == row
         found[f"{name}: NEES/6"] = [
@@ -121,7 +126,10 @@ def main() -> None:
     for name in arguments.only:
         file, begin = scenario_loader.load(name), time.perf_counter()
         outcomes, reasons, values = Counter(), Counter(), {}
+        strayed: list[int] = []
         for run in blocks(file, arguments.runs, arguments.seed):
+            is_bad = ~np.isin(run["outcome"], ("completed", "aborted"))
+            strayed += (outcomes.total() + np.flatnonzero(is_bad)).tolist()
             outcomes.update(run["outcome"].tolist())
             reasons.update(AbortReason(int(code)).name for code in run["abort_reason"][:, -1] if code)
             for key, column in figures(file, run).items():
@@ -136,6 +144,8 @@ def main() -> None:
                     "outcomes": outcomes,
                     "aborts": reasons,
                     "runs with an unsafe instant": unsafe,
+                    "runs with a coverage below 95 %": int(np.sum(np.array(values["3-sigma coverage"]) < 0.95)),
+                    "runs that entered or diverged": strayed,
                     **quantiles,
                     "wall_s": round(time.perf_counter() - begin),
                 }

@@ -100,7 +100,9 @@ def plan_campaign(
         seed=seed,
         run_ids=first_run + np.arange(runs),
         values={key: values[:runs] for key, values in concatenate(blocks).items()},
-        estimate=_estimate_resources(file, runs, size, used_devices, options.max_full_histories, speed),
+        estimate=_estimate_resources(
+            file, runs, size, used_devices, options.max_full_histories(len(file.requirements)), speed
+        ),
     )
 
 

@@ -9,6 +9,7 @@ from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import ProgressCallback
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 
 
@@ -26,7 +27,7 @@ def replay_history(
     Raises:
         RpojaxError: stages of the flight software were replaced.
     """
-    if stages := configuration.stages:
+    if (stages := configuration.stages) and plugin_registry.plugin_of(file) is None:
         raise RpojaxError(f"run {run_id}: found replaced stages {sorted(stages)}, expected a run with a kept history")
     with tempfile.TemporaryDirectory() as folder:
         campaign = run_campaign(

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from rpojax.campaign.function_digests import qualified_name, source_digest, values_digest
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
+from rpojax.scenario.plugins.function_digests import qualified_name, source_digest, values_digest
 
 StageRecords = dict[str, dict[str, str | None]]
 

@@ -1,6 +1,6 @@
 """Campaigns of dispersed runs: start a new one, resume an interrupted one, keep the histories selected by results."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from rpojax.campaign import (
     replaced_stage_provenance,
     resource_estimates,
 )
-from rpojax.campaign.execution import batch_engine, campaign_engine, selected_histories
+from rpojax.campaign.execution import batch_engine, campaign_engine, custom_metric_checks, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import Executor
 from rpojax.campaign.execution.local_executor import LocalExecutor
@@ -26,6 +26,10 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.flight.stages import Stages
 from rpojax.runtime import device_programs
 from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.plugins.custom_metrics import MetricFunction
+from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.scenario.schema import ScenarioFile
 
 ExecutorFactory = Callable[[Campaign], Executor]
@@ -59,6 +63,7 @@ def run_campaign(
     force: bool = False,
     devices: Sequence[Any] | None = None,
     stages: Stages | None = None,
+    metrics: Mapping[str, MetricFunction] | None = None,
     progress: bool = True,
     on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
@@ -72,10 +77,12 @@ def run_campaign(
         runs: number of runs
         out: folder to make
         seed: master seed
-        histories: run numbers, or the rule, of the runs that keep a history; by default the first eight
+        histories: run numbers, or the rule, of the runs that keep a history; by default the first eight and the worst
+            one of each requirement
         force: replace the folder if it holds a campaign
         devices: of this process, by default all
         stages: of the flight software, replaced ones included
+        metrics: functions of channels by the name of the metric (docs/plugins.md)
         progress: show progress on stderr
         on_progress: shows the progress instead
         shard: simulates only its blocks, in a folder that other shards of the same campaign may have made
@@ -86,6 +93,7 @@ def run_campaign(
         RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
         UnfinishedError: the results cannot be written.
     """
+    file = scenario_loader.with_metrics(file, metrics)
     options = CampaignOptions(runs=runs, seed=seed, histories=_as_retention(histories), **further)
     execution = Execution(devices, stages, shard, executor)
     with _progress_display(on_progress, progress, file.duration_s) as report_progress:
@@ -113,11 +121,14 @@ def start_campaign(
     size = options.block_size or batch_engine.default_block_size(file)
     options = replace(options, block_size=size)
     devices = _devices_for_blocks(used.devices, -(-options.runs // size))
-    resource_estimates.check_resources(file, options.runs, size, len(devices), options.max_full_histories, out)
+    resource_estimates.check_resources(
+        file, options.runs, size, len(devices), options.max_full_histories(len(file.requirements)), out
+    )
     design = experiment_design.make_design(file, options.seed, options.design_range)
-    stages = replaced_stage_provenance.replaced_stages(used.stages or Stages())
+    stages = replaced_stage_provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
     engine = BatchEngine(file, size, devices, used.stages, design)
     configuration = provenance.new_configuration(file, options, stages, design.sha256(), engine.batching)
+    custom_metric_checks.check_metrics(file, engine, options.histories)
     if stages:
         engine.channel_names()  # traces replaced stages, which may fail, before there is a folder
     if options.histories.channels is not None:
@@ -152,6 +163,8 @@ def resume_campaign(
     directory: Path | str,
     *,
     stages: Stages | None = None,
+    metrics: Mapping[str, MetricFunction] | None = None,
+    allow_plugin: bool = False,
     progress: bool = True,
     on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
@@ -159,17 +172,22 @@ def resume_campaign(
 ) -> Campaign:
     """Simulates the missing blocks and histories of a campaign; a complete one is not changed.
 
-    Progress is shown on stderr, or given to `on_progress`; with `progress=False` the call is silent.
+    Progress is shown on stderr, or given to `on_progress`; with `progress=False` the call is silent. Metrics and stages
+    that `run_campaign` got must be given again; with `allow_plugin` the Python file of the scenario's plugin is
+    executed.
 
     Raises:
         RpojaxError: the folder is no campaign, or `stages` are not those with which it began.
         UnfinishedError: the results cannot be written.
     """
-    campaign = Campaign(directory)
+    if metrics:
+        plugin_registry.add(Plugin(metrics=metrics))
+    campaign = Campaign(directory, allow_plugin=allow_plugin)
     stale_files.remove_stale_files(campaign.directory)
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     if blocks:
-        replaced_stage_provenance.check_same_stages(campaign.configuration.stages, stages or Stages())
+        found = plugin_registry.stages_of(campaign.file, stages)
+        replaced_stage_provenance.check_same_stages(campaign.configuration.stages, found)
         if executor is None:
             devices = _devices_for_blocks(None, len(blocks))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, UseAppendAction, arg
 
+from rpojax.runtime.warning_lines import warnings_as_lines
+
 if TYPE_CHECKING:
     from rpojax.scenario.schema import ScenarioFile
 
@@ -37,7 +39,9 @@ class Session:
 
 
 def load(source: str, overrides: Sequence[str]) -> "ScenarioFile":
-    """Scenario file of a packaged name or path, with overrides `KEY=VALUE`."""
+    """Scenario file of a packaged name or path, with overrides `KEY=VALUE`; says on stderr what a migration changed."""
     from rpojax.scenario.loading import scenario_loader
+    from rpojax.scenario.loading.format_migration import FormatChangeWarning
 
-    return scenario_loader.load(source, overrides)
+    with warnings_as_lines(FormatChangeWarning):
+        return scenario_loader.load(source, overrides)

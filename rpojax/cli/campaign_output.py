@@ -91,6 +91,14 @@ def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id:
         return write_report(result, run_id, film=film)
 
 
+def write_brief_report(result: "Campaign", as_json: bool, run_id: int | None = None) -> Path:
+    """Writes the brief report of a campaign, with a message while it lasts, and returns its path."""
+    from rpojax.report.page.brief_page import write_brief
+
+    with busy("writing the brief report", quiet=as_json):
+        return write_brief(result, run_id)
+
+
 def has_whole_report(result: "Campaign") -> bool:
     """Whether a complete report on all runs exists; an interrupted or earlier one does not count."""
     try:

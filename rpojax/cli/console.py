@@ -54,6 +54,8 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
             table.add_row(shown.title, shown.unit, *(_other_side(key) + format_number(entry[key]) for key in keys))
     if table.row_count:
         console.print(table)
+    if lacking := _failed_without_value(summary):
+        console.print(f"these statistics leave out {count_runs(lacking)} that failed and have no value", markup=False)
     console.print(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
     if runs["missing"]:
         console.print(f"unfinished: {count_runs(runs['missing'])} missing", markup=False)
@@ -88,6 +90,14 @@ def show_status(found: Mapping[str, Any]) -> None:
     if timing:
         line(f"speed: {timing['run_seconds_per_s']:,.0f} simulated seconds per second in {timing['run_s']:,.0f} s")
     line(f"report: {found['report'] or 'none yet'}")
+
+
+def _failed_without_value(summary: Mapping[str, Any]) -> int:
+    """Largest number of failed runs that a metric of the table has no value of."""
+    runs, metrics = summary["runs"], summary["metrics"]
+    ended = runs["completed"] + runs["failed"]
+    shown = [metrics[name]["defined"] for name in _KEY_METRICS if name in metrics and metrics[name]["defined"]]
+    return min(runs["failed"], max((ended - defined for defined in shown), default=0)) if ended > 1 else 0
 
 
 def _other_side(key: str) -> str:

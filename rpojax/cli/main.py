@@ -7,6 +7,9 @@ finished, but some of its runs failed, or some pictures could not be used, or an
 trusted; 4 the campaign is unfinished: its disk is full, or blocks were given up after three workers died of them; 130
 interrupted. After 4 and 130 finished blocks are stored, and `rpojax resume` continues.
 
+A scenario may name a plugin, a Python file with metrics, sensors or flight software. It is code, and is executed only
+with the option --allow-plugin, which every command takes.
+
 Environment: compiled programs are kept in the user's cache folder unless RPOJAX_CACHE=off. There is one host device for
 each core unless XLA_FLAGS says how many. RPOJAX_BATCHING=jax batches runs by jax.vmap, which is slower.
 """
@@ -25,10 +28,12 @@ from rpojax.cli.commands.calibrate_camera_model import calibrate_camera_model
 from rpojax.cli.commands.campaign import campaign
 from rpojax.cli.commands.compare import compare
 from rpojax.cli.commands.detect import detect
+from rpojax.cli.commands.export import export
 from rpojax.cli.commands.export_bag import export_bag
 from rpojax.cli.commands.export_rrd import export_rrd
 from rpojax.cli.commands.film import film
 from rpojax.cli.commands.lincov import lincov
+from rpojax.cli.commands.new import new
 from rpojax.cli.commands.probability import probability
 from rpojax.cli.commands.report import report
 from rpojax.cli.commands.rerun import rerun
@@ -58,12 +63,14 @@ COMMANDS: tuple[Callable[..., int], ...] = (
     tune,
     sensitivity,
     worst_case,
+    export,
     probability,
     export_bag,
     export_rrd,
     bridge,
     bench,
     film,
+    new,
     validate,
     schema,
 )
@@ -71,6 +78,8 @@ COMMANDS: tuple[Callable[..., int], ...] = (
 
 VISION_COMMANDS: tuple[Callable[..., int], ...] = (detect, calibrate_camera_model)
 """Commands after those of the radiance field and the detector."""
+
+_ALLOW_PLUGIN = "--allow-plugin"
 
 app = tyro.extras.SubcommandApp()
 for command in COMMANDS:
@@ -88,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"rpojax {__version__}")
         return Status.DONE
     try:
-        words = _repeat_set_flag(arguments)
+        words = _repeat_set_flag(_permit_plugin(arguments))
         status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff, SuppressFixed))
         sys.stdout.flush()
         return status
@@ -106,6 +115,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"rpojax: interrupted; {str(interrupt) or 'nothing was written'}", file=sys.stderr)
         abandon_worker()
         return Status.INTERRUPTED
+
+
+def _permit_plugin(arguments: Sequence[str]) -> list[str]:
+    """The arguments without `--allow-plugin`, which lets the process execute the plugins of scenarios."""
+    words = [word for word in arguments if word != _ALLOW_PLUGIN]
+    if len(words) < len(arguments):
+        from rpojax.scenario.plugins import plugin_registry
+
+        plugin_registry.permit()
+    return words
 
 
 def _repeat_set_flag(arguments: Sequence[str]) -> list[str]:

@@ -28,6 +28,7 @@ class Stream(enum.IntEnum):
     SERVICER = 11
     LINK = 12
     GPS_DIFFERENCES = 13
+    LINK_RANGE = 14
 
 
 def master_key(seed: int) -> Key:

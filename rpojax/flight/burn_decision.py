@@ -95,8 +95,11 @@ def _safe_delta_v(
     formation, orbit = params.formation, memory.orbit
     r_TN_N, v_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N, orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    certain = burn_planning.certain_delta_v(params.pointing, params.vehicle, dt)
+    stop = gradient_safe.norm(approach_inhibition.change_to_stop(at_burn.state_H, n))
+    burns = jnp.maximum(_BURNS_BEFORE_DARKNESS, 2.0 + _BURNS_PER_STOP * stop / certain)
     stays_visible = target_visibility.is_visible_after(
-        params.vehicle, orbit, pointing.sun_N, n * (formation.lead + _BURNS_BEFORE_DARKNESS * period)
+        params.vehicle, orbit, pointing.sun_N, n * (formation.lead + burns * period)
     )
     return approach_inhibition.inhibit(
         params.health.clearance,
@@ -104,7 +107,7 @@ def _safe_delta_v(
         at_burn.state_H,
         line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
         wanted_H,
-        burn_planning.certain_delta_v(params.pointing, params.vehicle, dt),
+        certain,
         approach_inhibition.Confidence(present=memory.health.confident, last_range=memory.health.confident_range),
         stays_visible,
         n,
@@ -136,4 +139,8 @@ def thruster_works(params: FlightParams, memory: FlightMemory, time: Scalar) -> 
 
 
 _BURNS_BEFORE_DARKNESS = 3.0
-"""Burns before the target is out of sight that stop the relative motion: a single one may be too weak [-]."""
+"""Burns before the target is out of sight that stop the relative motion, at least: the last one may fail [-]."""
+
+
+_BURNS_PER_STOP = 2.0
+"""Burns to stop a motion, over those that would take its speed away at once: it turns meanwhile [-]."""

@@ -50,11 +50,12 @@ def initial(
     gyro_B: Vector,
     mission: MissionSettings | None = None,
     first_decision: Scalar | None = None,
+    phase_rate: Scalar | None = None,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
 
     `period` [s] is the time between burns; with the phases of a `mission` each has its own, and the first one begins
-    with the `first_decision` [s], by default at once.
+    with the `first_decision` [s], by default at once. In a team relative orbits may shift at a `phase_rate` [rad/s].
     """
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
@@ -74,7 +75,9 @@ def initial(
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
-        mission=None if mission is None else mission_decision.initial_state(params, orbit, first_decision),
+        mission=None
+        if mission is None
+        else mission_decision.initial_state(mission, params, orbit, first_decision, phase_rate),
         phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
     )
 
@@ -128,7 +131,9 @@ def filtered_box(
 
     It is ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, target_visibility.VISIBILITY_TOLERANCE)
+    cone = line_of_sight_uncertainty.uncertainty_cone(before.orbit, params.pointing.search_sigmas)
+    tolerance = jnp.maximum(cone, target_visibility.VISIBILITY_TOLERANCE)
+    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, tolerance)
     return replace(
         box,
         present=box.present & visible,
@@ -194,7 +199,7 @@ def guide(
 ) -> tuple[FlightMemory, Array]:
     """Memory with the attitude reference for the next `dt` [s], and the pointing mode; the Sun is at `sun_N` [m]."""
     plan = burn_planning.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
-    visible = target_visibility.is_visible(params.vehicle, memory.orbit, sun_N)
+    visible = _may_be_visible(params, memory.orbit, sun_N)
     other = None if mission is None else mission_decision.other_pointing(mission, params, memory, sun_N)
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt, other
@@ -202,6 +207,13 @@ def guide(
     not_found = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_orbit_ekf.widen(memory.orbit.relative, not_found))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit), mode
+
+
+def _may_be_visible(params: FlightParams, estimate: OrbitEstimate, sun_N: Vector) -> Bool[Array, ""]:
+    """Whether the target may be visible by the uncertain estimate, the Sun at `sun_N` [m]."""
+    cone = line_of_sight_uncertainty.uncertainty_cone(estimate, params.pointing.search_sigmas)
+    tolerance = jnp.maximum(cone - target_visibility.VISIBILITY_TOLERANCE, 0.0)
+    return target_visibility.is_visible(params.vehicle, estimate, sun_N, tolerance)
 
 
 def control_attitude(

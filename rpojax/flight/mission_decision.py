@@ -20,14 +20,20 @@ from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.mission import drift_clearance, mission_state, safe_burn
+from rpojax.flight.mission import drift_clearance, mission_state, safe_burn, team_mission
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, of_phase
+from rpojax.flight.mission.safe_burn import SafeBurn
+from rpojax.flight.mission.team_mission import TeamMission
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.stages import Stages
+from rpojax.flight.team_guidance import peer_drift, team_knowledge
+from rpojax.flight.team_guidance.known_peers import KnownPeers
+from rpojax.flight.team_guidance.peer_drift import PeerDrifts
+from rpojax.flight.team_guidance.team_tuning import TeamTuning
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -106,10 +112,23 @@ def _mapped(matrix: Float[Array, "6 6"], covariance: Float[Array, "6 6"]) -> Flo
     return jnp.sum(half[:, None] * matrix[None], axis=2)
 
 
-def initial_state(params: FlightParams, estimate: OrbitEstimate, first_decision: Scalar | None = None) -> MissionState:
-    """State of the mission at the start of a run, whose first phase begins with the `first_decision` [s]."""
+def initial_state(
+    settings: MissionSettings,
+    params: FlightParams,
+    estimate: OrbitEstimate,
+    first_decision: Scalar | None = None,
+    phase_rate: Scalar | None = None,
+) -> MissionState:
+    """State of the mission at the start of a run, whose first phase begins with the `first_decision` [s].
+
+    In a team whose phases are chosen on the way these shift at a `phase_rate` [rad/s].
+    """
     predicted = predict_to_burn(params, estimate, first_decision)
-    return mission_state.initial(predicted.burn_state_H, params.formation.lead, first_decision)
+    state = mission_state.initial(predicted.burn_state_H, params.formation.lead, first_decision)
+    if not settings.coordinated:
+        return state
+    rate = None if settings.phasing == "fixed" else phase_rate
+    return replace(state, team=team_mission.initial(state.entered_at, rate))
 
 
 def phase_gains(
@@ -189,10 +208,12 @@ _SAMPLES_BEFORE_ABORT = 6
 
 
 def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
-    """True if the target is out of sight for too long; in the dark, or behind the back, it is to be acquired anew."""
-    pointing = memory.pointing
-    is_late = pointing.unseen_time > params.health.unseen_limit
-    return burn_decision.is_lost(params, memory) & (pointing.acquired | is_late)
+    """True if the target should have been seen for too long and was not.
+
+    A burn is not based on a target that has been out of sight for some seconds. An abort waits: at the edge of light
+    the camera may see nothing before the estimate says so, and burns keep the motion safe for two control periods.
+    """
+    return memory.pointing.unseen_time > params.health.unseen_limit
 
 
 def other_pointing(
@@ -218,6 +239,19 @@ def keep_out_zone(settings: MissionSettings, tuning: MissionTuning, state: Missi
     return of_phase(state.phase, [*phases, tuning.keep_out, tuning.keep_out])
 
 
+@pytree
+class Team:
+    """What a servicer of a team decides with, beyond what it knows alone.
+
+    Attributes:
+        tuning: numbers of the guidance of the team
+        peers: what it knows of the others
+    """
+
+    tuning: TeamTuning
+    peers: KnownPeers
+
+
 def plan_burn(
     stages: Stages,
     settings: MissionSettings,
@@ -227,16 +261,21 @@ def plan_burn(
     pointing: TargetPointing,
     time: Scalar,
     tick_s: float,
-) -> tuple[BurnPlan, Flag]:
+    team: Team | None = None,
+) -> tuple[BurnPlan, TeamMission | None, Flag]:
     """Next burn of the present phase, and whether it is one of the times at which the phase decides about burns.
 
-    The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone: for
-    two control periods, or in a passively safe phase for the whole horizon; else another one is made. After an abort
-    only what is needed for that is done. Guidance works every `tick_s` [s].
+    The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
+    of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
+    horizon; else another one is made. After an abort only what is needed for that is done. Guidance works every
+    `tick_s` [s]. Returned between burn and time is the record of decisions because of others, None without any.
     """
     state, tuning = memory.mission, params.mission
     assert state is not None
     assert tuning is not None
+    if team is not None and settings.phasing != "fixed":
+        state = _with_phase_of_team(stages, settings, params, memory, predicted, pointing, team, time)
+        memory = replace(memory, mission=state)
     period = constant_of_phase(state.phase, settings.control_ticks) * tick_s
     since = time - state.entered_at
     whole = jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
@@ -248,7 +287,13 @@ def plan_burn(
     passive = constant_of_phase(state.phase, _passively_safe(settings))
     drift = _drift_after_burn(settings, tuning, state, predicted, passive, period)
     greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
-    safe_H = safe_burn.safe_delta_v(drift, jnp.where(keeps, planned_H, 0.0), greatest, passive & ~aborted)
+    planned_H, may_wait = jnp.where(keeps, planned_H, 0.0), passive & ~aborted
+    decided = state.team
+    if team is None or decided is None or not settings.keeps_clear:
+        safe_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
+    else:
+        burn = _safe_burn_among(params, memory, predicted, drift, team, planned_H, greatest, may_wait, time)
+        safe_H, decided = burn.delta_v_H, _decided(decided, burn, team, (keeps | aborted) & works, time)
     plan = burn_planning.schedule_burn(
         params.formation,
         params.pointing,
@@ -259,7 +304,99 @@ def plan_burn(
         time,
         tick_s,
     )
-    return plan, whole
+    return plan, decided, whole
+
+
+def _with_phase_of_team(
+    stages: Stages,
+    settings: MissionSettings,
+    params: FlightParams,
+    memory: FlightMemory,
+    predicted: Prediction,
+    pointing: TargetPointing,
+    team: Team,
+    time: Scalar,
+) -> MissionState:
+    """State of the mission with the phase of the relative orbit that the team wants at `time` [s]."""
+    state, tuning = memory.mission, params.mission
+    assert state is not None
+    assert state.team is not None
+    assert state.team.shift is not None
+    assert tuning is not None
+    before = state.team.shift
+    running = state.phase < settings.hold
+    row = jnp.minimum(state.phase, settings.hold - 1)
+    situation = team_knowledge.situation(
+        team.peers,
+        team.tuning,
+        memory.orbit,
+        predicted.state_H,
+        predicted.orbit,
+        of_phase(row, [phase_goal.planned_orbit(tuning.phases[phase.name].reference) for phase in settings.phases]),
+        of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
+        team_knowledge.Own(follows=running, shift=before.wanted),
+        team.tuning.keep_out + tuning.abort_margin,
+        pointing.sun_N,
+        time,
+    )
+    wanted = stages.call("team_phasing", settings=settings, tuning=team.tuning, team=situation)
+    members = jnp.sum(situation.present.astype(jnp.int32), axis=0, dtype=jnp.int32)
+    if settings.phasing == "viewpoints":
+        # A servicer that is under way arrives first, unless the team has changed.
+        way = jnp.abs(before.wanted - team_mission.angle(state.team, time))
+        wanted = jnp.where((way > 1e-6) & (members == before.members), before.wanted, wanted)
+    return replace(state, team=team_mission.shifted(state.team, wanted, members, time))
+
+
+def _safe_burn_among(
+    params: FlightParams,
+    memory: FlightMemory,
+    predicted: Prediction,
+    drift: Drift,
+    team: Team,
+    planned_H: Vector,
+    greatest: Scalar,
+    may_wait: Flag,
+    time: Scalar,
+) -> SafeBurn:
+    """Burn whose free motion, like the `drift`, stays clear of the target and of those of the others."""
+    assert params.mission is not None
+    navigation = params.navigation
+    state_H, covariance_H = peer_drift.relative_motion(
+        memory.orbit,
+        team.peers,
+        predicted.burn_orbit,
+        predicted.R_CN,
+        time,
+        params.formation.lead,
+        jnp.hypot(navigation.burn_magnitude_sigma, navigation.burn_direction_sigma),
+    )
+    drifts = PeerDrifts(
+        state_H=state_H,
+        covariance_H=covariance_H,
+        orbit=drift.orbit,
+        sigmas=drift.sigmas,
+        radius=team.tuning.keep_out + params.mission.abort_margin,
+        first_span=drift.first_span,
+        horizon=drift.horizon,
+    )
+
+    def others(directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"]) -> tuple[Array, Array]:
+        return peer_drift.least_clearance(drifts, directions_H, sizes)
+
+    return safe_burn.safe_delta_v_among(drift, others, planned_H, greatest, may_wait)
+
+
+def _decided(before: TeamMission, burn: SafeBurn, team: Team, can_burn: Flag, time: Scalar) -> TeamMission:
+    """Record of a decision at `time` [s]; that of a servicer that `can_burn` not does not count."""
+    count = team.peers.numbers.shape[0]
+    number = of_phase(burn.changed_for, [team.peers.numbers[k] for k in range(count)])
+    is_changed = can_burn & (burn.changed_for >= 0)
+    return replace(
+        before,
+        changed_at=jnp.where(is_changed, time, before.changed_at),
+        changed_for=jnp.where(is_changed, number, before.changed_for),
+    )
 
 
 def _passively_safe(settings: MissionSettings) -> list[bool]:

@@ -7,10 +7,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.flight.guidance.references import impulsive_tracking, reference_motion
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
+from rpojax.flight.mission import team_mission
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning, of_phase
@@ -35,6 +37,31 @@ class Goal:
     impulse: Array
 
 
+def planned_phase(reference: Any) -> Scalar:
+    """Phase of a relative orbit [rad], 0 of another reference."""
+    return reference.radial_phase if isinstance(reference, RelativeOrbit) else jnp.zeros((), dtype=jnp.float64)
+
+
+def planned_orbit(reference: Any) -> Float[Array, "3"]:
+    """Amplitudes of a relative orbit [m], radial and across, and phase of the latter less the former [rad]; else 0."""
+    if not isinstance(reference, RelativeOrbit):
+        return jnp.zeros(3, dtype=jnp.float64)
+    lead = reference.cross_track_phase - reference.radial_phase
+    return jnp.stack([reference.radial, reference.cross_track, lead])
+
+
+def _shifted(reference: Any, state: MissionState, time: Scalar) -> Any:
+    """The reference as it is at `time` [s]: in a team a relative orbit may be ahead of its plan."""
+    if state.team is None or state.team.shift is None or not isinstance(reference, RelativeOrbit):
+        return reference
+    ahead = team_mission.angle(state.team, time)
+    return replace(
+        reference,
+        radial_phase=reference.radial_phase + ahead,
+        cross_track_phase=reference.cross_track_phase + ahead,
+    )
+
+
 def references(settings: MissionSettings, tuning: MissionTuning, entry: PhaseEntry) -> list[tuple[str, Any]]:
     """Name and reference of all rows; holding and aborted, a servicer keeps to the place where that began."""
     place = Hold(position=entry.relative_state[:3])
@@ -53,7 +80,14 @@ def desired_state(
     """Relative state (6,) of the present phase's reference at `time` [m, m/s], with the target at `orbit`."""
     elapsed = time - state.starts_at
     states = [
-        stages.call("reference", phase=name, reference=reference, entry=state.entry, orbit=orbit, elapsed=elapsed)
+        stages.call(
+            "reference",
+            phase=name,
+            reference=_shifted(reference, state, time),
+            entry=state.entry,
+            orbit=orbit,
+            elapsed=elapsed,
+        )
         for name, reference in references(settings, tuning, state.entry)
     ]
     return of_phase(state.phase, states)
@@ -69,7 +103,7 @@ def end_position(
     elapsed = time - state.starts_at
     entry = state.entry
     ends = [
-        reference_motion.end_position(tuning.phases[phase.name].reference, entry, orbit, elapsed)
+        reference_motion.end_position(_shifted(tuning.phases[phase.name].reference, state, time), entry, orbit, elapsed)
         if phase.ends
         else entry.relative_state[:3]
         for phase in settings.phases

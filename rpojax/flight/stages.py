@@ -33,6 +33,9 @@ from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEsti
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.team_guidance import phase_assignment
+from rpojax.flight.team_guidance.team_situation import TeamSituation
+from rpojax.flight.team_guidance.team_tuning import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 
 Scalar = Float[Array, ""]
@@ -166,6 +169,20 @@ class MissionManagement(Protocol):
         ...
 
 
+class TeamPhasing(Protocol):
+    """Choice of the phase of a servicer's relative orbit in its team."""
+
+    def __call__(self, *, settings: MissionSettings, tuning: TeamTuning, team: TeamSituation) -> Scalar:
+        """Angle () by which this servicer's relative orbit is to be ahead of the plan [rad].
+
+        Args:
+            settings: of the mission
+            tuning: of the guidance of the team
+            team: as this servicer knows it, from its own estimate and what the others sent
+        """
+        ...
+
+
 class FormationLaw(Protocol):
     """Control law of the formation."""
 
@@ -256,6 +273,7 @@ class Stages:
         formation_law: velocity change of a burn
         reference: trajectory that a phase follows
         mission_manager: transitions between phases
+        team_phasing: phase of the relative orbit in a team
         wheel_torque: attitude control
         detector_window: window of the next exposure
 
@@ -281,6 +299,7 @@ class Stages:
     mission_manager: MissionManagement | AnyFunction = field(
         default=mission_manager.update, metadata={"protocol": MissionManagement}
     )
+    team_phasing: TeamPhasing | AnyFunction = field(default=phase_assignment.assign, metadata={"protocol": TeamPhasing})
     wheel_torque: WheelControl | AnyFunction = field(
         default=attitude_control.wheel_torque, metadata={"protocol": WheelControl}
     )

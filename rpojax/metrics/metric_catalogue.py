@@ -1,10 +1,15 @@
-"""All metrics by name, with their units, and which of them are better when greater; free of JAX."""
+"""All metrics by name, with their units, and which of them are better when greater; free of JAX.
 
+Metrics of plugins join those of the package when they become known to the process: `register`.
+"""
+
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from rpojax.errors import RpojaxError
 from rpojax.metrics import (
     attitude,
     camera_boxes,
@@ -40,8 +45,26 @@ METRICS: Final[dict[str, Metric]] = {metric.name: metric for module in MODULES f
 UNITS: Final[dict[str, str]] = {name: metric.unit for name, metric in METRICS.items() if metric.source != "simulation"}
 """Unit of every metric of a campaign by name."""
 
-DIFFERENTIABLE: Final = tuple(name for name, metric in METRICS.items() if metric.has_derivative)
+DIFFERENTIABLE: Final = [name for name, metric in METRICS.items() if metric.has_derivative]
 """Names of the metrics with a useful derivative, which are accumulated during the simulation."""
+
+_PACKAGED: Final = frozenset(METRICS)
+
+
+def register(metrics: Iterable[Metric]) -> None:
+    """Makes metrics of plugins known by their names; a later definition replaces an earlier one of a plugin.
+
+    Raises:
+        RpojaxError: a name is one of the package.
+    """
+    for metric in metrics:
+        if metric.name in _PACKAGED or passive_safety.metric_of_horizon(metric.name) or metric.name in WINDOW_METRICS:
+            raise RpojaxError(f"metrics: found {metric.name!r}, expected a name that no metric of the package has")
+        METRICS[metric.name], UNITS[metric.name] = metric, metric.unit
+        if metric.name in DIFFERENTIABLE:
+            DIFFERENTIABLE.remove(metric.name)
+        if metric.has_derivative:
+            DIFFERENTIABLE.append(metric.name)
 
 
 def find(name: str) -> Metric | None:

@@ -21,7 +21,7 @@ accumulates from the start; the others are over ticks and components alike.
 """
 
 
-Source = Literal["records", "drifts", "coverage", "team", "simulation"]
+Source = Literal["records", "drifts", "coverage", "team", "simulation", "plugin"]
 
 
 class WeightedValue(NamedTuple):
@@ -65,8 +65,8 @@ class Metric:
         low_is_bad: low values are the worse ones
         has_derivative: its derivative is useful: it is no count, no percentile and no step function
         source: evaluated from `records` or from free `drifts`, and so for every run of a campaign; from the `coverage`
-            of the target's surface, for those of a scenario with it; of a `team`, for those with several servicers; or
-            during the `simulation` alone
+            of the target's surface, for those of a scenario with it; of a `team`, for those with several servicers;
+            during the `simulation` alone; or from records as a `plugin` defines it, for the scenarios that have it
     """
 
     name: str

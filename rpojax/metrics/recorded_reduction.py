@@ -18,7 +18,7 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
     Raises:
         RpojaxError: the metric is evaluated during the simulation alone.
     """
-    if metric.source != "records":
+    if metric.source not in ("records", "plugin"):
         raise RpojaxError(f"{metric.name}: found records, expected accumulation during the simulation")
     ticks = records[metric.inputs[0]].shape[1]
     window = slice(first_tick(metric.window, ticks, timing.tick_s), None)

@@ -8,6 +8,7 @@ SEPARATION: Final = "min_separation_m"
 PASSIVE_SEPARATION: Final = "passive_separation_m"
 UNSEEN: Final = "team_unseen_peak_s"
 DELIVERY: Final = "news_fraction"
+CHANGED_BURNS: Final = "burns_changed_for_others"
 
 METRICS: Final = (
     Metric(
@@ -40,6 +41,14 @@ METRICS: Final = (
         title="Share of used messages",
         meaning="Share of ticks and pairs of servicers in which what one sent was used by the other.",
         low_is_bad=True,
+        source="team",
+    ),
+    Metric(
+        CHANGED_BURNS,
+        "-",
+        title="Burns changed for other servicers",
+        meaning="Number of burn decisions that were changed since the free drift after the burn would have come too "
+        "near to that of another servicer.",
         source="team",
     ),
 )

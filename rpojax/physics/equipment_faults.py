@@ -98,3 +98,9 @@ def health_at(fault: Fault, time: Scalar) -> Health:
         star_tracker=~is_kind("star_tracker_blind"),
         camera=~is_kind("camera_blackout"),
     )
+
+
+def radio_works(fault: Fault, time: Scalar) -> Bool[Array, ""]:
+    """False while the radio of a servicer of a team neither sends nor receives, at `time` [s] from the start."""
+    active = (time >= fault.start) & (time < fault.start + fault.duration)
+    return ~(active & (jnp.round(fault.kind) == KINDS.index("radio_off")))

@@ -46,5 +46,6 @@ FaultKind = Literal[
     "gps_outage",
     "star_tracker_blind",
     "camera_blackout",
+    "radio_off",
 ]
 """Kinds of equipment faults."""

@@ -40,6 +40,14 @@ CHANNEL_LABELS = (
     ChannelLabel("nees", "NEES of 12 position and velocity components", "", logarithmic=True),
 )
 
+FURTHER_CHANNEL_LABELS = (
+    ChannelLabel("nav_servicer_error_m", "Navigation error of the servicer", "m", logarithmic=True),
+    ChannelLabel("nav_target_error_m", "Navigation error of the target", "m", logarithmic=True),
+    ChannelLabel("nees_relative", "NEES of the 6 relative components", "", logarithmic=True),
+    ChannelLabel("wheel_speed_fraction", "Speed of the fastest wheel over its limit", ""),
+)
+"""Channels that are drawn where a requirement limits them."""
+
 
 def metric_label(name: str) -> MetricLabel:
     """Label of the metric `name`; an unknown metric is shown by its name."""

@@ -24,6 +24,7 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation_health import HealthTuning
+from rpojax.flight.team_guidance.team_tuning import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
 from rpojax.physics.environment.drag import Atmosphere
@@ -41,6 +42,7 @@ from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.sensors.camera import Camera
 from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.link_range import LinkRange
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.sensors.statistical_camera import CameraStatistics
@@ -104,7 +106,7 @@ class Limits:
 class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
-    `link`, `gps_differences` and `baseline` are used in a team of servicers.
+    `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers.
     """
 
     orbit: KeplerianElements
@@ -121,7 +123,9 @@ class Params:
     limits: Limits
     link: RadioLink
     gps_differences: GpsDifferences
+    link_range: LinkRange
     baseline: BaselineTuning
+    team: TeamTuning
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
@@ -152,10 +156,15 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "limits": (("limits",), Limits),
 }
 """Attribute path in `Params` and class of the record, by section of a scenario file."""
-_TEAM_SECTIONS: dict[str, type] = {"link": RadioLink, "gps_differences": GpsDifferences}
+_TEAM_SECTIONS: dict[str, type] = {
+    "link": RadioLink,
+    "team": TeamTuning,
+    "gps_differences": GpsDifferences,
+    "link_range": LinkRange,
+}
 """Class of the record, by section of a team; its name is that of the field of `Params`."""
 _BELIEF_IN_DIFFERENCES = "navigation.difference_"
-"""Begin of the keys of what flight software believes of differences of GPS positions."""
+"""Begin of the keys of what flight software believes of differences of GPS positions and of ranges over links."""
 _HANDOVER = "initial.handover"
 """Section that a scenario may leave out."""
 
@@ -191,7 +200,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
 
 
 def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Links and differences of GPS positions as the truth has them, and what flight software believes of these."""
+    """Links, differences of GPS positions and ranges as the truth has them, and what flight software believes."""
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
     starts, ends = jnp.asarray(outages, dtype=jnp.float64).T
     prefix = _BELIEF_IN_DIFFERENCES.partition(".")[2]
@@ -199,7 +208,9 @@ def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "link": RadioLink(outage_start=starts, outage_end=ends, **_fields(RadioLink, tables["link"])),
         "gps_differences": _record(GpsDifferences, tables["gps_differences"]),
+        "link_range": _record(LinkRange, tables["link_range"]),
         "baseline": _record(BaselineTuning, belief),
+        "team": _record(TeamTuning, tables["team"]),
     }
 
 

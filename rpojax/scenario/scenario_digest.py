@@ -4,9 +4,8 @@ import hashlib
 import json
 from typing import Any
 
-from rpojax.scenario import coverage_surface
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.trained import trained_files
+from rpojax.scenario.trained import coverage_surface, trained_files
 from rpojax.sensors.additional.registry import sensor_names
 from rpojax.value_types import Section
 
@@ -16,7 +15,7 @@ def scenario_digest(file: ScenarioFile) -> str:
 
     Name, description, limits of requirements and the weights of tuning cannot; metrics in windows are stored.
     """
-    content = file.model_dump(mode="json", exclude={"name", "description", "requirements", "tuning"})
+    content = file.model_dump(mode="json", exclude={"name", "description", "requirements", "tuning", "start"})
     if file.design.kind == "independent":
         del content["design"]
     elif file.design.kind == "grid":
@@ -25,6 +24,8 @@ def scenario_digest(file: ScenarioFile) -> str:
     # Campaigns recorded before these keys existed keep their digest.
     if file.precision == "double":
         del content["precision"]
+    del content["format_version"]
+    content.pop("plugin", None)  # where it is; its hash counts
     for name in ("phases", "servicers"):
         if not content[name]:
             del content[name]

@@ -1,9 +1,11 @@
 """Schema of a whole scenario file; free of JAX, so that validation is instant."""
 
 import difflib
+import functools
+from collections.abc import Iterable
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, create_model
 
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
@@ -32,6 +34,7 @@ from rpojax.scenario.sections import (
     ImagingSection,
     InitialSection,
     LimitsSection,
+    LinkRangeSection,
     LinkSection,
     NavigationSection,
     OrbitSection,
@@ -40,13 +43,16 @@ from rpojax.scenario.sections import (
     SafetySection,
     ServicerSection,
     StarTrackerSection,
+    StartSection,
     SunlightSection,
     SurfaceSection,
     TargetSection,
+    TeamSection,
     ThrusterSection,
     TuningSection,
     WheelsSection,
 )
+from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.registry import AdditionalSensors
 from rpojax.value_types import ChangesOf, Epoch, Finite, NonNegative, OptionalKeys, Positive
 
@@ -135,16 +141,24 @@ class ServicerChanges(OptionalKeys):
         return self.model_dump(exclude={"name", "decision_offset_s"})
 
 
+FORMAT_VERSION: Final = 2
+"""Version of the format of scenario files; `scenario/loading/format_migration.py` says what changed."""
+
+
 class ScenarioFile(AdditionalSensors):
     """A whole scenario, in the units of its keys."""
 
+    format_version: Annotated[int, Field(ge=FORMAT_VERSION, le=FORMAT_VERSION)] = FORMAT_VERSION
     name: Annotated[str, Field(min_length=1)]
     description: str
     duration_s: Positive
     precision: Literal["double", "single"] = "double"
+    plugin: Annotated[str, Field(min_length=1)] | None = None
+    plugin_sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
     epoch_utc: Epoch
     effects: EffectsSection
     rates: RatesSection
+    start: StartSection | None = None
     orbit: OrbitSection
     initial: InitialSection
     atmosphere: AtmosphereSection
@@ -174,7 +188,9 @@ class ScenarioFile(AdditionalSensors):
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
     servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
     link: LinkSection = LinkSection()
+    team: TeamSection = TeamSection()
     gps_differences: GpsDifferencesSection = GpsDifferencesSection()
+    link_range: LinkRangeSection = LinkRangeSection()
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)
     tuning: TuningSection = TuningSection()
@@ -184,3 +200,15 @@ class ScenarioFile(AdditionalSensors):
     def phase_names(self) -> tuple[str, ...]:
         """Names of the phases in the order of the channel `phase`, none in a mission without phases."""
         return (*(phase.name for phase in self.phases), *BUILT_IN_PHASES) if self.phases else ()
+
+    @classmethod
+    def absent_keys(cls) -> Iterable[str]:
+        """Further keys that are left out where they are None."""
+        return ("plugin", "plugin_sha256", "start")
+
+
+@functools.cache
+def with_sensors(sensors: tuple[tuple[str, type[AdditionalSensor]], ...]) -> type[ScenarioFile]:
+    """Schema of a whole scenario with the sections of further additional sensors."""
+    fields: dict[str, Any] = {name: (cls | None, None) for name, cls in sensors}
+    return create_model("ScenarioFile", __base__=ScenarioFile, __doc__=ScenarioFile.__doc__, **fields)

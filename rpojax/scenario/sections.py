@@ -11,6 +11,7 @@ from rpojax.value_types import (
     Axes,
     Covariance,
     Direction,
+    Epoch,
     Finite,
     Hull,
     Inertia,
@@ -56,6 +57,30 @@ class OrbitSection(Section):
     raan_deg: Finite
     argument_of_perigee_deg: Finite
     true_anomaly_deg: Finite
+
+
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+MessageKind = Literal["OEM", "OMM", "TLE"]
+
+
+class StartSection(OptionalKeys):
+    """Files from which epoch and orbits were taken, and what was read; no simulation depends on it."""
+
+    target: str
+    servicer: str | None = None
+    epoch_utc: Epoch | None = None
+    target_sha256: Sha256
+    target_format: MessageKind
+    target_object: str
+    target_frame: str
+    target_position_m: Vector
+    target_velocity_m_s: Vector
+    servicer_sha256: Sha256 | None = None
+    servicer_format: MessageKind | None = None
+    servicer_object: str | None = None
+    servicer_frame: str | None = None
+    servicer_position_m: Vector | None = None
+    servicer_velocity_m_s: Vector | None = None
 
 
 class HandoverSection(OptionalKeys):
@@ -259,6 +284,8 @@ class NavigationSection(Section):
     difference_noise_m: Positive = 2.83
     difference_error_sigma_m: Positive = 0.54
     difference_error_time_constant_s: Positive = 700.0
+    difference_range_noise_m: Positive = 0.1
+    difference_range_bias_sigma_m: NonNegative = 0.05
     edge_noise_px: Positive
     minimum_size_px: Positive = 4.0
     miss_probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)] = 0.1
@@ -400,6 +427,19 @@ class LinkSection(OptionalKeys):
         return self
 
 
+class TeamSection(Section):
+    """Guidance of a team: how the servicers keep clear of each other, and where on their relative orbit they are."""
+
+    keep_out_m: NonNegative = 0.0
+    phasing: Literal["fixed", "spread", "viewpoints"] = "fixed"
+    lost_after_s: Positive = 60.0
+    phase_rate_deg_h: Positive = 60.0
+    view_incidence_deg: IncidenceLimit = 60.0
+    view_sun_incidence_deg: IncidenceLimit = 70.0
+    view_memory_s: Positive = 6000.0
+    keeping_delta_v_m_s: Positive = 0.005
+
+
 class GpsDifferencesSection(Section):
     """Differences of the GPS positions of two servicers, as the truth has them."""
 
@@ -409,8 +449,19 @@ class GpsDifferencesSection(Section):
     slow_error_time_constant_s: Positive = 700.0
 
 
-class TuningSection(Section):
-    """Weights of the objective that `rpojax tune` minimises; no simulation depends on them."""
+class LinkRangeSection(Section):
+    """Ranges that servicers measure to each other over their links, as the truth has them."""
+
+    enabled: bool = False
+    noise_m: NonNegative = 0.1
+    bias_sigma_m: NonNegative = 0.05
+
+
+class TuningSection(OptionalKeys):
+    """Weights of the objective that `rpojax tune` minimises; no simulation depends on them.
+
+    `metrics` has weights of further metrics by name, negative where more is better.
+    """
 
     innovations: NonNegative = 1.0
     estimate: NonNegative = 3.0
@@ -419,3 +470,4 @@ class TuningSection(Section):
     formation: NonNegative = 0.5
     delta_v: NonNegative = 0.15
     pointing: NonNegative = 0.05
+    metrics: dict[str, Finite] | None = None

@@ -8,10 +8,13 @@ from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.phase_table import mission_settings
+from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.plugins.custom_metrics import POSE_CHANNELS
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_files
 from rpojax.scenario.team.team_options import team_settings
 from rpojax.scenario.trained import image_sampling
+from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.registry import present_sensors
 from rpojax.value_types import epoch_seconds
 
@@ -37,7 +40,7 @@ class Scenario:
         epoch_s: start of the run, terrestrial time since 2000-01-01 12:00 [s]
         effects: model switches of the plant
         ray_sampling: of rendered images, None for other camera models
-        additional_sensors: names of the additional sensors
+        additional_sensors: names and classes of the additional sensors
         records_poses: whether the poses of camera and target are channels
         mission: static settings of its phases, None without phases
         team: static settings of a team of servicers, None for a servicer alone
@@ -56,7 +59,7 @@ class Scenario:
     epoch_s: float
     effects: Effects
     ray_sampling: "RaySampling | None"
-    additional_sensors: tuple[str, ...] = ()
+    additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     records_poses: bool = False
     mission: MissionSettings | None = None
     team: TeamSettings | None = None
@@ -92,7 +95,14 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
             "servicers", f"{len(file.servicers)} of them", "none, as only campaigns and runs know teams"
         )
     if file.servicers:
-        return replace(static_settings(member_files(file)[0], allow_single), team=team_settings(file))
+        own, team = static_settings(member_files(file)[0], allow_single), team_settings(file)
+        mission = own.mission and replace(
+            own.mission,
+            coordinated=team.coordinated,
+            keeps_clear=file.team.keep_out_m > 0.0,
+            phasing=file.team.phasing,
+        )
+        return replace(own, mission=mission, team=team)
     rates = file.rates
     return Scenario(
         ticks=round(file.duration_s * rates.camera_hz),
@@ -108,7 +118,11 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         epoch_s=epoch_seconds(file.epoch_utc),
         effects=Effects(**file.effects.model_dump()),
         ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
-        additional_sensors=tuple(present_sensors(file)),
-        records_poses=file.coverage.enabled or file.camera.model == "rendered",
+        additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
+        records_poses=file.coverage.enabled or file.camera.model == "rendered" or _metrics_need_poses(file),
         mission=mission_settings(file) if file.phases else None,
     )
+
+
+def _metrics_need_poses(file: ScenarioFile) -> bool:
+    return any(POSE_CHANNELS & set(metric.inputs) for metric in plugin_registry.metrics_of(file).values())

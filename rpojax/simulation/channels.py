@@ -16,6 +16,7 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
+from rpojax.flight.mission import team_mission
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth, propellant_used
@@ -111,6 +112,9 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
         functions |= IMAGE_CHANNELS
     if scenario.mission is not None:
         functions |= MISSION_CHANNELS
+        if scenario.mission.coordinated:
+            functions |= TEAM_CHANNELS
+            functions |= PHASING_CHANNELS if scenario.mission.phasing != "fixed" else {}
     with jax.named_scope("observe"):
         channels = evaluate(functions, functions, ObservedTick(scenario, params, telemetry))
         additional = telemetry.measurements.additional
@@ -185,6 +189,34 @@ def _mission(tick: ObservedTick) -> MissionState:
     return state
 
 
+def _time(tick: ObservedTick) -> Scalar:
+    """Time of the tick [s]."""
+    return tick.scenario.tick_s * tick.telemetry.tick.astype(tick.truth.r_ST_N.dtype)
+
+
+def _changed_for(tick: ObservedTick) -> Array:
+    """Place in the team, from 1 on, of the servicer for which a burn decision of this tick was changed; 0 without."""
+    team = _mission(tick).team
+    assert team is not None
+    is_now = jnp.abs(team.changed_at - _time(tick)) < 0.5 * tick.scenario.tick_s
+    return jnp.where(is_now, team.changed_for + 1, 0).astype(jnp.int8)
+
+
+def _phase_shift(tick: ObservedTick) -> Array:
+    """Angle by which the relative orbit is ahead of the plan [deg]."""
+    team = _mission(tick).team
+    assert team is not None
+    return jnp.rad2deg(team_mission.angle(team, _time(tick)))
+
+
+def _known_members(tick: ObservedTick) -> Array:
+    """Servicers that were in the team at the latest decision, by what is known on board; 0 before."""
+    team = _mission(tick).team
+    assert team is not None
+    assert team.shift is not None
+    return team.shift.members.astype(jnp.int8)
+
+
 _RELATIVE_POSITION: Final[ChannelFunctions] = {
     "rho_H": lambda tick: apply(tick.R_HN, tick.truth.r_ST_N),
     "rho_estimate_H": lambda tick: apply(tick.R_HN, -tick.telemetry.flight.orbit.relative.r_TS_N),
@@ -253,3 +285,7 @@ MISSION_CHANNELS: Final[ChannelFunctions] = {
     "abort_reason": lambda tick: _mission(tick).abort_reason.astype(jnp.int8),
 }
 """State of the mission, in scenarios with phases."""
+TEAM_CHANNELS: Final[ChannelFunctions] = {"burn_changed_for": _changed_for}
+"""Decisions because of other servicers, in coordinated teams."""
+PHASING_CHANNELS: Final[ChannelFunctions] = {"phase_shift_deg": _phase_shift, "known_members": _known_members}
+"""Phases of relative orbits, in teams that choose them on the way."""

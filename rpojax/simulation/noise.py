@@ -14,7 +14,6 @@ from rpojax.core.pytree import pytree
 from rpojax.core.random_streams import Stream
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import statistical_camera
-from rpojax.sensors.additional.registry import sensor_class
 
 _INITIAL_TICK = 0x7FFFFFFF
 """Tick number of the random numbers of the initial state."""
@@ -152,14 +151,16 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         chamber_pressure=normals[Stream.CHAMBER_PRESSURE, _FIRST][0],
         biases=normals[Stream.SENSOR_BIAS, _FIRST],
         box_edge_errors=normals[Stream.SENSOR_BIAS, _SECOND] if correlated else None,
-        additional={name: _sensor_normals(name, keys, tick) for name in scenario.additional_sensors},
+        additional={
+            name: _sensor_normals(name, sensor.normals, keys, tick) for name, sensor in scenario.additional_sensors
+        },
     )
 
 
-def _sensor_normals(name: str, keys: Array, tick: Array) -> Array:
+def _sensor_normals(name: str, count: int, keys: Array, tick: Array) -> Array:
     """Standard normal numbers of an additional sensor at a tick, from a key that depends on its name."""
     key = random_streams.fold_in(keys[Stream.ADDITIONAL_SENSORS], zlib.crc32(name.encode()) & 0x7FFFFFFF)
-    return random_streams.normal(random_streams.fold_in(key, tick), sensor_class(name).normals)
+    return random_streams.normal(random_streams.fold_in(key, tick), count)
 
 
 def _tick_keys(keys: Array, tick: Array) -> UInt32[Array, "n 2"]:

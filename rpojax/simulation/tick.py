@@ -12,6 +12,7 @@ from rpojax.flight.mission_decision import Prediction
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages
+from rpojax.flight.team_guidance.known_peers import KnownPeers
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
@@ -56,6 +57,7 @@ class Tick:
         prediction: of the relative motion to a burn on decision ticks of a mission, else zero; None without phases
         mode: () pointing mode, None before guidance
         confirmed: () bool, whether what other servicers see confirms the estimate; None without others
+        peers: what is known of the other servicers, None unless a team is coordinated
     """
 
     state: State
@@ -71,6 +73,7 @@ class Tick:
     prediction: Prediction | None = None
     mode: Array | None = None
     confirmed: Array | None = None
+    peers: KnownPeers | None = None
 
 
 def tick_axes(axis: int) -> Tick:

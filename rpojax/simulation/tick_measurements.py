@@ -13,7 +13,6 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker, statistical_camera
 from rpojax.sensors.additional.additional_sensor import SensedScene
-from rpojax.sensors.additional.registry import sensor_class
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.gps import Gps
 from rpojax.simulation import camera_models
@@ -61,8 +60,8 @@ def measure(
 def _measure_additional(scenario: Scenario, params: Params, noise: TickNoise, scene: SensedScene) -> dict[str, Array]:
     """Measurements of the additional sensors, by name."""
     found: dict[str, Array] = {}
-    for name in scenario.additional_sensors:
-        found |= sensor_class(name).measure(params.additional_sensors[name], scene, noise.additional[name])
+    for name, sensor in scenario.additional_sensors:
+        found |= sensor.measure(params.additional_sensors[name], scene, noise.additional[name])
     return found
 
 

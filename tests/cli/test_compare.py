@@ -30,6 +30,7 @@ def written(
         "status/failed_at_s": np.where(failure > 0, 10.0, np.nan),
         "drawn/servicer.mass_kg": drawn,
         "used/servicer.mass_kg": drawn,
+        "traces/range_m": np.tile(np.linspace(50.0, 30.0, 600, dtype=np.float32), (RUNS, 1)),
     }
     result.write_block(0, arrays, synthetic_timing())
     return directory
@@ -64,6 +65,35 @@ def test_a_better_campaign_is_seen_to_be_better_run_by_run(tmp_path: Path, capsy
     shown = capsys.readouterr().out
     assert "navigation.gate_sigma: 3.0 -> 5.0" in shown
     assert "40 pairs of runs" in shown
+
+
+def test_several_campaigns_are_compared_with_the_first_on_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [written(tmp_path / name, factor * BEFORE) for name, factor in (("a", 1.0), ("b", 0.5), ("c", 2.0))]
+    page = tmp_path / "changes.html"
+    found = compared(capsys, *folders, "--out", page)["comparisons"]
+    assert isinstance(found, list)
+    assert [Path(each["second"]).name for each in found] == ["b", "c"]
+    assert "A: a / B: b / C: c" in page.read_text()
+    assert main.main(["compare", *map(str, folders), "--out", str(page)]) == 2
+    assert "changes.html" in capsys.readouterr().err, "a page that exists is not overwritten without --force"
+
+
+def test_other_durations_and_metrics_are_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = written(tmp_path / "a", BEFORE)
+    file = scenario_loader.load("inspection", ["duration_s=3000"])
+    other = empty_campaign(tmp_path / "b", file, 0, RUNS, 0, RUNS)
+    arrays = {f"metrics/{name}": BEFORE for name in UNITS if name != "delta_v_m_s"}
+    status = {"status/failure": np.zeros(RUNS, np.int8), "status/failed_at_s": np.full(RUNS, np.nan)}
+    other.write_block(0, arrays | status, synthetic_timing())
+    warnings = compared(capsys, first, other.directory)["warnings"]
+    assert isinstance(warnings, list)
+    assert warnings[0].startswith("durations differ, 6000 s and 3000 s")
+    assert "lacks metrics of" in warnings[1]
+    assert warnings[1].endswith("delta_v_m_s")
+    assert main.main(["compare", str(first), str(other.directory)]) == 0
+    assert capsys.readouterr().err.count("rpojax: warning: ") == 2
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rendezvous_scene
-from numpy_reference import IDENTITY, MU, axis_angle_quaternion, rotation_matrix
+from numpy_reference import IDENTITY, MU, axis_angle_quaternion, rotation_matrix, unit
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
@@ -199,6 +199,20 @@ def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, re
     assert not bool(unused.rejected)
     np.testing.assert_array_equal(dark.orbit.relative.r_TS_N, ready.orbit.relative.r_TS_N)
     assert dark.gate.rejections == 0.0
+
+
+def test_a_box_is_used_in_any_lit_direction_that_the_uncertain_estimate_allows(
+    flight: FlightParams, ready: FlightMemory
+) -> None:
+    # By the estimate the Sun is near the line of sight.
+    sun_N = 1.5e11 * unit(rendezvous_scene.TARGET_AHEAD + 0.2 * unit(rendezvous_scene.R_SN_N) * 30.0)
+    for sigma, used in ((0.05, False), (20.0, True)):
+        orbit = rendezvous_scene.estimate(flight, position_sigma=sigma)
+        q_KN = rendezvous_scene.camera_attitude(flight, orbit)
+        box = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD)
+        memory = replace(ready, orbit=orbit)
+        filtered = jax.jit(computer.filtered_box)(flight, memory, jnp.zeros(()), box, jnp.asarray(sun_N))
+        assert bool(filtered.present) is used, sigma
 
 
 def push(gain: jax.Array, deviation: jax.Array) -> jax.Array:

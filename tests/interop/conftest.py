@@ -11,6 +11,8 @@ from synthetic_run import synthetic_run as make_synthetic_run
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
+from rpojax.interop.ccsds import flown_states
+from rpojax.interop.ccsds.flown_states import BothStates
 from rpojax.interop.rerun_viewer import viewer_channels
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.ros2 import message_values
@@ -32,16 +34,18 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 @pytest.fixture(scope="session")
 def observe_both() -> TickObserver:
-    """Observer of both kinds of values, so that one function is compiled for all tests."""
+    """Observer of all kinds of values, so that one function is compiled for all tests."""
 
-    def observe(*tick: Any) -> tuple[RosTickValues, dict]:
-        return message_values.observe_tick(*tick), viewer_channels.observe_tick(*tick)
+    def observe(*tick: Any) -> tuple[RosTickValues, dict, BothStates]:
+        return message_values.observe_tick(*tick), viewer_channels.observe_tick(*tick), flown_states.observe_tick(*tick)
 
     return observe
 
 
 @pytest.fixture(scope="session")
-def observed_run(campaign: Campaign, observe_both: TickObserver) -> ReplayedRun[tuple[RosTickValues, ViewerChannels]]:
+def observed_run(
+    campaign: Campaign, observe_both: TickObserver
+) -> ReplayedRun[tuple[RosTickValues, ViewerChannels, BothStates]]:
     """Replay of a run of that campaign."""
     return run_replay.replay(campaign, RUN, observe_both)
 
@@ -56,6 +60,12 @@ def ros_run(observed_run: ReplayedRun) -> ReplayedRun[RosTickValues]:
 def viewer_run(observed_run: ReplayedRun) -> ReplayedRun[ViewerChannels]:
     """That run with the channels of the viewer."""
     return dataclasses.replace(observed_run, values=observed_run.values[1])
+
+
+@pytest.fixture(scope="session")
+def states_run(observed_run: ReplayedRun) -> ReplayedRun[BothStates]:
+    """That run with the states of both spacecraft."""
+    return dataclasses.replace(observed_run, values=observed_run.values[2])
 
 
 @pytest.fixture(scope="session")

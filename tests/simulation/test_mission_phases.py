@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.gradients.scenario_gradient import Gradient, gradient
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
 from rpojax.campaign import single_run
 from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.batch_engine import BatchEngine
@@ -211,6 +211,30 @@ def test_a_held_station_needs_the_burns_of_a_mission_without_phases() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-3 * float(jnp.linalg.norm(expected)))
 
 
+def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_few_frames() -> None:
+    station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
+    file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"phases": [station]})
+    scenario, params, state = single_run.initialise_run(file)
+    assert state.flight.mission is not None
+    loop, mission = Loop(scenario, params, Stages()), replace(state.flight.mission, has_seen_target=jnp.asarray(True))
+
+    @jax.jit
+    def abort_reason(unseen_s: jax.Array) -> jax.Array:
+        pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), unseen_time=unseen_s)
+        flight = replace(state.flight, pointing=pointing, mission=mission)
+        begun = replace(state, flight=flight, tick=state.tick + 200)
+        decided = step_stages.manage_mission(loop, step_stages.sense(loop, begun)).flight.mission
+        assert decided is not None
+        return decided.abort_reason
+
+    limit = file.health.unseen_limit_s
+    assert [int(abort_reason(jnp.asarray(each))) for each in (20.0, limit, limit + 1.0)] == [
+        0,
+        0,
+        AbortReason.TARGET_LOST,
+    ]
+
+
 @pytest.mark.parametrize(
     ("reference", "key", "step"),
     [
@@ -241,24 +265,26 @@ def test_derivatives_of_metrics_by_numbers_of_phases_agree_with_central_differen
     ]
     calm = ["duration_s=660", "camera.outlier_probability=0.0", "camera.miss_probability=0.0", "requirements=[]"]
     tables = scenario_loader.load("inspection", calm).model_dump()
+    file = scenario_loader.validate(tables | {"phases": phases})
     metrics = ["formation_error_rms_m", "delta_v_m_s", "min_range_m"]
     steps = {"phases.near.reference.duration_s": 0.01, "phases.around.reference.radial_m": 1e-3}
+    nominal = {"phases.near.reference.duration_s": 350.0, "phases.around.reference.radial_m": 8.0}
 
-    def derivatives(**changes: float) -> Gradient:
-        shifted = [
-            phases[0] | {"reference": near | {"duration_s": 350.0 + changes.get("duration_s", 0.0)}},
-            phases[1] | {"reference": around | {"radial_m": 8.0 + changes.get("radial_m", 0.0)}},
-        ]
-        file = scenario_loader.validate(tables | {"phases": shifted})
-        return gradient(file, list(steps), metrics, runs=2, seed=3, progress=False)
+    def own_values(shifts: jax.Array, run_key: jax.Array) -> dict[str, jax.Array]:
+        values = {key: jnp.asarray(value) + shifts[number] for number, (key, value) in enumerate(nominal.items())}
+        return dispersed_values.draw(file, run_key, {}) | values
 
-    found = derivatives()
-    for key, step_size in steps.items():
-        name = key.rpartition(".")[2]
-        after, before = (derivatives(**{name: sign * step_size}) for sign in (1.0, -1.0))
-        np.testing.assert_array_equal(after.events, found.events)
-        np.testing.assert_array_equal(before.events, found.events)
-        for metric in metrics:
-            central = (after.metrics[metric] - before.metrics[metric]) / (2.0 * step_size)
-            assert np.all(central != 0.0)
-            np.testing.assert_allclose(found.derivatives[metric][key], central, rtol=1e-3)
+    # One program for all: the runs of one seed with no shift, and with each number shifted up and down.
+    runs = 2
+    step_sizes = np.diag(list(steps.values()))
+    shifts = np.concatenate([np.zeros((1, 2)), step_sizes, -step_sizes]).repeat(runs, axis=0)
+    keys = np.tile(run_keys(3, np.arange(runs)), (len(shifts) // runs, 1))
+    found = RolloutEvaluator(file, own_values, len(steps), metrics, runs=len(shifts)).jacobian(shifts, keys)
+    assert found.jacobian is not None
+    values = found.metrics.reshape(-1, runs, len(metrics))
+    np.testing.assert_array_equal(found.events.reshape(-1, runs), np.broadcast_to(found.events[:runs], (5, runs)))
+    assert not found.failed.any()
+    for number, step_size in enumerate(steps.values()):
+        central = (values[1 + number] - values[3 + number]) / (2.0 * step_size)
+        assert np.all(central != 0.0)
+        np.testing.assert_allclose(found.jacobian[:runs, :, number], central, rtol=1e-3)

@@ -11,6 +11,7 @@ import pytest
 from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
 from rpojax.scenario.static_settings import Scenario
+from rpojax.sensors.additional.range_finder import RangeFinder
 from rpojax.simulation import noise
 
 INITIAL_TICK = 0x7FFFFFFF
@@ -32,7 +33,7 @@ def keys() -> jax.Array:
 def test_numbers_of_a_tick_come_from_their_streams(
     inspection: Scenario, keys: jax.Array, tick: int, model: str
 ) -> None:
-    scenario = dataclasses.replace(inspection, camera_model=model, additional_sensors=("range_finder",))
+    scenario = dataclasses.replace(inspection, camera_model=model, additional_sensors=(("range_finder", RangeFinder),))
     drawn = draw_tick_noise(scenario, keys, jnp.asarray(tick, dtype=jnp.int32))
     now = {stream: fold_in(keys[stream], tick) for stream in Stream}
     sensor = fold_in(keys[Stream.ADDITIONAL_SENSORS], zlib.crc32(b"range_finder") & 0x7FFFFFFF)

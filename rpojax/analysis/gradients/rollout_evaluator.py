@@ -20,12 +20,14 @@ from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform
 from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
+from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
 from rpojax.runtime.device_programs import share_runs
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation import initial_state
@@ -104,7 +106,9 @@ class RolloutEvaluator:
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
         self.scenario, self._nominal = single_run.nominal_parameters(file)
-        self._input_function, self._stages, self._cotangent = input_function, stages or Stages(), cotangent
+        self._stages = plugin_registry.stages_of(file, stages)
+        self._metrics = [METRICS[name] for name in self.metric_names]
+        self._input_function, self._cotangent = input_function, cotangent
         devices, self.runs_per_device = share_runs(runs, RUNS_PER_DEVICE)
         self._mesh = DeviceMesh(devices)
         self.checkpoint_ticks = checkpoint_interval(
@@ -193,16 +197,16 @@ class RolloutEvaluator:
         def tick(values: Values, state: State, sums: RunningSums) -> tuple[State, RunningSums]:
             params = dispersed_values.apply_to_params(nominal, values)
             after, telemetry = step(self.scenario, params, state, self._stages)
-            return after, running_metrics.add_tick(self.metric_names, self.scenario, params, telemetry, sums)
+            return after, running_metrics.add_tick(self._metrics, self.scenario, params, telemetry, sums)
 
         batched_tick = batch_transform(self.scenario)(tick, in_axes=(-1, axes, -1), out_axes=(axes, -1))
         state = jax.vmap(begin, out_axes=axes)(values, keys)
-        sums = jax.vmap(lambda _: running_metrics.initial_sums(self.metric_names), out_axes=-1)(keys)
+        sums = jax.vmap(lambda _: running_metrics.initial_sums(self._metrics), out_axes=-1)(keys)
         batched_values = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
         state, sums = checkpointed_scan(
             lambda carry: batched_tick(batched_values, *carry), (state, sums), self.scenario.ticks, checkpoint_ticks
         )
-        metrics = jax.vmap(partial(running_metrics.final_values, self.metric_names), in_axes=-1)(sums)
+        metrics = jax.vmap(partial(running_metrics.final_values, self._metrics), in_axes=-1)(sums)
         return metrics, (state.failure > 0, sums.event_hash)
 
     def _traced_jacobian(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
@@ -231,7 +235,7 @@ class RolloutEvaluator:
         """Size of the carry of a run from tick to tick [B]."""
         key = jax.ShapeDtypeStruct((2,), np.uint32)
         state = jax.eval_shape(lambda key: initial_state.init(self.scenario, self._nominal, key), key)
-        sums = jax.eval_shape(lambda: running_metrics.initial_sums(self.metric_names))
+        sums = jax.eval_shape(lambda: running_metrics.initial_sums(self._metrics))
         return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
 
 

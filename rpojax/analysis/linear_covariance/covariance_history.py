@@ -25,6 +25,7 @@ from rpojax.analysis.linear_covariance.nominal_recursion import (
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime import blas_threads
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.sensors.additional.registry import present_sensors
 
@@ -113,7 +114,7 @@ def propagate_covariance(
     """
     check_scenario(file)
     begin = time.perf_counter()
-    setup = AnalysisSetup(file, members, stages or Stages())
+    setup = AnalysisSetup(file, members, plugin_registry.stages_of(file, stages))
     compiled = time.perf_counter()
     begin_cpu = time.process_time()
     records = _propagate_periods(setup, max_hold_ticks)

@@ -15,6 +15,8 @@ from rpojax.errors import ResultError
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import RequirementSection
 
+_MAX_LISTED = 6
+
 
 @dataclass(frozen=True)
 class KeyChange:
@@ -34,6 +36,7 @@ class CampaignComparison:
         second: folder of the second campaign
         changed: keys of the two scenarios whose values differ
         independent: whether the runs are independent draws, so that there are intervals and p-values
+        warnings: sentences on what makes the comparison less than one of like with like
         runs: medians, failures and violated requirements over the pairs of runs
     """
 
@@ -41,6 +44,7 @@ class CampaignComparison:
     second: Path
     changed: tuple[KeyChange, ...]
     independent: bool
+    warnings: tuple[str, ...]
     runs: PairedComparison
 
     def to_dict(self) -> dict[str, Any]:
@@ -50,6 +54,7 @@ class CampaignComparison:
             "second": str(self.second),
             "changed": [dataclasses.asdict(each) for each in self.changed],
             "independent": self.independent,
+            "warnings": list(self.warnings),
         }
         return {**content, **to_json_types(dataclasses.asdict(self.runs))}
 
@@ -72,7 +77,26 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
     with busy("comparing runs", quiet=not progress):
         compared = compare_paired_runs(runs[0], runs[1], _requirements(first, second), independent)
     changed = changed_keys(first.info["scenario"], second.info["scenario"])
-    return CampaignComparison(first.directory, second.directory, changed, independent, compared)
+    warnings = comparison_warnings(first, second)
+    return CampaignComparison(first.directory, second.directory, changed, independent, warnings, compared)
+
+
+def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
+    """Sentences on what makes the comparison less than one of like with like: durations, and metrics of one alone."""
+    found = []
+    durations = [each.info["scenario"].get("duration_s") for each in (first, second)]
+    if durations[0] != durations[1]:
+        found.append(
+            f"durations differ, {durations[0]:g} s and {durations[1]:g} s: totals, peaks and the time windows of means "
+            "are not those of the same span"
+        )
+    for here, there in ((first, second), (second, first)):
+        alone = sorted(name for name in here.metrics if name not in there.metrics and "/" not in name)
+        if alone:
+            more = f" and {len(alone) - _MAX_LISTED} more" if len(alone) > _MAX_LISTED else ""
+            listed = ", ".join(alone[:_MAX_LISTED]) + more
+            found.append(f"{there.directory} lacks metrics of {here.directory}, which are not compared: {listed}")
+    return tuple(found)
 
 
 def changed_keys(first: Any, second: Any, path: str = "") -> tuple[KeyChange, ...]:

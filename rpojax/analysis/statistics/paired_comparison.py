@@ -72,7 +72,7 @@ class MedianChange:
         first: median in the first campaign, NaN without pairs
         second: median in the second
         difference: second less first
-        ratio: second over first
+        ratio: second over first, undefined for a metric with negative values
     """
 
     metric: str
@@ -81,6 +81,12 @@ class MedianChange:
     second: float
     difference: IntervalEstimate
     ratio: IntervalEstimate
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether the 95 % interval of the difference excludes no change."""
+        ends = self.difference.interval_95
+        return ends is not None and not ends[0] <= 0.0 <= ends[1]
 
 
 @dataclass(frozen=True)
@@ -197,7 +203,8 @@ def _median_change(name: str, values: np.ndarray, samples: np.ndarray) -> Median
     if pairs == 0:
         return MedianChange(name, 0, np.nan, np.nan, *(IntervalEstimate(None, None, None),) * 2)
     first, second = map(float, np.median(values, axis=1))
-    ratio = None if first == 0.0 else second / first
+    signed = bool((values < 0.0).any())
+    ratio = None if first == 0.0 or signed else second / first
     # Where the median may be zero, the ratio has no interval.
     ratios = samples[1] / samples[0] if ratio is not None and (samples[0] != 0.0).all() else np.zeros(0)
     return MedianChange(

@@ -32,6 +32,7 @@ from rpojax.runtime.device_programs import DevicePrograms, DeviceTraces
 from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
 from rpojax.scenario.team import members
@@ -154,7 +155,7 @@ class BatchEngine:
         self.is_single_precision = file.precision == "single"
         self.runs_per_device = runs_per_device or default_block_size(file)
         self.devices = device_programs.choose_devices(devices)
-        self.stages = stages or Stages()
+        self.stages = plugin_registry.stages_of(file, stages)
         self.dispersed_keys = dispersion_keys.varied_keys(file)
         self.compile_s = self.loop_compile_s = 0.0
         self.segment_count = -(-self.scenario.ticks // SEGMENT_TICKS)
@@ -256,6 +257,17 @@ class BatchEngine:
         """Names of the telemetry channels, without compiling anything."""
         _, channels = self._loop_traces.outputs
         return sorted(channels)
+
+    def channel_shapes(self) -> dict[str, jax.ShapeDtypeStruct]:
+        """Shape and type of every telemetry channel at a tick of a run, floats in double precision."""
+        _, channels = self._loop_traces.outputs
+        last = -2 if self.file.servicers else -1
+        return {
+            name: jax.ShapeDtypeStruct(
+                each.shape[1:last], np.float64 if np.issubdtype(each.dtype, np.floating) else each.dtype
+            )
+            for name, each in channels.items()
+        }
 
     def prepare(self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None) -> PreparedRuns:
         """Dispersed values and initial states of `capacity` runs.

@@ -15,6 +15,7 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import campaign_folder
 from rpojax.metrics.time_windows import split_name
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import drift_starts, phase_records, recorded_metrics, team_metrics, trace_channels
 from rpojax.simulation.outcomes import judgement
@@ -34,7 +35,9 @@ RECORDED_CHANNELS = frozenset(
 
 def recorded_channels(file: ScenarioFile) -> frozenset[str]:
     """Channels that are recorded of every run of a scenario."""
-    return RECORDED_CHANNELS | (set(surface_coverage.REQUIRED_CHANNELS) if file.coverage.enabled else set())
+    of_metrics = {name for each in plugin_registry.metrics_of(file).values() for name in each.inputs}
+    of_coverage = set(surface_coverage.REQUIRED_CHANNELS) if file.coverage.enabled else set()
+    return RECORDED_CHANNELS | of_coverage | of_metrics
 
 
 class ChannelRecorder:

@@ -11,6 +11,7 @@ from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.scenario_digest import scenario_digest
 
 _REPRODUCIBILITY_PACKAGES = ("rpojax", "jax")
@@ -31,7 +32,7 @@ def recreate_engine(
         raise RpojaxError(
             "scenario: found another content or trained files, expected those that the campaign began with"
         )
-    replaced_stage_provenance.check_same_stages(configuration.stages, stages or Stages())
+    replaced_stage_provenance.check_same_stages(configuration.stages, plugin_registry.stages_of(file, stages))
     options = configuration.options
     design = experiment_design.recreate_design(file, options.seed, options.design_range, configuration.design_sha256)
     # Campaigns that do not record it began when there was no choice.

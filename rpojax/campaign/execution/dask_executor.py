@@ -37,6 +37,8 @@ class DaskExecutor:
     def run_blocks(self, blocks: Sequence[int], on_progress: ExecutorProgressCallback) -> dict[int, str]:
         """Simulates some blocks; Dask repeats those whose worker died, within its limit `allowed-failures`."""
         check_default_stages(self.campaign)
+        if self.campaign.file.plugin is not None:
+            raise RpojaxError(f"plugin: found {self.campaign.file.plugin!r}, expected none with workers of a cluster")
         distributed = require_package("distributed")
         on_progress(0.0, 0, False)
         try:

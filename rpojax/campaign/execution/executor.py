@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
+from rpojax.scenario.plugins import plugin_registry
 
 MAX_ATTEMPTS = 3
 """A block is given up after so many workers have died while simulating it."""
@@ -36,5 +37,9 @@ def check_default_stages(campaign: Campaign) -> None:
     Raises:
         RpojaxError: a stage of the campaign is replaced.
     """
-    if stages := campaign.configuration.stages:
+    plugin = plugin_registry.plugin_of(campaign.file)
+    if campaign.file.plugin == plugin_registry.FROM_PYTHON:
+        raise RpojaxError("metrics: found some from Python, expected a plugin file with other processes as workers")
+    of_plugin = plugin is not None and plugin.stages is not None
+    if (stages := campaign.configuration.stages) and not of_plugin:
         raise RpojaxError(f"stages: found {sorted(stages)} replaced, expected none with other processes as workers")

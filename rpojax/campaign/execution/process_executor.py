@@ -12,10 +12,13 @@ from dataclasses import dataclass, field
 from typing import IO, Any
 
 from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCallback, check_default_stages
+from rpojax.campaign.execution.worker_process import ALLOW_PLUGIN
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.runtime import jax_environment
+
+WORKER = "rpojax.campaign.execution.worker_process"
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class ProcessExecutor:
     def run_blocks(self, blocks: Sequence[int], on_progress: ExecutorProgressCallback) -> dict[int, str]:
         """Simulates some blocks; those of a worker that dies are repeated, up to `MAX_ATTEMPTS` times."""
         check_default_stages(self.campaign)
+        options = [ALLOW_PLUGIN] if self.campaign.file.plugin else []
         parts = split_cores(sorted(_available_cores()), min(self.workers, len(blocks)))
         size = max(1, min(len(parts[0]), -(-len(blocks) // len(parts))))
         batches = deque(list(blocks[first : first + size]) for first in range(0, len(blocks), size))
@@ -41,7 +45,7 @@ class ProcessExecutor:
         threads = [
             threading.Thread(
                 target=_supervise_worker,
-                args=(slot, cores[:size], cores, str(self.campaign.directory), queue),
+                args=(slot, cores[:size], cores, [str(self.campaign.directory), *options], queue),
                 daemon=True,
             )
             for slot, cores in enumerate(parts)
@@ -153,12 +157,12 @@ def _supervise_worker(
 
 
 def _run_worker(
-    slot: int, devices: Sequence[int], cores: Sequence[int], directory: str, first: list[int], queue: _BatchQueue
+    slot: int, devices: Sequence[int], cores: Sequence[int], place: Sequence[str], first: list[int], queue: _BatchQueue
 ) -> None:
     """Has a worker simulate batches from a first one on, until there are no more or it dies."""
     batch: list[int] | None = first
     with tempfile.TemporaryFile() as errors:
-        process = _start_worker(directory, len(devices), cores, errors)
+        process = _start_worker(place, len(devices), cores, errors)
         try:
             while batch is not None and _execute_batch(slot, process, batch, queue):
                 batch = queue.next_batch()
@@ -171,9 +175,11 @@ def _run_worker(
             queue.requeue(slot, batch, _exit_reason(process.returncode, errors))
 
 
-def _start_worker(directory: str, devices: int, cores: Sequence[int], errors: IO[bytes]) -> "subprocess.Popen[str]":
+def _start_worker(
+    place: Sequence[str], devices: int, cores: Sequence[int], errors: IO[bytes]
+) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, "-m", "rpojax.campaign.execution.worker_process", directory, ",".join(map(str, cores))],
+        [sys.executable, "-m", WORKER, place[0], ",".join(map(str, cores)), *place[1:]],
         env=jax_environment.environment_with_devices(devices),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

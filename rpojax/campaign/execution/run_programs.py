@@ -88,7 +88,7 @@ class TeamRun:
     @property
     def state_axes(self) -> TeamState:
         """Batch axis of each field of the state."""
-        return TeamState(servicers=state_axes(-1), links=-1, sharing=-1)  # pyright: ignore[reportArgumentType]
+        return TeamState(servicers=state_axes(-1), links=-1, sharing=-1, coordination=-1)  # pyright: ignore[reportArgumentType]
 
     def prepare(
         self, nominal: Params, run_key: Array, assigned: Values, *, single: bool

@@ -20,12 +20,19 @@ def pending_histories(campaign: Campaign) -> list[int]:
     retention = campaign.configuration.options.histories
     if not retention.depends_on_results:
         return []
-    selected = selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics)
+    # The images of a rendered camera would all be rendered again.
+    wanted = [] if campaign.file.camera.model == "rendered" else campaign.file.requirements
+    required = [requirement.metric_name for requirement in wanted]
+    selected = selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics, required)
     return sorted(selected - set(campaign.history_ids))
 
 
 def selected_by_result(
-    retention: Retention, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]
+    retention: Retention,
+    run_ids: np.ndarray,
+    completed: np.ndarray,
+    metrics: Mapping[str, np.ndarray],
+    required: Sequence[str] = (),
 ) -> set[int]:
     """Numbers of the runs whose histories are kept because of their results.
 
@@ -34,9 +41,11 @@ def selected_by_result(
         run_ids: (runs,) run numbers
         completed: (runs,) whether the run completed
         metrics: name -> (runs,), nan if undefined
+        required: metrics of the scenario's requirements
     """
     kept: set[int] = set(run_ids[~completed].tolist()) if retention.keeps_failures else set()
-    for metric, count in retention.worst_kept:
+    worst_kept = [(metric, 1) for metric in required] if retention.keeps_requirements else []
+    for metric, count in (*retention.worst_kept, *worst_kept):
         kept.update(run_ids[worst_first(metric, metrics[metric])[:count]].tolist())
     return kept
 

@@ -14,12 +14,12 @@ from rpojax.core.pytree import concatenate, pytree
 from rpojax.metrics import surface_coverage as metrics
 from rpojax.runtime import device_programs
 from rpojax.runtime.device_programs import DevicePrograms
-from rpojax.scenario import coverage_surface
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
+from rpojax.scenario.trained import coverage_surface
 from rpojax.simulation.metrics.facet_inspection import Inspection, Instant, Surface, View
 from rpojax.vision.surface import surface_cache
 from rpojax.vision.surface.facets import Facets

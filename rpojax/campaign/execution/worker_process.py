@@ -1,4 +1,6 @@
-"""A worker process, `python -m rpojax.campaign.execution.worker_process DIR CORES`, that simulates batches of blocks.
+"""A worker process, `python -m rpojax.campaign.execution.worker_process DIR CORES [--allow-plugin]`.
+
+It simulates batches of blocks, and executes the plugin of the scenario if it is told to.
 
 It reads lists of block numbers in JSON from its standard input, one per line, and writes messages as lines of JSON:
 `["ready"]` once its programs are compiled, `["progress", fraction, failed]`, `["done", failed]`, or
@@ -14,6 +16,9 @@ from collections.abc import Sequence
 
 from rpojax.errors import RpojaxError
 from rpojax.runtime import jax_environment
+
+ALLOW_PLUGIN = "--allow-plugin"
+"""Lets the worker execute the plugin that the scenario names, as the campaign's process does."""
 
 
 def send(*message: object) -> None:
@@ -52,6 +57,10 @@ def main(arguments: Sequence[str]) -> None:
     """Serves the campaign folder `arguments[0]` on the cores listed in `arguments[1]`."""
     jax_environment.bind_to_cores({int(core) for core in arguments[1].split(",")})
     try:
+        if ALLOW_PLUGIN in arguments[2:]:
+            from rpojax.scenario.plugins import plugin_registry
+
+            plugin_registry.permit()
         serve(arguments[0])
     except RpojaxError as error:
         send("error", type(error).__name__, str(error))

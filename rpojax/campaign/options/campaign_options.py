@@ -10,8 +10,8 @@ from rpojax.campaign import preflight
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 
-DEFAULT_HISTORIES = Retention("8")
-"""The first eight runs keep a full history."""
+DEFAULT_HISTORIES = Retention("8+requirements")
+"""The first eight runs keep a full history, and the worst run of each requirement."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,12 @@ class CampaignOptions:
         """The runs that the experiment design is made for."""
         return self.run_range or RunRange(self.first_run, self.runs)
 
-    @property
-    def max_full_histories(self) -> int:
-        """Largest number of histories, failures excluded, as that of full histories of the same size."""
-        return -(-self.histories.max_histories(self.first_run, self.runs) // self.histories.every)
+    def max_full_histories(self, requirements: int) -> int:
+        """Largest number of histories, failures excluded, as that of full ones of the same size.
+
+        `requirements` is the number of those of the scenario.
+        """
+        return -(-self.histories.max_histories(self.first_run, self.runs, requirements) // self.histories.every)
 
     def to_record(self) -> dict[str, Any]:
         """Entries of `campaign.json`."""

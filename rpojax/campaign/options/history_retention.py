@@ -11,7 +11,8 @@ from tyro.constructors import PrimitiveConstructorSpec
 from rpojax.errors import RpojaxError
 
 RULE_FORMS = (
-    "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, or several joined by '+'"
+    "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, requirements, "
+    "or several joined by '+'"
 )
 _ALWAYS_KEPT = ("time_s", "rho_desired_H")
 
@@ -48,7 +49,7 @@ class Retention:
             name="histories",
             metavar="RULE",
             help="Histories to keep: none, all, N (the first N runs), I,J,... (run numbers), every:N, failures, "
-            "worst:K:METRIC, or several joined by +.",
+            "worst:K:METRIC, requirements (the worst run of each), or several joined by +.",
         ),
     ]
     channels: Annotated[
@@ -114,7 +115,12 @@ class Retention:
     @property
     def depends_on_results(self) -> bool:
         """Whether some histories are kept because of the results of their runs."""
-        return self.keeps_failures or bool(self.worst_kept)
+        return self.keeps_failures or self.keeps_requirements or bool(self.worst_kept)
+
+    @property
+    def keeps_requirements(self) -> bool:
+        """Whether the history of the worst run of each requirement of the scenario is kept."""
+        return any(kind == "requirements" for kind, _, _ in map(_parse_term, self._terms()))
 
     @property
     def keeps_failures(self) -> bool:
@@ -127,9 +133,9 @@ class Retention:
         terms = map(_parse_term, self._terms())
         return [(metric, numbers[0]) for kind, numbers, metric in terms if kind == "worst"]
 
-    def max_histories(self, first_run: int, runs: int) -> int:
-        """Largest number of histories, failures excluded."""
-        selected = min(runs, sum(count for _, count in self.worst_kept))
+    def max_histories(self, first_run: int, runs: int, requirements: int = 0) -> int:
+        """Largest number of histories, failures excluded, of a scenario with so many requirements."""
+        selected = sum(count for _, count in self.worst_kept) + (requirements if self.keeps_requirements else 0)
         return min(runs, len(self.unconditional_run_ids(first_run, runs)) + selected)
 
     def keeps_channel(self, channel: str) -> bool:
@@ -157,15 +163,17 @@ def _parse_term(term: str) -> tuple[str, list[int], str]:
         RpojaxError: it has none of the forms.
     """
     kind, *rest = term.split(":")
-    if term in ("none", "all", "failures"):
+    if term in ("none", "all", "failures", "requirements"):
         return term, [], ""
     if kind == "every" and len(rest) == 1:
         return kind, [_parse_number(rest[0], term, 1)], ""
     if kind == "worst" and len(rest) == 2:
         # Imported here because the help of the command line does without numpy.
         from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
+        from rpojax.scenario.plugins import plugin_registry
 
-        if not is_of_campaigns(rest[1]):
+        # A plugin's metrics become known when the scenario is loaded; the campaign checks them before it compiles.
+        if not is_of_campaigns(rest[1]) and not (rest[1].isidentifier() and plugin_registry.is_permitted()):
             close = difflib.get_close_matches(rest[1], UNITS, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             raise RpojaxError.of_argument("histories", f"found metric {rest[1]!r}, expected one of a campaign{hint}")

@@ -72,6 +72,7 @@ class CampaignConfiguration:
         device: description of the devices
         created: time of creation
         rerun_of: in the folder of a rerun, `first_run` and `runs` of the original campaign
+        plugin: description of the scenario's plugin, from which results can be read without its code
     """
 
     name: str
@@ -88,6 +89,7 @@ class CampaignConfiguration:
     device: str
     created: str
     rerun_of: dict[str, int] | None = None
+    plugin: dict[str, Any] | None = None
 
     @property
     def block_size(self) -> int:
@@ -127,7 +129,8 @@ class CampaignConfiguration:
             "device": self.device,
             "created": self.created,
         }
-        return record if self.rerun_of is None else record | {"rerun_of": self.rerun_of}
+        further = {"rerun_of": self.rerun_of, "plugin": self.plugin}
+        return record | {key: value for key, value in further.items() if value is not None}
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> "CampaignConfiguration":
@@ -151,6 +154,7 @@ class CampaignConfiguration:
             device=record.get("device", ""),
             created=record.get("created", ""),
             rerun_of=record.get("rerun_of"),
+            plugin=record.get("plugin") if isinstance(record.get("plugin"), dict) else None,
         )
 
 

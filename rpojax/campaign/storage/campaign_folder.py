@@ -31,6 +31,7 @@ from rpojax.campaign.storage.zarr_encoding import NOT_RECORDED
 from rpojax.campaign.storage.zarr_writer import ZarrWriter
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics.phase_records import PhaseTransition, listed_transitions
 from rpojax.simulation.outcomes import outcome_kinds
@@ -61,6 +62,8 @@ class BlockTiming:
 class Campaign:
     """A campaign folder: written block by block, and read as arrays with one row per finished run.
 
+    Results of a scenario with a plugin are read without the plugin's code, which is executed only with `allow_plugin`.
+
     Attributes:
         directory: the folder
         configuration: content of `campaign.json`
@@ -70,9 +73,12 @@ class Campaign:
         ResultError: the folder is no campaign, or not one that this version reads.
     """
 
-    def __init__(self, directory: Path | str) -> None:
+    def __init__(self, directory: Path | str, *, allow_plugin: bool = False) -> None:
         self.directory = Path(directory)
         self.configuration: CampaignConfiguration = campaign_configuration.read(self.directory)
+        if allow_plugin:
+            plugin_registry.load_for(dict(self.configuration.scenario), allow=True)
+        plugin_registry.add_description(self.configuration.scenario, self.configuration.plugin or {})
         self.failed_blocks: dict[int, str] = {}
         self._manifests: dict[int, Manifest] = {}
         self._read_cache: dict[str, tuple[int, dict[str, np.ndarray]]] = {}

@@ -14,6 +14,7 @@ from rpojax.batching import batching_mode
 from rpojax.batching.batching_mode import BatchingMode
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.version import __version__
@@ -44,6 +45,7 @@ def new_configuration(
         design_sha256: of the values that the experiment design assigns
         batching: how a tick is batched over the runs
     """
+    plugin = plugin_registry.plugin_of(file)
     return CampaignConfiguration(
         name=file.name,
         description=file.description,
@@ -53,6 +55,7 @@ def new_configuration(
         stages=dict(stages or {}),
         design_sha256=design_sha256,
         batching=batching,
+        plugin=None if plugin is None else {"sha256": file.plugin_sha256, **plugin.describe()},
         dtype="float32" if file.precision == "single" else "float64",
         **new_provenance(len(jax.devices())),
     )

@@ -1,40 +1,64 @@
-"""The command `rpojax compare`: what changed between two campaigns of the same runs."""
+"""The command `rpojax compare`: what changed between campaigns of the same runs."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from rpojax.cli.arguments import AsJson
+from rpojax.cli import output_paths
+from rpojax.cli.arguments import AsJson, Force
 from rpojax.cli.console import print_json
 from rpojax.runtime.jax_environment import prepare_jax
 
 if TYPE_CHECKING:
-    from rpojax.analysis.statistics.campaign_comparison import KeyChange
-    from rpojax.analysis.statistics.paired_comparison import IntervalEstimate, PairedComparison
+    from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
+    from rpojax.analysis.statistics.paired_comparison import PairedComparison
 
 
 def compare(
     first: Annotated[Positional[Path], arg(metavar="DIR_A", help="Folder of a campaign.")],
     second: Annotated[Positional[Path], arg(metavar="DIR_B", help="Folder of another one with the same seed.")],
+    more: Annotated[Positional[tuple[Path, ...]], arg(metavar="DIR...", help="Further ones.")] = (),
     *,
+    out: Annotated[Path | None, arg(metavar="FILE", help="Page to write, such as compare.html.")] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> int:
-    """What changed from one campaign to another, run by run: run n had the same dispersions in both.
+    """What changed from one campaign to others, run by run: run n had the same dispersions in all of them.
 
     With --json also the metrics of each servicer of a team.
     """
+    if out is not None:
+        output_paths.claim(out, force, (".html",))
     prepare_jax(cache=True)
     from rpojax.analysis.statistics import campaign_comparison
     from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.report.page.comparison import comparison_page
 
-    found = campaign_comparison.compare(Campaign(first), Campaign(second), progress=False)
+    comparison_page.check_count(2 + len(more))
+    campaigns = [Campaign(folder) for folder in (first, second, *more)]
+    found = [campaign_comparison.compare(campaigns[0], other, progress=False) for other in campaigns[1:]]
+    if out is not None:
+        comparison_page.write_comparison(campaigns, found, out)
     if as_json:
-        print_json(found.to_dict())
-    else:
-        _show(found.runs, found.changed, found.independent)
+        single = found[0].to_dict()
+        print_json(single if len(found) == 1 else {"comparisons": [each.to_dict() for each in found]})
+        return 0
+    for each in found:
+        _show_comparison(each, named=len(found) > 1)
+    if out is not None:
+        print(f"page: {out}")
     return 0
+
+
+def _show_comparison(found: "CampaignComparison", named: bool) -> None:
+    if named:
+        print(f"{found.first} -> {found.second}")
+    for warning in found.warnings:
+        print(f"rpojax: warning: {warning}", file=sys.stderr)
+    _show(found.runs, found.changed, found.independent)
 
 
 def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent: bool) -> None:
@@ -43,6 +67,7 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
 
     from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
     from rpojax.report.number_format import format_number
+    from rpojax.report.page.comparison.comparison_tables import interval_text, signed
 
     console = Console(highlight=False)
     for each in changed:
@@ -50,7 +75,7 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
     table = Table(title=f"{found.pairs} pairs of runs, {found.unpaired} without a partner")
     for heading in ("metric", "unit"):
         table.add_column(heading)
-    for heading in ("median, first", "second", "ratio", "90 % interval"):
+    for heading in ("median, first", "second", "difference", "95 % interval", "ratio"):
         table.add_column(heading, justify="right")
     by_name = {change.metric: change for change in found.metrics}
     for name in of_all_servicers(in_display_order(by_name)):
@@ -58,11 +83,14 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
         cells = (
             format_number(change.first),
             format_number(change.second),
+            signed(change.difference.value) + (" *" if change.is_changed else ""),
+            interval_text(change.difference),
             format_number(change.ratio.value, 3),
-            _interval(change.ratio),
         )
         table.add_row(shown.title, shown.unit, *cells)
     console.print(table)
+    if any(change.is_changed for change in found.metrics):
+        console.print("* the 95 % interval excludes no change, by chance for one in twenty metrics without a change")
     events = Table(title="pairs by outcome")
     events.add_column("event")
     for heading in ("both", "first alone", "second alone", "neither", "p (McNemar)"):
@@ -73,12 +101,3 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
     console.print(events)
     if not independent:
         console.print("the runs of these designs are not independent draws: no intervals and no p-values")
-
-
-def _interval(estimate: "IntervalEstimate") -> str:
-    from rpojax.report.number_format import format_number
-
-    if estimate.interval_90 is None:
-        return format_number(None)
-    low, high = estimate.interval_90
-    return f"{format_number(low, 3)} to {format_number(high, 3)}"

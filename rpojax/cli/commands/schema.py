@@ -1,17 +1,21 @@
 """The command `rpojax schema`: the JSON schema of a scenario."""
 
-from typing import TYPE_CHECKING
+from typing import Annotated
+
+from tyro.conf import arg
 
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 
-if TYPE_CHECKING:
-    pass
 
-
-def schema() -> int:
+def schema(*, partial: Annotated[bool, arg(help="Of a file that extends another: no key is required.")] = False) -> int:
     """JSON schema of a scenario, for editors and other tools."""
     from rpojax.scenario.schema import ScenarioFile
 
-    print_json(ScenarioFile.model_json_schema())
+    content = ScenarioFile.model_json_schema()
+    if partial:
+        content["properties"] = {"extends": {"type": "string"}, **content["properties"]}
+        for each in (content, *content["$defs"].values()):
+            each.pop("required", None)
+    print_json(content)
     return Status.DONE

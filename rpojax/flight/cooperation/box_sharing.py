@@ -4,9 +4,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import replace
-from rpojax.flight.cooperation import baseline_motion, free_relative_motion, joint_filter
+from rpojax.flight.cooperation import baseline_motion, free_relative_motion, joint_filter, joint_measurements
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.peer_news import News
@@ -36,7 +37,7 @@ def update(
 
     Args:
         tuning: of this servicer
-        baseline: belief in differences of GPS positions
+        baseline: belief in differences of GPS positions, and in ranges over the links
         focal_px: () of its camera [px]
         estimate: before
         orbit: after the own orbit filter's update
@@ -46,24 +47,29 @@ def update(
         news: messages of the tick
         delay: age of these messages [s]
     """
-    estimate = joint_filter.update_own(tuning, focal_px, estimate, q_KN, box)
+    estimate = joint_measurements.update_own(tuning, focal_px, estimate, q_KN, box)
     added = relative_orbit_ekf.recovery_variance(tuning, estimate.own.r_TS_N, recovered)
-    estimate = joint_filter.inflate(estimate, jnp.diag(added))
-    back = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(orbit.servicer.r_SN_N), -delay)
-    count = estimate.peers.shape[0]
-    of = [jax.tree.map(lambda leaf, k=k: leaf[k], replace(news, own_burns=jnp.zeros(count))) for k in range(count)]
-    for k in range(count):
-        estimate = joint_filter.hear(
-            of[k].tuning, baseline, estimate, k, of[k].used, of[k].interval, of[k].burns, of[k].attitude_variance
-        )
-    estimate = joint_filter.update_baselines(baseline, estimate, news.measured, news.baseline, news.own_burns, back)
+    estimate = joint_filter.inflate(estimate, added)
+    back = None
+    if delay > 0.0:
+        back = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(orbit.servicer.r_SN_N), -delay)
+    estimate = joint_filter.hear(
+        news.tuning, baseline, estimate, news.used, news.interval, news.burns, news.attitude_variance
+    )
+    differences = news.measured, news.baseline, news.own_burns, back
+    estimate = joint_measurements.update_baselines(baseline, estimate, *differences)
+    if news.ranges is not None:
+        ranges = news.used, news.ranges, news.own_burns, back
+        estimate = joint_measurements.update_ranges(baseline, estimate, *ranges)
     accepted = []
-    for k in range(count):
-        heard, sent = of[k].used, of[k].messages.box
-        assert sent is not None
-        sent = replace(sent, present=sent.present & heard, expected=sent.expected & heard)
-        estimate, is_used = joint_filter.update_peer_box(
-            of[k].tuning, of[k].focal_px, estimate, k, of[k].messages.q_KN, sent, back
+    for k in range(estimate.peers.shape[0]):
+        of = jax.tree.map(lambda leaf, k=k: leaf[k], (news.tuning, news.focal_px, news.messages, news.interval))
+        peer_tuning, peer_focal_px, sent, interval = of
+        assert sent.box is not None
+        heard = news.used[k]
+        peer_box = replace(sent.box, present=sent.box.present & heard, expected=sent.box.expected & heard)
+        estimate, is_used = joint_measurements.update_peer_box(
+            peer_tuning, peer_focal_px, estimate, k, sent.q_KN, peer_box, interval, back
         )
         accepted.append(is_used)
     return replace(estimate, own=replace(estimate.own, outline=orbit.relative.outline)), jnp.stack(accepted)
@@ -82,21 +88,30 @@ def predict(
     """Joint estimate `dt` [s] later.
 
     `before` and `after` are the servicer's orbit estimates before and after their prediction, with the expected
-    velocity change `delta_v_N` [m/s]. What guidance added to the covariance since the update is added here, too.
+    velocity change `delta_v_N` [m/s]. What guidance widened since the update is widened here, too.
     """
-    added = before.relative.covariance - estimate.covariance[: joint_filter.OWN, : joint_filter.OWN]
     r_before_N, r_after_N = before.servicer.r_SN_N, after.servicer.r_SN_N
-    peers = []
-    for k in range(estimate.peers.shape[0]):
-        state = estimate.peers[k]
-        moved = baseline_motion.propagate(zonal_degree, state[:6], r_before_N, r_after_N, delta_v_N, dt)
-        peers.append(jnp.concatenate([moved, state[6:]]))
+    motion = [
+        baseline_motion.propagate(zonal_degree, state[: joint_filter.MOTION], r_before_N, r_after_N, delta_v_N, dt)
+        for state in (estimate.peers[k] for k in range(estimate.peers.shape[0]))
+    ]
     return joint_filter.propagate(
         tuning,
-        joint_filter.inflate(estimate, added),
+        joint_filter.widen(estimate, _widening(estimate, before)),
         after.relative,
-        jnp.stack(peers),
+        jnp.stack(motion),
         two_body_gravity.gravity_gradient(r_before_N),
         burn_covariance,
         dt,
     )
+
+
+def _widening(estimate: JointEstimate, before: OrbitEstimate) -> Scalar:
+    """Factor of the sigma of the target's position that guidance has widened after a search, else 1."""
+    own, P = estimate.covariance.xx, before.relative.covariance
+    ratio = (P[0, 0] + P[1, 1] + P[2, 2]) / (own[0, 0] + own[1, 1] + own[2, 2])
+    return jnp.where(ratio > _WIDENED, gradient_safe.sqrt(ratio), 1.0)
+
+
+_WIDENED = 1.5
+"""Growth of the variance by which one sees that guidance widened it after a search: twice."""

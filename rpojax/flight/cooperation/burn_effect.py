@@ -1,14 +1,16 @@
 """Effect of a servicer's own burns on its motion: displacement from free motion since the start, and its covariance.
 
-A message carries it, so that a receiver that heard nothing for a while knows what the burns in between did, however
-many there were: the effect at the message less the propagated effect at the one before it.
+A message carries both, so that a receiver that heard nothing for a while knows what the burns in between did, however
+many there were. They are kept as they would have been at the start: sums that only grow, whose difference is what the
+burns in between added, never less than zero. Had each side propagated the effect for itself, the difference of two
+great covariances, each in the gravity gradient of another place, would have outweighed what it should tell.
 """
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.flight.cooperation.free_relative_motion import apply, product
+from rpojax.flight.cooperation.free_relative_motion import apply, product, transition_matrix
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -20,32 +22,61 @@ class BurnEffect:
 
     Attributes:
         change: (6,) of position [m] and velocity [m/s] in N
-        covariance: (6, 6) of the burns' execution errors, propagated alike
+        covariance: (6, 6) of the burns' execution errors
     """
 
     change: Array
     covariance: Array
 
 
-def initial() -> BurnEffect:
-    """Before the first burn."""
+@pytree
+class BurnSum:
+    """Effect of all burns, and the way from the start to now.
+
+    Attributes:
+        at_start: effect that, at the start, would have had that of all burns
+        from_start: (6, 6) state transition matrix from the start to now
+        to_start: (6, 6) the one back
+    """
+
+    at_start: BurnEffect
+    from_start: Array
+    to_start: Array
+
+
+def none() -> BurnEffect:
+    """Effect of no burns."""
     return BurnEffect(change=jnp.zeros(6), covariance=jnp.zeros((6, 6)))
 
 
-def propagate(effect: BurnEffect, transition: Float[Array, "6 6"]) -> BurnEffect:
-    """Effect after free motion with this state transition matrix."""
-    half = product(transition, effect.covariance)
-    return BurnEffect(change=apply(transition, effect.change), covariance=product(transition, half.T))
+def initial() -> BurnSum:
+    """At the start."""
+    return BurnSum(at_start=none(), from_start=jnp.eye(6), to_start=jnp.eye(6))
 
 
-def burn(effect: BurnEffect, delta_v_N: Vector, covariance: Matrix, dt: float) -> BurnEffect:
-    """Effect at the end of `dt` [s] in which the velocity changed by `delta_v_N` [m/s] with that covariance."""
+def advance(burns: BurnSum, gravity_gradient: Matrix, delta_v_N: Vector, covariance: Matrix, dt: float) -> BurnSum:
+    """Sum `dt` [s] later, in which the velocity changed by `delta_v_N` [m/s] with that covariance."""
+    to_start = product(burns.to_start, transition_matrix(gravity_gradient, -dt))
     change = jnp.concatenate([0.5 * dt * delta_v_N, delta_v_N])
+    half = product(to_start[:, 3:], covariance)
+    added = product(half, to_start[:, 3:].T)
+    at_start = BurnEffect(
+        change=burns.at_start.change + apply(to_start, change),
+        covariance=burns.at_start.covariance + 0.5 * (added + added.T),
+    )
+    from_start = product(transition_matrix(gravity_gradient, dt), burns.from_start)
+    return BurnSum(at_start=at_start, from_start=from_start, to_start=to_start)
+
+
+def since(now: BurnEffect, before: BurnEffect, from_start: Float[Array, "6 6"]) -> BurnEffect:
+    """Effect of the burns between two sums, at the time to which `from_start` leads."""
+    half = product(from_start, now.covariance - before.covariance)
+    covariance = product(half, from_start.T)
     return BurnEffect(
-        change=effect.change + change, covariance=effect.covariance + jnp.pad(covariance, ((3, 0), (3, 0)))
+        change=apply(from_start, now.change - before.change), covariance=0.5 * (covariance + covariance.T)
     )
 
 
-def since(now: BurnEffect, before: BurnEffect) -> BurnEffect:
-    """Effect of the burns since `before`, which has been propagated to the same time."""
-    return BurnEffect(change=now.change - before.change, covariance=now.covariance - before.covariance)
+def change_since(now: BurnEffect, before: BurnEffect, from_start: Float[Array, "6 6"]) -> Float[Array, "6"]:
+    """The displacement alone of `since`."""
+    return apply(from_start, now.change - before.change)

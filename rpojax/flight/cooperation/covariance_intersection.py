@@ -6,6 +6,8 @@ non-divergent estimation algorithm in the presence of unknown correlations", 199
 SLAM", 2007 (split form).
 """
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -17,10 +19,11 @@ from rpojax.core.vectors import cross
 Scalar = Float[Array, ""]
 Matrix = Float[Array, "3 3"]
 
-_BISECTIONS = 12
-"""Halvings of the interval of the weight, after which it is known to 1e-4."""
-_LEAST_WEIGHT = 1e-3
-"""Estimates of less weight are left out, since they would be divided by it."""
+_SEARCH_STEPS = 6
+"""Golden sections of the interval of a share, after which it is known to 0.06; any share is safe."""
+_GOLDEN = 0.6180339887498949
+_LEAST_SHARE = 1e-3
+"""Least share of an estimate, since its correlated part is divided by it."""
 
 
 @pytree
@@ -39,17 +42,18 @@ class SplitEstimate:
 
 
 def fuse(
-    own: SplitEstimate, other: SplitEstimate, used: Bool[Array, ""], weight: Scalar
+    own: SplitEstimate, others: Sequence[SplitEstimate], used: Bool[Array, " others"]
 ) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-    """Mean and covariance of the own estimate after another one of its first `m` components.
+    """Mean and covariance of the own estimate after others of its first `m` components, as far as they are `used`.
 
-    `weight` is that of the own estimate, 0 to 1, as by `best_weight`; the own one is returned where the other is not
-    `used`.
+    The correlated part of each is divided by its share of a weight of 1, whatever the shares: the result is consistent.
     """
-    used = used & (weight < 1.0 - _LEAST_WEIGHT)
-    weight = jnp.where(used, jnp.maximum(weight, _LEAST_WEIGHT), 0.5)
-    P = jnp.where(used, own.correlated / weight, own.correlated) + own.independent
-    return independent_fusion(own.mean, P, other.mean, other.correlated / (1.0 - weight) + other.independent, used)
+    share, *shares = best_shares(own, others, used)
+    mean, P = own.mean, own.correlated / share + own.independent
+    for k, other in enumerate(others):
+        total = other.correlated / shares[k] + other.independent
+        mean, P = independent_fusion(mean, P, other.mean, total, used[k])
+    return mean, P
 
 
 def independent_fusion(
@@ -74,36 +78,61 @@ def independent_fusion(
         variance=jnp.zeros(m, dtype=mean.dtype),
         weight=jnp.full(m, jnp.where(used, 1.0, 0.0)).astype(mean.dtype),
     )
-    result = kalman_update.update(joint, rows, HP=joint[:m] - joint[n:])
-    return mean + result.deviation[:n], result.covariance[:n, :n]
+    gains = kalman_update.sequential_gains(rows, lambda index: joint[index] - joint[n + index])
+    for factor, vector in zip(gains.factors, gains.vectors, strict=True):
+        covariance = covariance - factor * (vector[:n, None] * vector[None, :n])
+    return mean + gains.deviation[:n], covariance
 
 
-def best_weight(own_position: Matrix, other_position: Matrix) -> Scalar:
-    """Weight of the first of two covariances of a position that makes the determinant of their intersection least.
+def best_shares(own: SplitEstimate, others: Sequence[SplitEstimate], used: Bool[Array, " others"]) -> list[Scalar]:
+    """Shares of the weight of all estimates, the own one first, of which those that are not used get a very small one.
 
-    The determinant of the weighted information is a cubic in the weight, whose logarithm is concave.
+    One estimate after the other gets the share that makes the determinant of the fused position's covariance least.
     """
-    A, B = _inverse(own_position), _inverse(other_position)
+    shares, informative = [jnp.ones_like(own.mean[0])], [jnp.ones_like(used[0])]
+    for k in range(len(others)):
+        before = [*zip([own, *others[:k]], shares, informative, strict=True)]
+        kept = jnp.where(used[k], _best_share(before, others[k]), 1.0 - _LEAST_SHARE)
+        shares = [*(kept * share for share in shares), 1.0 - kept]
+        informative.append(used[k])
+    return shares
+
+
+def _best_share(before: Sequence[tuple[SplitEstimate, Scalar, Array]], other: SplitEstimate) -> Scalar:
+    """Share that the estimates `before` keep together, each with its present share and whether it is used."""
+
+    def volume(kept: Scalar) -> Scalar:
+        information = _information(other, 1.0 - kept)
+        for estimate, share, is_used in before:
+            information = information + jnp.where(is_used, _information(estimate, kept * share), 0.0)
+        return -_determinant(scale * information)
+
     # Scaled, so that the determinants stay in the range of single precision.
-    scale = 1.0 / (jnp.trace(A) + jnp.trace(B))
-    B, C = scale * B, scale * (A - B)
-    first = jnp.sum(_adjugate(B).T * C)
-    second = jnp.sum(B.T * _adjugate(C))
-    third = jnp.sum(C[0] * cross(C[1], C[2]), axis=0)
-    low, high = jnp.zeros_like(first), jnp.ones_like(first)
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        rises = first + middle * (2.0 * second + middle * 3.0 * third) > 0.0
-        low, high = jnp.where(rises, middle, low), jnp.where(rises, high, middle)
-    return jnp.where(high == 1.0, 1.0, jnp.where(low == 0.0, 0.0, 0.5 * (low + high)))
+    scale = 1.0 / jnp.trace(_information(before[0][0], jnp.ones_like(before[0][1])))
+    low = jnp.full_like(scale, _LEAST_SHARE)
+    high = 1.0 - low
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_left, at_right = volume(left), volume(right)
+    for _ in range(_SEARCH_STEPS):
+        goes_left = at_left < at_right
+        low, high = jnp.where(goes_left, low, left), jnp.where(goes_left, right, high)
+        point = jnp.where(goes_left, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
+        at_point = volume(point)
+        left, right = jnp.where(goes_left, point, right), jnp.where(goes_left, left, point)
+        at_left, at_right = jnp.where(goes_left, at_point, at_right), jnp.where(goes_left, at_left, at_point)
+    best, least = jnp.where(at_left < at_right, left, right), jnp.minimum(at_left, at_right)
+    for end in (_LEAST_SHARE, 1.0 - _LEAST_SHARE):
+        at_end = volume(jnp.full_like(best, end))
+        best, least = jnp.where(at_end < least, end, best), jnp.minimum(at_end, least)
+    return best
 
 
-def _adjugate(M: Matrix) -> Matrix:
-    """Transposed cofactors of a matrix."""
-    return jnp.stack([cross(M[1], M[2]), cross(M[2], M[0]), cross(M[0], M[1])], axis=1)
-
-
-def _inverse(M: Matrix) -> Matrix:
-    """Inverse of a covariance."""
-    adjugate = _adjugate(M)
+def _information(estimate: SplitEstimate, share: Scalar) -> Matrix:
+    """Inverse of the covariance of a position with that share of the weight."""
+    M = estimate.correlated[:3, :3] / share + estimate.independent[:3, :3]
+    adjugate = jnp.stack([cross(M[1], M[2]), cross(M[2], M[0]), cross(M[0], M[1])], axis=1)
     return adjugate / jnp.sum(M[0] * adjugate[:, 0], axis=0)
+
+
+def _determinant(M: Matrix) -> Scalar:
+    return jnp.sum(M[0] * cross(M[1], M[2]), axis=0)

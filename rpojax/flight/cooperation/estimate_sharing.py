@@ -1,10 +1,12 @@
 """Sharing of estimates: each servicer fuses its own estimate of the target with the latest one of each peer.
 
-What is sent comes from the sender's own boxes alone, and what was fused is never sent or filtered again. The errors of
-two such estimates are nearly independent, but not quite (one target, whose accelerations and shape are the same for
-all), so that they are fused by covariance intersection. The errors of the baseline between them come from GPS, and
-are independent of both. The control that fuses them as if they were independent, and sends on what it has fused, is
-`update_naively`.
+What is sent comes from the sender's own boxes alone, and what was fused is never sent or filtered again. So the errors
+that come from the noise of its boxes, the mounting of its camera and its own burns are independent of those of other
+servicers. What is left may be correlated in any way: the hand-over, and whatever comes from the one target, its
+accelerations and its shape. The covariance of every estimate is kept in these two parts, and estimates are fused by
+split covariance intersection. The errors of the baseline come from GPS, and are independent of both estimates, but
+those of two baselines have the own receiver in common. The control that fuses estimates as if they were independent,
+and sends on what it has fused, is `receive_naively`.
 """
 
 import jax
@@ -13,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.cooperation import baseline_motion, covariance_intersection, free_relative_motion, peer_news
@@ -42,12 +45,15 @@ class Baselines:
     """Positions of the peers from this servicer, by GPS alone.
 
     Attributes:
-        mean: (peers, 9) position [m] and velocity [m/s] in N, slow error of the difference of GPS positions [m]
+        mean: (peers, 9) position [m] and velocity [m/s] in N, slow error of the difference of GPS positions [m]; 10
+            with the bias of the range over the link [m]
         covariance: (peers, 9, 9)
+        of_own: (peers, 9, 9) part of it that comes from this servicer, and is in all its baselines
     """
 
     mean: Array
     covariance: Array
+    of_own: Array
 
 
 @pytree
@@ -55,11 +61,13 @@ class Tracks:
     """Latest estimates of the peers, as the target from this servicer.
 
     Attributes:
-        estimates: (peers, 6) means, with covariances of the peers' estimates and of the baselines
+        estimates: (peers, 6) means, with the parts of their covariances, the peers' share of the baselines among them
+        of_own: (peers, 6, 6) covariance that this servicer's share of the baselines adds
         known: (peers,) bool, there is one
     """
 
     estimates: SplitEstimate
+    of_own: Array
     known: Array
 
 
@@ -70,12 +78,14 @@ class EstimateSharing:
     Attributes:
         baselines: to its peers
         local: estimate by its own boxes alone, None if fused estimates are filtered on
+        correlated: (12, 12) part of its covariance that may be correlated with others' estimates, None likewise
         tracks: of its peers, None likewise
         fused_variance: () of the fused position, sum of the axes [m^2], None likewise
     """
 
     baselines: Baselines
     local: RelativeEstimate | None = None
+    correlated: Array | None = None
     tracks: Tracks | None = None
     fused_variance: Array | None = None
 
@@ -87,29 +97,41 @@ def initial(
     baselines: Float[Array, "peers 6"],
     peer_tuning: OrbitFilterTuning,
     naive: bool,
+    has_ranges: bool,
 ) -> EstimateSharing:
     """Memory at hand-over, with the first baselines [m, m/s]; the tuning of the peers has a leading axis."""
     count, dtype = baselines.shape[0], baselines.dtype
     covariances = []
+    bias = jnp.full(int(has_ranges), baseline.range_bias_sigma**2)
     for k in range(count):
         motion = baseline_motion.initial_variance(tuning, jax.tree.map(lambda leaf, k=k: leaf[k], peer_tuning))
-        covariances.append(jnp.diag(jnp.concatenate([motion, jnp.full(3, baseline.error_sigma**2)])))
-    mean = jnp.concatenate([baselines, jnp.zeros((count, 3), dtype=dtype)], axis=1)
-    memory = EstimateSharing(baselines=Baselines(mean=mean, covariance=jnp.stack(covariances)))
+        covariances.append(jnp.diag(jnp.concatenate([motion, jnp.full(3, baseline.error_sigma**2), bias])))
+    mean = jnp.concatenate([baselines, jnp.zeros((count, 3 + has_ranges), dtype=dtype)], axis=1)
+    slow = jnp.full(3, 0.5 * baseline.error_sigma**2)
+    of_own = jnp.diag(jnp.concatenate([0.5 * baseline_motion.initial_variance(tuning, tuning), slow, 0.0 * bias]))
+    baseline_memory = Baselines(mean=mean, covariance=jnp.stack(covariances), of_own=jnp.stack([of_own] * count))
+    memory = EstimateSharing(baselines=baseline_memory)
     if naive:
         return memory
     none = jnp.stack([jnp.eye(6, dtype=dtype)] * count)
     tracks = Tracks(
         estimates=SplitEstimate(mean=jnp.zeros((count, 6), dtype=dtype), correlated=none, independent=none),
+        of_own=none,
         known=jnp.zeros(count, dtype=bool),
     )
-    return replace(memory, local=own, tracks=tracks, fused_variance=_position_variance(own.covariance))
+    # Only the mounting of the camera is its own.
+    correlated = own.covariance - jnp.diag(jnp.pad(jnp.full(2, tuning.bearing_bias_sigma**2), (8, 2)))
+    return replace(
+        memory, local=own, correlated=correlated, tracks=tracks, fused_variance=_position_variance(own.covariance)
+    )
 
 
-def target_track(estimate: RelativeEstimate) -> TargetTrack:
-    """What a message tells of the target."""
+def target_track(estimate: RelativeEstimate, correlated: Float[Array, "12 12"]) -> TargetTrack:
+    """What a message tells of the target, with the part of the covariance that may be correlated with others'."""
     return TargetTrack(
-        state=jnp.concatenate([estimate.r_TS_N, estimate.v_TS_N]), covariance=estimate.covariance[:6, :6]
+        state=jnp.concatenate([estimate.r_TS_N, estimate.v_TS_N]),
+        covariance=estimate.covariance[:6, :6],
+        correlated=correlated[:6, :6],
     )
 
 
@@ -123,17 +145,16 @@ def update(
     recovered: Flag,
 ) -> EstimateSharing:
     """Memory after the own box, present if it passed the gate, before the messages of the tick."""
-    local = memory.local
+    local, correlated = memory.local, memory.correlated
     assert local is not None
+    assert correlated is not None
     rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, focal_px, local, q_KN, box)
     drift = jnp.pad(jnp.full(2, box.attitude_variance_change), (8, 2))
-    result = kalman_update.update(
-        local.covariance,
-        rows,
-        process_variance=drift,
-        inflation_variance=relative_orbit_ekf.recovery_variance(tuning, local.r_TS_N, recovered),
-    )
-    return replace(memory, local=relative_orbit_ekf.corrected(local, result, orbit.relative.outline))
+    inflation = relative_orbit_ekf.recovery_variance(tuning, local.r_TS_N, recovered)
+    gains, P = kalman_update.reduced_by_rows(local.covariance + jnp.diag(drift), rows)
+    correlated = kalman_update.part_after(correlated, rows, gains) + jnp.diag(inflation)
+    local = _moved_by(local, gains.deviation, P + jnp.diag(inflation))
+    return replace(memory, local=replace(local, outline=orbit.relative.outline), correlated=correlated)
 
 
 def receive(
@@ -144,18 +165,28 @@ def receive(
     assert local is not None
     assert tracks is not None
     baselines = _updated_baselines(baseline, memory.baselines, orbit, news, delay)
-    arrived = _tracks(baselines, orbit, news, delay)
-    estimates = peer_news.select_peers(news.used, arrived, tracks.estimates)
-    tracks = Tracks(estimates=estimates, known=tracks.known | news.used)
-    mean, P = _state(local), local.covariance
-    for k in range(tracks.known.shape[0]):
-        other = jax.tree.map(lambda leaf, k=k: leaf[k], tracks.estimates)
-        total = other.correlated + other.independent
-        weight = covariance_intersection.best_weight(P[:3, :3], total[:3, :3])
-        own = SplitEstimate(mean=mean, correlated=P, independent=jnp.zeros_like(P))
-        mean, P = covariance_intersection.fuse(own, other, tracks.known[k], weight)
+    arrived = Tracks(
+        estimates=_tracks(baselines, orbit, news, delay), of_own=baselines.of_own[:, :6, :6], known=news.used
+    )
+    tracks = replace(peer_news.select_peers(news.used, arrived, tracks), known=tracks.known | news.used)
+    assert memory.correlated is not None
+    independent = local.covariance - memory.correlated
+    own = SplitEstimate(mean=_state(local), correlated=memory.correlated, independent=independent)
+    mean, P = covariance_intersection.fuse(own, _others(tracks), tracks.known)
     memory = replace(memory, baselines=baselines, tracks=tracks, fused_variance=_position_variance(P))
     return memory, _estimate(local, mean, P)
+
+
+def _others(tracks: Tracks) -> list[SplitEstimate]:
+    """Estimates of the peers; this servicer's share of a baseline's error is in all other baselines."""
+    each = []
+    for k in range(tracks.known.shape[0]):
+        track, of_own = jax.tree.map(lambda leaf, k=k: leaf[k], (tracks.estimates, tracks.of_own))
+        if tracks.known.shape[0] == 1:
+            each.append(replace(track, independent=track.independent + of_own))
+        else:
+            each.append(replace(track, correlated=track.correlated + of_own))
+    return each
 
 
 def receive_naively(
@@ -166,7 +197,7 @@ def receive_naively(
     arrived = _tracks(baselines, orbit, news, delay)
     mean, P = _state(orbit.relative), orbit.relative.covariance
     for k in range(news.used.shape[0]):
-        total = arrived.correlated[k] + arrived.independent[k]
+        total = arrived.correlated[k] + arrived.independent[k] + baselines.of_own[k, :6, :6]
         mean, P = covariance_intersection.independent_fusion(mean, P, arrived.mean[k], total, news.used[k])
     return replace(memory, baselines=baselines), _estimate(orbit.relative, mean, P)
 
@@ -179,6 +210,10 @@ def _state(estimate: RelativeEstimate) -> Float[Array, "12"]:
     return jnp.concatenate(
         [estimate.r_TS_N, estimate.v_TS_N, estimate.scale, estimate.bearing_bias, estimate.center_offset]
     )
+
+
+def _moved_by(estimate: RelativeEstimate, deviation: Float[Array, "12"], covariance: Array) -> RelativeEstimate:
+    return _estimate(estimate, _state(estimate) + deviation, covariance)
 
 
 def _estimate(before: RelativeEstimate, state: Float[Array, "12"], covariance: Array) -> RelativeEstimate:
@@ -196,28 +231,57 @@ def _estimate(before: RelativeEstimate, state: Float[Array, "12"], covariance: A
 def _updated_baselines(
     baseline: BaselineTuning, baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float
 ) -> Baselines:
-    """Baselines after burns of the peers and differences of GPS positions."""
+    """Baselines after burns of the peers, differences of GPS positions and ranges over the links."""
     back = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(orbit.servicer.r_SN_N), -delay)
-    means, covariances = [], []
+    updated = []
     for k in range(news.used.shape[0]):
-        x, P, used = baselines.mean[k], baselines.covariance[k], news.used[k]
-        decay = jnp.exp(-news.interval[k] / baseline.error_time_constant)
-        factors = jnp.concatenate([jnp.ones(6, dtype=x.dtype), jnp.full(3, decay)])
-        added = jnp.pad(jnp.where(used, news.burns.covariance[k], 0.0), ((0, 3), (0, 3)))
-        slow = jnp.full(3, baseline.error_sigma**2 * (1.0 - decay**2))
-        x = factors * x + jnp.pad(jnp.where(used, news.burns.change[k], 0.0), (0, 3))
-        P = P * factors[:, None] * factors[None, :] + added + jnp.diag(jnp.pad(slow, (6, 0)))
-        same = jnp.eye(3, dtype=x.dtype)
-        rows = MeasurementRows(
-            residual=news.baseline[k] - apply(back[:3], x[:6] + news.own_burns) - x[6:],
-            jacobian=jnp.concatenate([back[:3], same], axis=1),
-            variance=jnp.full(3, baseline.noise**2),
-            weight=jnp.full(3, jnp.where(news.measured[k], 1.0, 0.0)).astype(x.dtype),
-        )
-        result = kalman_update.update(P, rows, HP=product(back[:3], P[:6]) + P[6:])
-        means.append(x + result.deviation)
-        covariances.append(result.covariance)
-    return Baselines(mean=jnp.stack(means), covariance=jnp.stack(covariances))
+        before, of_peer = jax.tree.map(lambda leaf, k=k: leaf[k], (baselines, replace(news, own_burns=news.used)))
+        updated.append(_updated_baseline(baseline, before, replace(of_peer, own_burns=news.own_burns), back))
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *updated)
+
+
+def _updated_baseline(baseline: BaselineTuning, before: Baselines, news: News, back: Float[Array, "6 6"]) -> Baselines:
+    """Baseline to one peer, with the news of that peer; half of the noise of a difference is the own receiver's."""
+    used, slow_count = news.used, before.mean.shape[0] - 6
+    decay = jnp.exp(-news.interval / baseline.error_time_constant)
+    constant = jnp.ones(slow_count - 3, dtype=decay.dtype)
+    factors = jnp.concatenate([jnp.ones(6, dtype=decay.dtype), jnp.full(3, decay), constant])
+    growth = jnp.full(3, baseline.error_sigma**2 * (1.0 - decay**2))
+    slow = jnp.diag(jnp.concatenate([jnp.zeros(6, dtype=decay.dtype), growth, 0.0 * constant]))
+    x = factors * before.mean + jnp.pad(jnp.where(used, news.burns.change, 0.0), (0, slow_count))
+    both = factors[:, None] * factors[None, :]
+    burns = jnp.pad(jnp.where(used, news.burns.covariance, 0.0), ((0, slow_count), (0, slow_count)))
+    rows, of_receiver = _baseline_rows(baseline, x, before.covariance * both + burns + slow, news, back)
+    gains, covariance = kalman_update.reduced_by_rows(before.covariance * both + burns + slow, rows)
+    of_own = kalman_update.part_after(before.of_own * both + 0.5 * slow, rows, gains, of_receiver)
+    return Baselines(mean=x + gains.deviation, covariance=covariance, of_own=of_own)
+
+
+def _baseline_rows(
+    baseline: BaselineTuning, x: Float[Array, " n"], P: Float[Array, "n n"], news: News, back: Float[Array, "6 6"]
+) -> tuple[MeasurementRows, Float[Array, " m"]]:
+    """Difference of GPS positions, and range if there is one; and the variance that the own receiver adds to each."""
+    position, same = apply(back[:3], x[:6] + news.own_burns), jnp.eye(3, dtype=x.dtype)
+    rest = jnp.zeros((3, x.shape[0] - 9), dtype=x.dtype)
+    residual, jacobian = news.baseline - position - x[6:9], jnp.concatenate([back[:3], same, rest], axis=1)
+    variance = jnp.full(3, baseline.noise**2)
+    weight = jnp.full(3, jnp.where(news.measured, 1.0, 0.0)).astype(x.dtype)
+    of_receiver = 0.5 * variance
+    if news.ranges is not None:
+        distance = gradient_safe.norm(position)
+        u = position / distance
+        at_stamp = product(back[:3], product(back[:3], P[:6, :6]).T)
+        across = jnp.trace(at_stamp) - jnp.sum(u * apply(at_stamp, u), axis=0)
+        # Of second order, as in the joint filter.
+        excess = jnp.maximum(across, 0.0) / distance
+        residual = jnp.concatenate([residual, (news.ranges - distance - 0.5 * excess - x[9])[None]])
+        of_range = jnp.concatenate([product(u[None], back[:3]), jnp.zeros((1, 3)), jnp.ones((1, 1))], axis=1)
+        jacobian = jnp.concatenate([jacobian, of_range], axis=0)
+        variance = jnp.concatenate([variance, (baseline.range_noise**2 + 0.5 * excess**2)[None]])
+        weight = jnp.concatenate([weight, jnp.where(news.used, 1.0, 0.0)[None].astype(x.dtype)])
+        of_receiver = jnp.pad(of_receiver, (0, 1))
+    rows = MeasurementRows(residual=residual, jacobian=jacobian, variance=variance, weight=weight)
+    return rows, of_receiver
 
 
 def _tracks(baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float) -> SplitEstimate:
@@ -226,9 +290,18 @@ def _tracks(baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float
     assert track is not None
     forth = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(orbit.servicer.r_SN_N), delay)
     count = news.used.shape[0]
-    moved = [product(forth, product(forth, track.covariance[k]).T) for k in range(count)]
+
+    def moved(P: Array) -> Array:
+        half = product(forth, product(forth, P).T)
+        return 0.5 * (half + half.T)
+
+    of_peer = (baselines.covariance - baselines.of_own)[:, :6, :6]
     mean = [apply(forth, track.state[k]) + baselines.mean[k, :6] for k in range(count)]
-    return SplitEstimate(mean=jnp.stack(mean), correlated=jnp.stack(moved), independent=baselines.covariance[:, :6, :6])
+    return SplitEstimate(
+        mean=jnp.stack(mean),
+        correlated=jnp.stack([moved(track.correlated[k]) for k in range(count)]),
+        independent=jnp.stack([moved(track.covariance[k] - track.correlated[k]) + of_peer[k] for k in range(count)]),
+    )
 
 
 def predict(
@@ -244,7 +317,8 @@ def predict(
     """Memory `dt` [s] later; the arguments are those of `box_sharing.predict`."""
     r_before_N, r_after_N = before.servicer.r_SN_N, after.servicer.r_SN_N
     gradient = two_body_gravity.gravity_gradient(r_before_N)
-    noise = burn_covariance + tuning.relative_acceleration_noise**2 * dt * jnp.eye(3, dtype=burn_covariance.dtype)
+    unmodelled = tuning.relative_acceleration_noise**2 * dt * jnp.eye(3, dtype=burn_covariance.dtype)
+    noise = burn_covariance + unmodelled
 
     def moved(state: Float[Array, "6"]) -> Float[Array, "6"]:
         return baseline_motion.propagate(zonal_degree, state, r_before_N, r_after_N, delta_v_N, dt)
@@ -257,18 +331,26 @@ def predict(
     count = memory.baselines.mean.shape[0]
     mean = [jnp.concatenate([moved(row[:6]), row[6:]]) for row in (memory.baselines.mean[k] for k in range(count))]
     covariance = [grown(memory.baselines.covariance[k], noise) for k in range(count)]
-    memory = replace(memory, baselines=Baselines(mean=jnp.stack(mean), covariance=jnp.stack(covariance)))
+    of_own = [grown(memory.baselines.of_own[k], burn_covariance + 0.5 * unmodelled) for k in range(count)]
+    baselines = Baselines(mean=jnp.stack(mean), covariance=jnp.stack(covariance), of_own=jnp.stack(of_own))
+    memory = replace(memory, baselines=baselines)
     if memory.local is None or memory.tracks is None:
         return memory
     assert memory.fused_variance is not None
+    assert memory.correlated is not None
     found = memory.tracks.estimates
+    zero = jnp.zeros_like(noise)
     estimates = SplitEstimate(
         mean=jnp.stack([moved(found.mean[k]) for k in range(count)]),
-        correlated=jnp.stack([grown(found.correlated[k], noise) for k in range(count)]),
-        independent=jnp.stack([grown(found.independent[k], jnp.zeros_like(noise)) for k in range(count)]),
+        correlated=jnp.stack([grown(found.correlated[k], unmodelled) for k in range(count)]),
+        independent=jnp.stack([grown(found.independent[k], zero) for k in range(count)]),
     )
+    of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
     state = moved(_state(memory.local)[:6])
     is_widened = _position_variance(before.relative.covariance) > _WIDENED * memory.fused_variance
     widened = relative_orbit_ekf.widen(memory.local, is_widened)
     local = relative_orbit_ekf.predict(tuning, widened, state[:3], state[3:], r_before_N, burn_covariance, dt)
-    return replace(memory, local=local, tracks=replace(memory.tracks, estimates=estimates))
+    correlated = relative_orbit_ekf.widen(replace(memory.local, covariance=memory.correlated), is_widened)
+    correlated = relative_orbit_ekf.predict(tuning, correlated, state[:3], state[3:], r_before_N, zero, dt)
+    tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
+    return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

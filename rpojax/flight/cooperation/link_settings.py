@@ -21,6 +21,7 @@ class LinkSettings:
         delay_ticks: camera ticks from a message's time stamp to its reception
         hears: (receiver, sender) pairs with a link
         zonal_degree: highest zonal harmonic in the motion of baselines
+        ranging: whether servicers measure their range to each other over the links
     """
 
     servicers: int
@@ -29,6 +30,7 @@ class LinkSettings:
     delay_ticks: int
     hears: tuple[tuple[int, int], ...]
     zonal_degree: int
+    ranging: bool = False
 
     @property
     def peers(self) -> tuple[tuple[int, ...], ...]:
@@ -38,14 +40,18 @@ class LinkSettings:
 
 @pytree
 class BaselineTuning:
-    """Belief of flight software in differences of two servicers' GPS positions.
+    """Belief of flight software in differences of two servicers' GPS positions, and in their range over the link.
 
     Attributes:
         noise: () white noise per axis, 1 sigma [m]
         error_sigma: () slowly varying error per axis, 1 sigma [m]
         error_time_constant: () its correlation time [s]
+        range_noise: () white noise of a range over the link, 1 sigma [m]
+        range_bias_sigma: () its constant bias, 1 sigma [m]
     """
 
     noise: Array
     error_sigma: Array
     error_time_constant: Array
+    range_noise: Array
+    range_bias_sigma: Array

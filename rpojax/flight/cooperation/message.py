@@ -16,10 +16,12 @@ class TargetTrack:
     Attributes:
         state: (6,) position [m] and velocity [m/s] in N
         covariance: (6, 6)
+        correlated: (6, 6) part of it by errors that other servicers' estimates may have, too
     """
 
     state: Array
     covariance: Array
+    correlated: Array
 
 
 @pytree
@@ -29,20 +31,24 @@ class Message:
     Attributes:
         time: () time stamp since the start [s], minus infinity before the first one
         gps: position, by code or carrier phase
-        burns: effect of the sender's burns since the start
+        burns: effect of the sender's burns, at the start
+        from_start: (6, 6) state transition matrix from the start to the time stamp
         q_KN: (4,) attitude of its camera
         attitude_variance: () sum of the changes of that attitude's variance since the start [rad^2]
         box: box that passed the sender's gate, None where boxes are not shared
         track: estimate of the target, None where estimates are not shared
+        ranges: (peers,) ranges that it measured over the links [m], None without; kept for itself
     """
 
     time: Array
     gps: GpsMeasurement
     burns: BurnEffect
+    from_start: Array
     q_KN: Array
     attitude_variance: Array
     box: BoxMeasurement | None = None
     track: TargetTrack | None = None
+    ranges: Array | None = None
 
 
 def delay_line(message: Message, delay_ticks: int) -> Message:
@@ -64,12 +70,13 @@ def oldest(line: Message) -> Message:
 def message_bytes(message: Message) -> int:
     """Length of a message of double-precision numbers and flags of one byte [byte].
 
-    A covariance is sent as its upper triangle. What the receiver works out itself is not sent.
+    A covariance is sent as its upper triangle. What the receiver works out or measures itself is not sent.
     """
-    total = 0
-    for leaf in jax.tree.leaves(message):
-        numbers = leaf.size
-        if leaf.ndim == 2 and leaf.shape[0] == leaf.shape[1]:
-            numbers = leaf.shape[0] * (leaf.shape[0] + 1) // 2
-        total += numbers * (1 if leaf.dtype == bool else 8)
+    covariances = [
+        message.burns.covariance,
+        *([] if message.track is None else [message.track.covariance, message.track.correlated]),
+    ]
+    total = -8 * sum(P.shape[0] * (P.shape[0] - 1) // 2 for P in covariances)
+    for leaf in jax.tree.leaves(replace(message, ranges=None)):
+        total += leaf.size * (1 if leaf.dtype == bool else 8)
     return total

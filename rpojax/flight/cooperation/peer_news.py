@@ -7,9 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import double_single
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree
 from rpojax.flight.cooperation import burn_effect
-from rpojax.flight.cooperation.burn_effect import BurnEffect
+from rpojax.flight.cooperation.burn_effect import BurnEffect, BurnSum
+from rpojax.flight.cooperation.free_relative_motion import product
 from rpojax.flight.cooperation.message import Message
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
@@ -22,7 +23,7 @@ class Heard:
 
     Attributes:
         time: (peers,) its time stamp [s]
-        burns: effect of the peer's burns, (peers, ...), propagated since
+        burns: effect of the peer's burns, (peers, ...), at the start
         attitude_variance: (peers,) as the message had it [rad^2]
     """
 
@@ -39,10 +40,11 @@ class News:
         messages: the latest one of each peer
         used: (peers,) bool, it has arrived, and no later one before it
         interval: (peers,) since the time stamp before [s]
-        burns: effect of the peer's burns in between, propagated to now
+        burns: effect of the peer's burns in between, propagated to now, (peers, ...)
         attitude_variance: (peers,) change in between [rad^2]
         baseline: (peers, 3) GPS position of the peer less the own one, both at the time stamp [m]
         measured: (peers,) bool, there is one
+        ranges: (peers,) ranges over the links at the time stamp [m], None without
         own_burns: (6,) effect of the own burns since the time stamp, propagated to now
         tuning: orbit filters of the peers
         focal_px: (peers,) of their cameras [px]
@@ -58,11 +60,12 @@ class News:
     own_burns: Array
     tuning: OrbitFilterTuning
     focal_px: Array
+    ranges: Array | None = None
 
 
 def initial(count: int) -> Heard:
     """Nothing heard of so many peers; the first message is one of a peer without burns."""
-    return Heard(time=jnp.zeros(count), burns=_repeat(burn_effect.initial(), count), attitude_variance=jnp.zeros(count))
+    return Heard(time=jnp.zeros(count), burns=_repeat(burn_effect.none(), count), attitude_variance=jnp.zeros(count))
 
 
 def _repeat(effect: BurnEffect, count: int) -> BurnEffect:
@@ -73,10 +76,11 @@ def read(
     heard: Heard,
     messages: Message,
     received: Bool[Array, " peers"],
-    own_burns: BurnEffect,
+    own_burns: BurnSum,
     own_then: Message,
     tuning: OrbitFilterTuning,
     focal_px: Float[Array, " peers"],
+    forth: Float[Array, "6 6"] | None,
 ) -> tuple[News, Heard]:
     """News of a tick, and the memory after it.
 
@@ -88,22 +92,34 @@ def read(
         own_then: its own message of the time stamps
         tuning: of the peers
         focal_px: (peers,) of their cameras [px]
+        forth: (6, 6) state transition matrix from the time stamps to now, None if they are now
     """
     used = received & (messages.time >= heard.time)
     news = News(
         messages=messages,
         used=used,
         interval=jnp.where(used, messages.time - heard.time, 0.0),
-        burns=burn_effect.since(messages.burns, heard.burns),
+        burns=_peer_burns(messages, heard, forth),
         attitude_variance=messages.attitude_variance - heard.attitude_variance,
         baseline=_gps_differences(messages, own_then),
         measured=used & messages.gps.present & own_then.gps.present,
-        own_burns=burn_effect.since(own_burns, own_then.burns).change,
+        own_burns=burn_effect.change_since(own_burns.at_start, own_then.burns, own_burns.from_start),
         tuning=tuning,
         focal_px=focal_px,
+        ranges=own_then.ranges,
     )
     latest = Heard(time=messages.time, burns=messages.burns, attitude_variance=messages.attitude_variance)
     return news, select_peers(used, latest, heard)
+
+
+def _peer_burns(messages: Message, heard: Heard, forth: Float[Array, "6 6"] | None) -> BurnEffect:
+    """Effect of the peers' burns between what was heard before and the messages, propagated to now."""
+    effects = []
+    for k in range(heard.time.shape[0]):
+        now, before = (jax.tree.map(lambda leaf, k=k: leaf[k], effect) for effect in (messages.burns, heard.burns))
+        from_start = messages.from_start[k] if forth is None else product(forth, messages.from_start[k])
+        effects.append(burn_effect.since(now, before, from_start))
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
 
 
 def _gps_differences(messages: Message, own: Message) -> Float[Array, "peers 3"]:
@@ -130,12 +146,3 @@ def select_peers(condition: Bool[Array, " peers"], if_true: T, if_false: T) -> T
         return jnp.where(jnp.expand_dims(condition, tuple(range(1, a.ndim))), a, b)
 
     return jax.tree.map(choose, if_true, if_false)
-
-
-def propagate(heard: Heard, transition: Float[Array, "6 6"]) -> Heard:
-    """Memory after a tick of free motion with this state transition matrix."""
-    count = heard.time.shape[0]
-    each = [
-        burn_effect.propagate(jax.tree.map(lambda leaf, k=k: leaf[k], heard.burns), transition) for k in range(count)
-    ]
-    return replace(heard, burns=jax.tree.map(lambda *leaves: jnp.stack(leaves), *each))

@@ -21,7 +21,7 @@ from rpojax.flight.cooperation import (
     message,
     peer_news,
 )
-from rpojax.flight.cooperation.burn_effect import BurnEffect
+from rpojax.flight.cooperation.burn_effect import BurnSum
 from rpojax.flight.cooperation.estimate_sharing import EstimateSharing
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning, LinkSettings
@@ -44,7 +44,7 @@ class SharingMemory:
 
     Attributes:
         line: its messages of the last ticks, newest first along the first axis
-        burns: effect of its burns since the start
+        burns: sum of the effects of its burns
         attitude_variance: () sum of the changes of its attitude's variance [rad^2]
         heard: of its peers
         news_used: (peers,) bool, what the peer sent was used in the latest tick
@@ -53,7 +53,7 @@ class SharingMemory:
     """
 
     line: Message
-    burns: BurnEffect
+    burns: BurnSum
     attitude_variance: Array
     heard: Heard
     news_used: Array
@@ -79,7 +79,9 @@ def initial(
         own, baselines = records.orbit.relative, _baselines(records.orbit, peers.orbit)
         zero = jnp.zeros_like(own.r_TS_N[0])
         memory = SharingMemory(
-            line=_message(settings, records, jnp.zeros((), dtype=bool), burn_effect.initial(), zero, own, zero),
+            line=_message(
+                settings, records, jnp.zeros((), dtype=bool), burn_effect.initial(), zero, own, own.covariance, zero
+            ),
             burns=burn_effect.initial(),
             attitude_variance=zero,
             heard=peer_news.initial(settings.servicers - 1),
@@ -87,9 +89,10 @@ def initial(
         )
         memory = replace(memory, line=message.delay_line(memory.line, settings.delay_ticks))
         if settings.sharing in ("boxes", "central"):
-            return replace(memory, joint=joint_filter.initial(tuning, baseline, own, baselines, peers.tuning))
+            joint = joint_filter.initial(tuning, baseline, own, baselines, peers.tuning, settings.ranging)
+            return replace(memory, joint=joint)
         is_naive = settings.sharing == "naive"
-        estimates = estimate_sharing.initial(tuning, baseline, own, baselines, peers.tuning, is_naive)
+        estimates = estimate_sharing.initial(tuning, baseline, own, baselines, peers.tuning, is_naive, settings.ranging)
         return replace(memory, estimates=estimates)
 
     return batching_mode.transform()(of_one, in_axes=-1, out_axes=-1)(tuning, peers, records)
@@ -112,21 +115,24 @@ def _message(
     settings: LinkSettings,
     records: TeamRecords,
     accepted: Bool[Array, ""],
-    burns: BurnEffect,
+    burns: BurnSum,
     attitude_variance: Scalar,
     own: RelativeEstimate,
+    correlated: Float[Array, "12 12"],
     time: Scalar,
 ) -> Message:
-    """Message of one servicer; with estimates that of the target is `own`."""
+    """Message of one servicer; with estimates that of the target is `own`, with the `correlated` part."""
     shares_boxes = settings.sharing in ("boxes", "central")
     return Message(
         time=time,
         gps=records.gps,
-        burns=burns,
+        burns=burns.at_start,
+        from_start=burns.from_start,
         q_KN=records.q_KN,
         attitude_variance=attitude_variance,
         box=_gated(records.box, accepted) if shares_boxes else None,
-        track=None if shares_boxes else estimate_sharing.target_track(own),
+        track=None if shares_boxes else estimate_sharing.target_track(own, correlated),
+        ranges=records.ranges,
     )
 
 
@@ -187,6 +193,7 @@ def share(
             message.oldest(memory.line),
             arrived.tuning,
             arrived.focal_px,
+            _forth(records, delay),
         )
         memory = replace(memory, heard=latest)
         return _received(settings, baseline, tuning, focal_px, records, memory, news, delay)
@@ -206,6 +213,14 @@ class _Arrived:
     focal_px: Array
 
 
+def _forth(records: TeamRecords, delay: float) -> Float[Array, "6 6"] | None:
+    """State transition matrix from the time stamps of what arrives to now, None without delay."""
+    if delay == 0.0:
+        return None
+    gradient = two_body_gravity.gravity_gradient(records.orbit.servicer.r_SN_N)
+    return free_relative_motion.transition_matrix(gradient, delay)
+
+
 def _sent(
     settings: LinkSettings,
     records: TeamRecords,
@@ -217,6 +232,7 @@ def _sent(
     """Memory of a servicer after the message of a tick."""
     assert records.innovation is not None
     accepted, own = records.innovation.accepted, records.orbit.relative
+    correlated = own.covariance
     box = _gated(records.box, accepted)
     estimates = memory.estimates
     if settings.sharing == "estimates":
@@ -225,9 +241,10 @@ def _sent(
             tuning, focal_px, estimates, records.orbit, records.q_KN, box, records.gate.recovered
         )
         assert estimates.local is not None
-        own = estimates.local
+        assert estimates.correlated is not None
+        own, correlated = estimates.local, estimates.correlated
     attitude_variance = memory.attitude_variance + records.box.attitude_variance_change
-    new = _message(settings, records, accepted, memory.burns, attitude_variance, own, time)
+    new = _message(settings, records, accepted, memory.burns, attitude_variance, own, correlated, time)
     return replace(
         memory, line=message.push(memory.line, new), attitude_variance=attitude_variance, estimates=estimates
     )
@@ -319,11 +336,6 @@ def predict(
 def _with_burns(
     memory: SharingMemory, before: OrbitEstimate, delta_v_N: Vector, covariance: Float[Array, "3 3"], dt: float
 ) -> SharingMemory:
-    """Memory whose effects of burns are propagated by a tick, the own one with the burn in it."""
+    """Memory with the burn of a tick."""
     gradient = two_body_gravity.gravity_gradient(before.servicer.r_SN_N)
-    transition = free_relative_motion.transition_matrix(gradient, dt)
-    ages = range(memory.line.time.shape[0])
-    sent = [burn_effect.propagate(jax.tree.map(lambda leaf, k=k: leaf[k], memory.line.burns), transition) for k in ages]
-    line = replace(memory.line, burns=jax.tree.map(lambda *leaves: jnp.stack(leaves), *sent))
-    own = burn_effect.burn(burn_effect.propagate(memory.burns, transition), delta_v_N, covariance, dt)
-    return replace(memory, line=line, burns=own, heard=peer_news.propagate(memory.heard, transition))
+    return replace(memory, burns=burn_effect.advance(memory.burns, gradient, delta_v_N, covariance, dt))

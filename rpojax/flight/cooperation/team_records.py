@@ -26,6 +26,7 @@ class TeamRecords:
         gps: positions, by code or carrier phase, whose differences are the baselines
         q_KN: (4, N) attitudes of the cameras by the attitude filters
         running: (N,) bool, a servicer that failed neither sends nor hears
+        ranges: (peers, N) that each measures to its peers over the links [m], None without
     """
 
     orbit: OrbitEstimate
@@ -35,6 +36,7 @@ class TeamRecords:
     gps: GpsMeasurement
     q_KN: Array
     running: Array
+    ranges: Array | None = None
 
 
 def for_receivers(of_servicers: T, peers: tuple[tuple[int, ...], ...]) -> T:

@@ -14,9 +14,11 @@ class TeamSettings:
         link: of the messages between them
         decision_offsets: camera ticks by which the burn decisions of each are later than at an offset of 0
         carrier_differences: whether differences of GPS positions are by carrier phase, not by code
+        coordinated: whether the servicers tell each other their plans, and decide with these
     """
 
     servicers: int
     link: LinkSettings
     decision_offsets: tuple[int, ...]
     carrier_differences: bool
+    coordinated: bool = False

@@ -113,16 +113,21 @@ def _candidates(
     period: float,
 ) -> Float[Array, "7 3"]:
     """Velocity changes [m/s] in the order of preference."""
-    rho, rho_dot = state_H[:3], state_H[3:]
+    rho = state_H[:3]
     now, station = gradient_safe.norm(rho), gradient_safe.norm(station_H)
-    # Without radial and cross-track velocity and with this one along the track, the relative motion does not drift.
-    stop = jnp.stack([0.0 * n, -2.0 * n * rho[0], 0.0 * n]) - rho_dot
+    stop = change_to_stop(state_H, n)
     caution = jnp.where(confidence.present, 1.0, _HOLD_FRACTION)
     hold = _change_to_hold(station_H, state_H, confidence.last_range, n, _HORIZON_PERIODS * period)
     preferred = jnp.where(stays_visible, jnp.where(confidence.present, wanted_H, caution * hold), stop)
     along_track = jnp.stack([0.0 * n, stop[1], 0.0 * n])
     retreat = caution * stop + _RETREAT * jnp.minimum(station, now) / (period * now) * rho
     return jnp.stack([preferred, 0.5 * preferred, caution * stop, jnp.zeros_like(stop), stop, along_track, retreat])
+
+
+def change_to_stop(state_H: Float[Array, "6"], n: Scalar) -> Vector:
+    """Velocity change [m/s] after which the relative motion [m, m/s] does not drift, at mean motion `n` [rad/s]."""
+    # Without radial and cross-track velocity this one along the track is that of a closed ellipse.
+    return jnp.stack([0.0 * n, -2.0 * n * state_H[0], 0.0 * n]) - state_H[3:]
 
 
 def _change_to_hold(

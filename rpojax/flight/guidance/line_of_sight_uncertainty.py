@@ -1,5 +1,7 @@
 """Uncertainty of range and bearing to the estimated target."""
 
+import math
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -25,3 +27,18 @@ def bearing_sigma(estimate: OrbitEstimate) -> Scalar:
     P = estimate.relative.covariance[:3, :3]
     across = P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(line_of_sight * apply(P, line_of_sight), axis=0)
     return gradient_safe.sqrt(across) / gradient_safe.norm(estimate.relative.r_TS_N)
+
+
+def uncertainty_cone(estimate: OrbitEstimate, sigmas: Scalar) -> Scalar:
+    """Half-angle [rad] of the cone of directions in which the target is within some `sigmas` [-] of its estimate.
+
+    It touches the ellipsoid of uncertainty; a servicer inside of that has the target in any direction. An upper bound,
+    close for small angles.
+    """
+    along = sigmas * relative_range_sigma(estimate)
+    outside = gradient_safe.sqrt(jnp.maximum(1.0 - along * along, _LEAST_OUTSIDE))
+    return jnp.minimum(sigmas * bearing_sigma(estimate) / outside, math.pi)
+
+
+_LEAST_OUTSIDE = 1e-4
+"""Bound of a squared cosine that is zero where the cone opens to a half-space [-]."""

@@ -17,7 +17,7 @@ Flag = Bool[Array, ""]
 Scalar = Float[Array, ""]
 
 
-def is_visible(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, tolerance: float = 0.0) -> Flag:
+def is_visible(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, tolerance: Scalar | float = 0.0) -> Flag:
     """True while the target should be visible by the estimate, the Sun at `sun_N` [m] and the camera's limits.
 
     `tolerance` [rad] widens the limits.

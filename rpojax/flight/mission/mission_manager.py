@@ -98,6 +98,7 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
         known_at=jnp.where(begins, jnp.inf, known_at),
         has_seen_target=state.has_seen_target | situation.seen,
         abort_reason=jnp.where(aborts, reason, state.abort_reason).astype(jnp.int32),
+        team=state.team,
     )
 
 

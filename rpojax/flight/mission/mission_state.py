@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.mission.team_mission import TeamMission
 
 
 class AbortReason(enum.IntEnum):
@@ -59,6 +60,7 @@ class MissionState:
         known_at: () since when the range has been known well enough [s], infinite if it is not
         has_seen_target: () bool, whether the target was ever seen
         abort_reason: () int32, an `AbortReason`
+        team: decisions because of other servicers, None without any
     """
 
     phase: Array
@@ -71,6 +73,7 @@ class MissionState:
     known_at: Array
     has_seen_target: Array
     abort_reason: Array
+    team: TeamMission | None = None
 
 
 def initial(

@@ -5,6 +5,8 @@ from typing import Literal
 
 Pointing = Literal["target", "sun_safe", "velocity"]
 TimeoutAction = Literal["next", "hold", "abort"]
+Phasing = Literal["fixed", "spread", "viewpoints"]
+"""Phases of relative orbits: those of the plan, spread anew when a servicer is left out, or for what is newly seen."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,18 @@ class MissionSettings:
         decision_ticks: ticks between decisions of the mission manager
         hold_ticks: ticks between burn decisions while it holds its place or has aborted
         hold_burns_per_orbit: number of LQR gains over an orbit then
+        coordinated: whether the servicer decides with others of a team
+        keeps_clear: whether it keeps clear of their free motion
+        phasing: how the phases of the relative orbits of a team are chosen
     """
 
     phases: tuple[PhaseSettings, ...]
     decision_ticks: int
     hold_ticks: int
     hold_burns_per_orbit: int
+    coordinated: bool = False
+    keeps_clear: bool = False
+    phasing: Phasing = "fixed"
 
     @property
     def hold(self) -> int:

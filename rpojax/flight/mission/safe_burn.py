@@ -1,7 +1,8 @@
-"""Burn veto and abort burn: the velocity change whose free drift stays clear of the keep-out zone."""
+"""Burn veto and abort burn: the velocity change whose free drift stays clear of the keep-out zone, and of others."""
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Final
 
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe
+from rpojax.core.pytree import pytree
 from rpojax.flight.mission.drift_clearance import Drift, least_clearance
 
 Scalar = Float[Array, ""]
@@ -45,13 +47,83 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         greatest: () size of the greatest change that can be made in any direction [m/s]
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
     """
+    burns = _burns(planned_H, greatest)
+    return _chosen(burns, *least_clearance(drift, burns.directions_H, burns.sizes), greatest, may_wait)
+
+
+Clearance = Callable[[Float[Array, "3 d"], Float[Array, "d k"]], tuple[Float[Array, "n d k"], Float[Array, " n"]]]
+"""Clearance from several others of burns in some directions and sizes, and that without a burn by the estimate."""
+
+
+@pytree
+class SafeBurn:
+    """Burn that keeps clear of the target and of others.
+
+    Attributes:
+        delta_v_H: (3,) [m/s]
+        changed_for: () int32, number of the one without which it would be another burn, -1 without one
+    """
+
+    delta_v_H: Array
+    changed_for: Array
+
+
+def safe_delta_v_among(
+    drift: Drift, others: Clearance, planned_H: Vector, greatest: Scalar, may_wait: Flag
+) -> SafeBurn:
+    """Burn as by `safe_delta_v` that keeps clear of others, too; who they are is their number along the first axis."""
+    burns = _burns(planned_H, greatest)
+    clearance, expected = least_clearance(drift, burns.directions_H, burns.sizes)
+    of_others, expected_of_others = others(burns.directions_H, burns.sizes)
+    alone = _chosen(burns, clearance, expected, greatest, may_wait)
+    together = jnp.minimum(clearance, jnp.min(of_others, axis=0))
+    delta_v_H = _chosen(burns, together, jnp.minimum(expected, jnp.min(expected_of_others, axis=0)), greatest, may_wait)
+    # The planned burn as a whole, which is the first one, leads nearest to whom it is changed for.
+    nearest = jnp.argmin(of_others[:, 0, 0], axis=0).astype(jnp.int32)
+    is_other = jnp.any(jnp.abs(delta_v_H - alone) > 0.0, axis=0)
+    return SafeBurn(delta_v_H=delta_v_H, changed_for=jnp.where(is_other, nearest, -1).astype(jnp.int32))
+
+
+@pytree
+class _Burns:
+    """Burns that are tried: the planned one first, then the others.
+
+    Attributes:
+        planned_H: (3,) [m/s]
+        others_H: (3, d - 1) directions of the others
+        other_sizes: (d - 1, k) sizes of the others [m/s]
+        directions_H: (3, d) of all
+        sizes: (d, k) factors on each direction
+    """
+
+    planned_H: Array
+    others_H: Array
+    other_sizes: Array
+    directions_H: Array
+    sizes: Array
+
+
+def _burns(planned_H: Vector, greatest: Scalar) -> _Burns:
     dtype = planned_H.dtype
     others_H = jnp.asarray(_DIRECTIONS.T, dtype=dtype)
     directions_H = jnp.concatenate([planned_H[:, None], others_H], axis=1)
     sizes = jnp.broadcast_to(jnp.asarray(_SIZES, dtype=dtype) * greatest, (len(_DIRECTIONS), len(_SIZES)))
     shares = jnp.asarray(_SHARES, dtype=dtype)[None]
-    clearance, expected = least_clearance(drift, directions_H, jnp.concatenate([shares, sizes]))
+    return _Burns(
+        planned_H=planned_H,
+        others_H=others_H,
+        other_sizes=sizes,
+        directions_H=directions_H,
+        sizes=jnp.concatenate([shares, sizes]),
+    )
+
+
+def _chosen(
+    burns: _Burns, clearance: Float[Array, "d k"], expected: Scalar, greatest: Scalar, may_wait: Flag
+) -> Vector:
+    """The burn [m/s] by the clearance of all of them, and that `expected` without one."""
     of_planned, of_others = clearance[0], clearance[1:]
+    others_H, sizes, planned_H = burns.others_H, burns.other_sizes, burns.planned_H
     is_safe = of_others >= 1.0
     # Of two burns of one size, the one with more clearance.
     cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))

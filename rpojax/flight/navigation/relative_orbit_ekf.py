@@ -159,7 +159,7 @@ class _PriorBox:
         variance: (3,) part of it that comes from the state
         untruncated_variance: () of a tangent by a box that the frame does not cut
         is_wide: () bool, the prior bearing is much less certain than a box
-        range_is_wide: () bool, the prior range is, too, and the box shows the whole target
+        range_is_wide: () bool, there is a box, and the prior range is much less certain, too
         in_front: () bool, the target is predicted well in front of the camera
     """
 
@@ -259,8 +259,7 @@ def _prior_box(
     bearing_error = estimate.bearing_bias + at_prior.inverse_depth * estimate.center_offset
     slow_errors = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow_errors
-    whole = box.present & ~box.truncated
-    range_is_wide = whole & box_position.is_range_wide(r_TS_N, estimate.covariance[:3, :3])
+    range_is_wide = box.present & box_position.is_range_wide(r_TS_N, estimate.covariance[:3, :3])
     reference = jnp.where(range_is_wide, box_position.position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
     model = linearise_box(tuning, focal_px, R_KN, reference, box, estimate.scale[0])
     innovation_variance = _innovation_variance(estimate.covariance, process_variance, model)
@@ -351,12 +350,18 @@ def _size_row(
     found = detection_model.detection_information(
         tuning, log_size_px, prior.variance[2], decision.accepted & whole, looked_for
     )
-    measured = jnp.where(whole, decision.weight, 0.0)
+    # The bearing to a part of the target lies on a half-line, which no linear update of a wide prior can represent: the
+    # size of that part keeps the target on it.
+    measured = jnp.where(whole | prior.range_is_wide, decision.weight, 0.0)
+    variance = jnp.where(whole, variance, _PART_SIZE_SIGMA**2)
     precision = measured / variance + found.precision
     known = precision > _LEAST_PRECISION
     safe = jnp.where(known, precision, 1.0)
     return jnp.stack([(measured * residual / variance + found.residual) / safe, 1.0 / safe, jnp.where(known, 1.0, 0.0)])
 
+
+_PART_SIZE_SIGMA = 0.5
+"""Sigma of the log-size of the target by the box of a part of it [-]."""
 
 _LEAST_PRECISION = 1e-6
 """Precision below which a frame tells nothing of the size."""

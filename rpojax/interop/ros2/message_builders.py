@@ -1,6 +1,6 @@
 """Builders of ROS 2 messages from arrays; pure functions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
 from rpojax.interop.ros2.message_types import message_class
-from rpojax.interop.ros2.message_values import DetectorImage, RosTickValues
+from rpojax.interop.ros2.message_values import DetectorImage, MissionStatus, RosTickValues
 from rpojax.interop.ros2.odometry import Odometry
 
 Numbers = Array | np.ndarray
@@ -268,7 +269,7 @@ def _detection(time_ns: int, detector_image: DetectorImage) -> Any:
 
 
 def diagnostics(time_ns: int, values: RosTickValues) -> Any:
-    """`diagnostic_msgs/DiagnosticArray`: guidance mode, use of the box, consumption."""
+    """`diagnostic_msgs/DiagnosticArray`: guidance mode, use of the box, consumption, phase of the mission."""
     box_status = "accepted" if values.box_accepted else "rejected" if values.camera.present else "none"
     mode = _MODE_NAMES[Mode(int(values.guidance_mode))]
     level = "WARN" if mode == "search" else "OK"
@@ -279,11 +280,20 @@ def diagnostics(time_ns: int, values: RosTickValues) -> Any:
             _status(level, "servicer/guidance", mode, {}),
             _status("WARN" if box_status == "rejected" else "OK", "servicer/navigation", f"box {box_status}", {}),
             _status("OK", "servicer/propulsion", "", consumption),
+            *([] if values.mission is None else [_mission_status(values.mission)]),
         ],
     )
 
 
-def _status(level: str, name: str, text: str, values: dict[str, float]) -> Any:
+def _mission_status(mission: MissionStatus) -> Any:
+    """Phase by its number, what began it, and the reason of an abort."""
+    reason = AbortReason(int(mission.abort_reason))
+    text = Transition(int(mission.entered_by)).text + (f": {reason.text}" if reason else "")
+    numbers = {"phase": int(mission.phase), "abort_reason": int(reason)}
+    return _status("WARN" if reason else "OK", "servicer/mission", text, numbers)
+
+
+def _status(level: str, name: str, text: str, values: Mapping[str, float | int]) -> Any:
     status_class, key_value_class = (
         message_class("diagnostic_msgs/msg/DiagnosticStatus"),
         message_class("diagnostic_msgs/msg/KeyValue"),

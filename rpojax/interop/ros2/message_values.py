@@ -7,6 +7,7 @@ from rpojax.core import quaternion
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree
 from rpojax.flight import computer
+from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.stages import Stages
 from rpojax.interop.ros2.odometry import (
     Odometry,
@@ -56,6 +57,21 @@ class DetectorImage:
 
 
 @pytree
+class MissionStatus:
+    """Status of a mission with phases.
+
+    Attributes:
+        phase: () int32, number of the phase in the scenario from 0; then those of holding and after an abort
+        entered_by: () int32, a `Transition`
+        abort_reason: () int32, an `AbortReason`
+    """
+
+    phase: Array
+    entered_by: Array
+    abort_reason: Array
+
+
+@pytree
 class RosTickValues:
     """Values of the messages of one tick.
 
@@ -87,6 +103,7 @@ class RosTickValues:
         guidance_mode: () code of the mode
         delta_v: () applied so far [m/s]
         mass: () of the servicer [kg]
+        mission: its present phase, what began that, and the reason of an abort, None without phases
     """
 
     time_s: Array
@@ -116,6 +133,7 @@ class RosTickValues:
     guidance_mode: Array
     delta_v: Array
     mass: Array
+    mission: MissionStatus | None = None
 
 
 def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: Telemetry) -> RosTickValues:
@@ -157,7 +175,14 @@ def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: 
         guidance_mode=telemetry.mode,
         delta_v=truth.delta_v,
         mass=truth.mass,
+        mission=_mission_status(flight.mission),
     )
+
+
+def _mission_status(mission: MissionState | None) -> MissionStatus | None:
+    if mission is None:
+        return None
+    return MissionStatus(phase=mission.phase, entered_by=mission.entered_by, abort_reason=mission.abort_reason)
 
 
 def _true_odometries(

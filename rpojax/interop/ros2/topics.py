@@ -245,7 +245,7 @@ DIAGNOSTICS = Topic(
     "",
     TopicSource.FLIGHT,
     TopicRate.TICK,
-    "guidance mode, use of the box; true velocity change and mass",
+    "guidance mode, use of the box; true velocity change and mass; phase of a mission, reason of an abort",
 )
 
 ALL_TOPICS = (

@@ -1,1 +1,1 @@
-"""The report page and report.json: template, the values that fill it, and what is written."""
+"""The report pages and report.json: templates, the values that fill them, and what is written."""

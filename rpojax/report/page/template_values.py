@@ -1,10 +1,13 @@
 """Values for the page's template: charts, tables and the run shown in detail."""
 
 import base64
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from PIL import Image
 
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
@@ -13,6 +16,10 @@ from rpojax.report.figures.charts.plotly_charts import Chart
 from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
 from rpojax.report.mission import abort_section, phase_section, phase_timeline
 from rpojax.report.page.camera_sheet import CameraSheet
+from rpojax.report.page.outcome.leading_figures import leading_figures
+from rpojax.report.page.outcome.next_steps import next_steps
+from rpojax.report.page.outcome.outcome_sentence import outcome_sentence
+from rpojax.report.page.outcome.verdict_tiles import verdict_tiles
 from rpojax.report.rare_failures import probability_page
 from rpojax.report.sections import (
     consistency_section,
@@ -32,6 +39,7 @@ from rpojax.report.sections import (
 )
 from rpojax.report.team import team_tables
 
+_PALETTE_COLOURS = 64
 _CAPTIONS = {
     "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
     "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it rejected, triangles at an "
@@ -85,10 +93,11 @@ class PageCharts:
 
 def page_charts(campaign: CampaignResults, content: Mapping[str, Any]) -> PageCharts:
     """Charts of all sections."""
-    envelopes, averages = envelope_section.envelope_charts(campaign), consistency_section.charts(campaign)
+    envelopes = envelope_section.envelope_charts(campaign, content["requirements"])
+    averages = consistency_section.charts(campaign)
     histograms = distribution_section.histogram_entries(campaign, content)
     convergence = {} if content["convergence"] is None else convergence_section.charts(content["convergence"])
-    explorer = scatter_explorer(campaign)
+    explorer = scatter_explorer(campaign, content["requirements"])
     charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in envelopes.items()}
     charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
     charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in histograms if entry["chart"] is not None}
@@ -106,6 +115,16 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any]) -> PageCh
         "explorer": explorer is not None,
     }
     return PageCharts(charts, explorer, template_values)
+
+
+def first_screen_values(campaign: CampaignResults, content: Mapping[str, Any], charts: PageCharts) -> dict[str, Any]:
+    """Sentence of outcome, verdicts, leading figures and next steps."""
+    return {
+        "outcome": outcome_sentence(content),
+        "verdict_tiles": verdict_tiles(content),
+        "leading": leading_figures(content, charts.charts),
+        "next_steps": next_steps(campaign, content),
+    }
 
 
 def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -180,5 +199,10 @@ def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], det
 
 
 def _data_url(path: Path) -> str:
-    kind = "jpeg" if path.suffix == ".jpg" else "png"
-    return f"data:image/{kind};base64," + base64.b64encode(path.read_bytes()).decode()
+    """Picture as a data URL; a PNG file, of which the figures have few colours, with a palette of 64."""
+    if path.suffix == ".jpg":
+        return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
+    buffer = io.BytesIO()
+    with Image.open(path) as picture:
+        picture.convert("RGB").quantize(_PALETTE_COLOURS).save(buffer, format="png", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()

@@ -26,7 +26,9 @@ def caveat_sentences(campaign: CampaignResults, summary: Mapping[str, Any]) -> l
     if runs["missing"]:
         sentences.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
     ended = int(np.sum(campaign.reached_end))
-    if ended < 299 and runs_are_independent(campaign):
+    if runs["requested"] == 1:
+        sentences.append("One run says nothing about how likely any of this is.")
+    elif ended < 299 and runs_are_independent(campaign):
         sentences.append(
             f"{ended} runs that reached their end cannot bound a 99th percentile without assuming a distribution "
             "(299 are needed for 95 % confidence); p99 is then a description of these runs only."

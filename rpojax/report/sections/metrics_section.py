@@ -17,7 +17,8 @@ class MetricRow:
     """Row of the metric tables; `cells` are mean, sd, min, p50, p95, p99, bound of p99 and max.
 
     `intervals` are those of mean, sd, p50, p95 and p99. Where low values are bad, p5, p1 and the bound of p1, marked
-    as such, replace p95, p99 and its bound.
+    as such, replace p95, p99 and its bound. `failed_without_value` runs failed and have none: the statistics are those
+    of the other runs alone, and a dagger in `cells` says so.
     """
 
     name: str
@@ -27,6 +28,8 @@ class MetricRow:
     cells: list[str]
     intervals: list[str]
     defined: int
+    runs: int
+    failed_without_value: int
     worst_run: int | None
 
 
@@ -36,15 +39,20 @@ def metric_rows(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[M
     for name in of_all_servicers(summary["metrics"]):
         entry = summary["metrics"][name]
         label = metric_label(name)
+        values = campaign.metrics[name]
+        lacking = int(np.sum(~np.isfinite(values) & ~np.asarray(campaign.completed, dtype=bool)))
         keys = ("mean", "std", "min", "p50", *label.tail_statistics[:3], "max")
-        cells = [_with_statistic_name(key, format_number(entry[key])) for key in keys]
-        row = _worst_row(name, campaign.metrics[name])
+        cells = [
+            _with_statistic_name(key, format_number(entry[key]) + _dagger(key, entry[key], lacking)) for key in keys
+        ]
+        row = _worst_row(name, values)
         worst = None if row is None else int(campaign.run_ids[row])
         ends = [
             _interval_text(key, entry[f"{key}_interval_95"])
             for key in ("mean", "std", "p50", *label.tail_statistics[:2])
         ]
-        rows.append(MetricRow(name, label.title, label.meaning, label.unit, cells, ends, entry["defined"], worst))
+        counts = entry["defined"], len(values), lacking
+        rows.append(MetricRow(name, label.title, label.meaning, label.unit, cells, ends, *counts, worst))
     return rows
 
 
@@ -57,6 +65,11 @@ def run_metrics(campaign: CampaignResults, run_id: int) -> list[tuple[str, str, 
         for name in in_display_order(metrics)
         for value in metrics[name][rows]
     ]
+
+
+def _dagger(key: str, value: float | None, lacking: int) -> str:
+    """Mark of a statistic of the runs with a value alone; bounds count the others as the worst."""
+    return "\N{DAGGER}" if lacking and value is not None and not key.endswith("_95") else ""
 
 
 def _interval_text(key: str, ends: list[float | None] | None) -> str:

@@ -55,6 +55,13 @@ def rows(entries: Sequence[Mapping[str, Any]]) -> list[RequirementRow]:
     return [_row(entry) for entry in entries]
 
 
+def limit_text(entry: Mapping[str, Any]) -> str:
+    """Metric, sign of comparison and limit of an entry of report.json."""
+    label = metric_label(entry.get("of", entry["metric"]))
+    side = "\N{LESS-THAN OR EQUAL TO}" if entry["bound"] == "at most" else "\N{GREATER-THAN OR EQUAL TO}"
+    return f"{label.title} {side} {with_unit(format(entry['limit'], 'g'), label.unit)}"
+
+
 def _requirement_phrase(requirement: RequirementSection) -> str:
     label = metric_label(requirement.metric_name)
     limit = with_unit(f"{requirement.limit:g}", label.unit)
@@ -112,9 +119,8 @@ def _row(entry: Mapping[str, Any]) -> RequirementRow:
     label = metric_label(entry.get("of", entry["metric"]))
     cells = _cells(entry)
     ending = f" that end as {entry['outcome']}" if "outcome" in entry else ""
-    side = "\N{LESS-THAN OR EQUAL TO}" if entry["bound"] == "at most" else "\N{GREATER-THAN OR EQUAL TO}"
     return RequirementRow(
-        title=f"{label.title} {side} {with_unit(format(entry['limit'], 'g'), label.unit)}",
+        title=limit_text(entry),
         probability=f"in at least {100.0 * entry['probability']:g} % of runs{ending}",
         verdict=entry["verdict_text"],
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),

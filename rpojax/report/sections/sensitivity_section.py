@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from markupsafe import escape
 
 from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
 from rpojax.report.campaign_results import CampaignResults
@@ -35,8 +34,7 @@ def content(campaign: CampaignResults) -> list[dict[str, Any]]:
 def chart(entry: Mapping[str, Any]) -> Chart:
     """Bars of both measures for the inputs that either ranks strongest; pale if not significant."""
     strongest = _strongest_inputs(entry["inputs"])
-    # Plotly interprets markup in texts.
-    names = [str(escape(one["name"])) for one in strongest]
+    names = [str(one["name"]) for one in strongest]
     measures = (("spearman", "spearman_p", BLUE, "x"), ("hsic", "hsic_p", ORANGE, "x2"))
     bars = [_bars(names, strongest, value, p_value, color, axis) for value, p_value, color, axis in measures]
     layout = chart_layout("Spearman rank correlation", "")

@@ -7,9 +7,9 @@ from rpojax.scenario.checks.design_checks import check_design
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.requirement_checks import check_requirements
-from rpojax.scenario.coverage_surface import mesh_path
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
+from rpojax.scenario.trained.coverage_surface import mesh_path
 
 _MIN_PERIGEE_M = 6.47e6
 """Least radius of the perigee [m], some 100 km above the ground."""

@@ -1,5 +1,6 @@
 """Checks of the phases of a mission: names, periods, ends, and references within the limits of the phase."""
 
+import itertools
 import math
 
 import numpy as np
@@ -31,13 +32,13 @@ def check_phases(file: ScenarioFile) -> None:
             expected = f"a name that no other phase has, and none of {', '.join(BUILT_IN_PHASES)}"
             raise ScenarioError("phases.name", phase.name, expected)
     _check_periods(file)
-    place = list(file.initial.relative_position_m)
+    place: np.ndarray | None = np.array(file.initial.relative_position_m)
     for phase in file.phases:
         _check_end(file, phase)
-        _check_keep_out(file, phase)
-        if isinstance(phase.reference, kinds.TransferSection):
+        _check_keep_out(file, phase, place)
+        if isinstance(phase.reference, kinds.TransferSection) and place is not None:
             _check_transfer(file, phase.name, phase.reference, place)
-        place = _end_m(phase, place)
+        place = _end_m(phase)
 
 
 def _check_periods(file: ScenarioFile) -> None:
@@ -77,10 +78,10 @@ def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
             raise ScenarioError(f"{key}.{name}", value, f"an end within the run: duration_s = {file.duration_s:g}")
 
 
-def _check_keep_out(file: ScenarioFile, phase: PhaseSection) -> None:
-    """Refuses a reference inside of its keep-out zone or outside of its corridor."""
+def _check_keep_out(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -> None:
+    """Refuses a reference inside of its keep-out zone or outside of its corridor, from its `start` [m] where known."""
     semi_axes = np.array(phase.keep_out_m or 3 * [file.limits.keep_out_m])
-    places = _places(phase)
+    places = _places(file, phase, start)
     key = f"phases.{phase.name}.reference"
     if len(places) and (clearance := np.min(np.linalg.norm(places / np.maximum(semi_axes, 1e-9), axis=1))) < 1.0:
         expected = f"one outside of the keep-out zone of {semi_axes.max():g} m"
@@ -101,14 +102,16 @@ def _in_corridor(corridor: CorridorSection, axis: np.ndarray, place: np.ndarray)
     return ahead >= 0.0 and aside <= corridor.width_m + ahead * math.tan(math.radians(corridor.half_angle_deg))
 
 
-def _places(phase: PhaseSection) -> np.ndarray:
+def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -> np.ndarray:
     """Places (n, 3) [m] of a reference that are known before flight, of a near-circular orbit."""
     c, s = np.cos(_ANGLES), np.sin(_ANGLES)
     match phase.reference:
-        case kinds.HoldSection(position_m=place) | kinds.TransferSection(position_m=place):
+        case kinds.HoldSection(position_m=place):
             return np.array([place])
+        case kinds.TransferSection() as transfer:
+            return np.array([transfer.position_m]) if start is None else _transfer_arcs(file, transfer, start)[0]
         case kinds.ApproachSection(end_position_m=place):
-            return np.array([place])
+            return np.array([place]) if start is None else np.linspace(start, place, len(_ANGLES))
         case kinds.RelativeOrbitSection() as orbit:
             # A drift carries the motion along the track past the target: its clearance must be across the track.
             lag = math.radians(orbit.radial_phase_deg - orbit.cross_track_phase_deg)
@@ -124,30 +127,53 @@ def _places(phase: PhaseSection) -> np.ndarray:
             return np.zeros((0, 3))
 
 
-def _end_m(phase: PhaseSection, place: list[float]) -> list[float]:
-    """Position at which the next phase begins, as far as it is known."""
+def _end_m(phase: PhaseSection) -> np.ndarray | None:
+    """Position at which the next phase begins, None where it is not known before flight."""
     match phase.reference:
         case kinds.HoldSection(position_m=end) | kinds.TransferSection(position_m=end):
-            return list(end)
+            return np.array(end)
         case kinds.ApproachSection(end_position_m=end):
-            return list(end)
+            return np.array(end)
         case _:
-            return place
+            return None
 
 
-def _check_transfer(file: ScenarioFile, name: str, transfer: kinds.TransferSection, start: list[float]) -> None:
+def _check_transfer(file: ScenarioFile, name: str, transfer: kinds.TransferSection, start: np.ndarray) -> None:
     """Refuses a transfer whose impulses the thruster cannot give within the look-away limit."""
-    n, begin, end = mean_motion(file), np.array(start), np.array(transfer.position_m)
-    motion = transition_matrices(n, np.array([transfer.duration_s]))[0]
-    if transfer.pulses > 2:
-        return
-    departure = np.linalg.solve(motion[:3, 3:], end - motion[:3, :3] @ begin)
-    arrival = motion[3:] @ np.concatenate([begin, departure])
+    _, places, impulses = _transfer_arcs(file, transfer, start)
     reach = DispersedReach(file)
-    for which, impulse, place in (("first", departure, begin), ("last", -arrival, end)):
+    last = len(impulses) - 1
+    for number, (impulse, place) in enumerate(zip(impulses, places, strict=True)):
         largest = float(largest_delta_v_m_s(file, reach, -place, impulse))
         if (size := float(np.linalg.norm(impulse))) > largest:
+            which = "first" if number == 0 else "last" if number == last else f"{number + 1}th"
             found = f"a {which} impulse of {1e3 * size:.3g} mm/s"
-            limits = "which thruster and look-away limit give; more pulses split it"
+            limits = "which thruster and look-away limit give; more pulses or a longer duration split it"
             expected = f"at most {1e3 * largest:.3g} mm/s, {limits}"
             raise ScenarioError(f"phases.{name}.reference.duration_s", found, expected)
+
+
+def _transfer_arcs(
+    file: ScenarioFile, transfer: kinds.TransferSection, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places (n, 3) on the free arcs of a transfer, and places (k, 3) [m] and sizes (k, 3) [m/s] of its impulses.
+
+    It begins at rest at the `start` [m] and ends at rest, as `flight.guidance.references.transfer`, whose import takes
+    JAX, about a near-circular orbit.
+    """
+    n, arcs = mean_motion(file), transfer.pulses - 1
+    shares = np.arange(transfer.pulses) / arcs
+    rate = math.log(transfer.speed_ratio)
+    covered = np.expm1(rate * shares) / math.expm1(rate) if abs(rate) > 1e-6 else shares
+    points = start + covered[:, None] * (np.array(transfer.position_m) - start)
+    times = transfer.duration_s / arcs * np.linspace(0.0, 1.0, max(2, len(_ANGLES) // arcs))
+    motion = transition_matrices(n, times)
+    ways, velocities = [], [np.zeros(3)]
+    for begin, end in itertools.pairwise(points):
+        departure = np.linalg.solve(motion[-1, :3, 3:], end - motion[-1, :3, :3] @ begin)
+        states = motion @ np.concatenate([begin, departure])
+        ways.append(states[:, :3])
+        velocities += [departure, states[-1, 3:]]
+    before = np.array(velocities[::2])
+    after = np.array([*velocities[1::2], np.zeros(3)])
+    return np.concatenate(ways), points, after - before

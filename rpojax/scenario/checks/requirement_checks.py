@@ -37,7 +37,7 @@ def _window_faults(file: ScenarioFile, requirement: RequirementSection) -> list[
     if not window.suffix and requirement.at is None:
         return faults
     metric, names = find(requirement.metric), file.phase_names
-    if metric is None or metric.source not in ("records", "drifts"):
+    if metric is None or metric.source not in ("records", "drifts", "plugin"):
         faults.append(("metric", requirement.metric, "a metric of ticks or of free drifts, as it is for a window"))
     if window.phase is None and window.at is not None:
         faults.append(("at", window.at, "it only beside phase"))

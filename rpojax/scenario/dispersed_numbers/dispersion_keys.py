@@ -13,7 +13,7 @@ from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal
 from rpojax.scenario.schema import ScenarioFile
 
 _TEAM_SECTIONS: Final = frozenset(
-    {"orbit", "atmosphere", "sunlight", "target", "target_surface", "link", "gps_differences"}
+    {"orbit", "atmosphere", "sunlight", "target", "target_surface", "link", "team", "gps_differences", "link_range"}
 )
 """Sections whose values all servicers of a team have together."""
 _KEYS_OF_PAIRS: Final = ("navigation.difference_", "gps.common_share")

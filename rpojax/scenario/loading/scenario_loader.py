@@ -1,6 +1,7 @@
 """Scenario files, packaged or of the user, read and validated."""
 
 import copy
+import functools
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -9,16 +10,19 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rpojax.errors import ScenarioError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.checks.consistency_checks import check_consistency
 from rpojax.scenario.checks.validation_errors import first_error
-from rpojax.scenario.coverage_surface import SURFACES
-from rpojax.scenario.loading import case_table_csv
+from rpojax.scenario.loading import case_table_csv, format_migration
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
 from rpojax.scenario.loading.table_merging import apply_override, merge
+from rpojax.scenario.plugins import plugin_file, plugin_registry
+from rpojax.scenario.plugins.custom_metrics import MetricFunction
+from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.team_checks import check_team
 from rpojax.scenario.trained import trained_files
+from rpojax.scenario.trained.coverage_surface import SURFACES
 
 _MAX_EXTENDS_DEPTH = 8
 
@@ -29,16 +33,31 @@ def packaged_names() -> list[str]:
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
-def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
+def load(
+    source: str | Path, overrides: Sequence[str] = (), *, allow_plugin: bool = False, plugin: Plugin | None = None
+) -> ScenarioFile:
     """Validated scenario from a packaged name or the path of a TOML file, with `KEY=VALUE` overrides.
 
     A file with `extends = NAME_OR_PATH` needs only the keys that differ, its dispersions are added to the base's.
     The CSV file of a `table` design is read here, its values become part of the scenario.
 
+    Args:
+        source: packaged name or path
+        overrides: `KEY=VALUE`
+        allow_plugin: execute the Python file that the scenario names as its `plugin`
+        plugin: metrics, sensors and stages from Python, for a scenario that names none
+
     Raises:
-        ScenarioError: the source is unknown or a key is not acceptable.
+        ScenarioError: the source is unknown, a key is not acceptable, or a plugin is not allowed.
     """
     layers, tables = _merge_files(_read_files(source))
+    _find_plugin(tables, allow_plugin, plugin)
+    if "start" in tables:
+        # Imported here because it needs JAX's constants, which other scenarios do without.
+        from rpojax.scenario.loading.starts import start_files
+
+        without_start = copy.deepcopy(tables)
+        layers.append(Layer(without_start, start_files.resolve_start(tables)))
     before = copy.deepcopy(tables)
     changes: dict[str, Any] = {}
     for override in overrides:
@@ -55,13 +74,37 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
     Raises:
         ScenarioError: naming the key's path, what was found and what was expected.
     """
+    schema = plugin_registry.schema_for(tables)
     try:
-        file = ScenarioFile.model_validate(tables)
+        file = schema.model_validate(tables)
     except ValidationError as error:
         raise first_error(error) from None
+    plugin_registry.check_metrics(file)
     check_consistency(file)
     check_team(file)
     return file
+
+
+def with_metrics(file: ScenarioFile, metrics: Mapping[str, MetricFunction] | None) -> ScenarioFile:
+    """The scenario with metrics of a user's own functions, `metrics` as in a plugin; None for none.
+
+    Raises:
+        RpojaxError: a metric cannot be used, or the scenario has a plugin already.
+    """
+    if not metrics:
+        return file
+    if file.plugin is not None:
+        raise RpojaxError.of_argument("metrics", "found some beside the scenario's plugin, expected them in the plugin")
+    return validate({**file.model_dump(), **plugin_registry.add(Plugin(metrics=metrics))})
+
+
+def _find_plugin(tables: dict[str, Any], allow: bool, plugin: Plugin | None) -> None:
+    """Loads the plugin that a scenario names, or gives it that from Python."""
+    if plugin is not None:
+        if "plugin" in tables:
+            raise ScenarioError("plugin", tables["plugin"], "none in the file beside one from Python")
+        tables.update(plugin_registry.add(plugin))
+    plugin_registry.load_for(tables, allow)
 
 
 def with_duration(file: ScenarioFile, duration_s: float) -> ScenarioFile:
@@ -95,10 +138,13 @@ def _read_files(source: str | Path, depth: int = 0) -> list[dict[str, Any]]:
     _resolve_paths(tables, folder)
     base = tables.pop("extends", None)
     if base is None:
+        format_migration.migrate(tables, {}, str(source))
         return [tables]
     if not isinstance(base, str):
         raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
-    return [*_read_files(base if base in packaged_names() else folder / base, depth + 1), tables]
+    extended = _read_files(base if base in packaged_names() else folder / base, depth + 1)
+    format_migration.migrate(tables, functools.reduce(merge, extended, {}), str(source))
+    return [*extended, tables]
 
 
 def _read_text(source: str | Path) -> tuple[str, Path]:
@@ -116,6 +162,12 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
 
 def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
     """Makes the paths of trained files and of a case table absolute."""
+    if isinstance(reference := tables.get("plugin"), str):
+        tables["plugin"] = plugin_file.absolute_reference(reference, folder)
+    start = tables.get("start")
+    for key in ("target", "servicer"):
+        if isinstance(start, dict) and isinstance(name := start.get(key), str):
+            start[key] = str((folder / name).resolve())
     imaging = tables.get("imaging")
     for key in trained_files.PACKAGED_FILES:
         name = imaging.get(key) if isinstance(imaging, dict) else None

@@ -10,7 +10,7 @@ from rpojax.scenario.checks import former_keys
 from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
 
-_OPTIONAL_SECTIONS = ("initial.handover", "mission", "link", "gps_differences")
+_OPTIONAL_SECTIONS = ("initial.handover", "mission", "link", "team", "gps_differences", "link_range")
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
 _NAMED = {"phases": "phase", "servicers": "servicer"}
 """Lists of tables with names, by which overrides find them, and what one of them is."""

@@ -27,7 +27,7 @@ def member_files(file: ScenarioFile) -> tuple[ScenarioFile, ...]:
     if not file.servicers:
         return (file,)
     tables = {**file.model_dump(), "servicers": []}
-    return tuple(_member(tables, changes) for changes in file.servicers)
+    return tuple(_member(type(file), tables, changes) for changes in file.servicers)
 
 
 def member_params(file: ScenarioFile) -> "tuple[Params, ...]":
@@ -48,9 +48,9 @@ def refuse_team(file: ScenarioFile, purpose: str) -> None:
         raise ScenarioError("servicers", len(file.servicers), f"a scenario without [[servicers]] for {purpose}")
 
 
-def _member(tables: dict[str, Any], changes: ServicerChanges) -> ScenarioFile:
+def _member(schema: type[ScenarioFile], tables: dict[str, Any], changes: ServicerChanges) -> ScenarioFile:
     try:
-        return ScenarioFile.model_validate(_with_changes(tables, changes.tables))
+        return schema.model_validate(_with_changes(tables, changes.tables))
     except ValidationError as error:
         raise ServicerError(changes.name, first_error(error)) from None
     except ScenarioError as error:

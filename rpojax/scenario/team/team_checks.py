@@ -49,6 +49,7 @@ def check_team(file: ScenarioFile) -> None:
     _check_starts(names, members)
     _check_offsets(file)
     _check_link(file)
+    _check_guidance(file)
     dispersion_rules.check_dispersions_of_team(file)
 
 
@@ -56,11 +57,11 @@ def _check_alone(file: ScenarioFile) -> None:
     expected = "it only in a scenario with [[servicers]]"
     if file.navigation.sharing != "none":
         raise ScenarioError("navigation.sharing", file.navigation.sharing, expected)
-    for name in ("link", "gps_differences"):
+    for name in ("link", "team", "gps_differences", "link_range"):
         if getattr(file, name) != type(file).model_fields[name].get_default():
-            raise ScenarioError(name, "settings", expected.replace("it", "them"))
+            raise ScenarioError(name, "settings", "them only in a scenario with [[servicers]]")
     for key in varied_keys(file):
-        if key.startswith(("link.", "gps_differences.", "navigation.difference_")):
+        if key.startswith(("link.", "team.", "gps_differences.", "link_range.", "navigation.difference_")):
             raise ScenarioError("dispersions", key, expected)
 
 
@@ -135,6 +136,31 @@ def _check_link(file: ScenarioFile) -> None:
         if len(names) == 1 or name not in hearing:
             found, expected = f"{name!r} hears nobody", "links to each servicer, or navigation.sharing = 'none'"
             raise ScenarioError("link.hears", found, expected)
+
+
+def _check_guidance(file: ScenarioFile) -> None:
+    """Checks what the guidance of a team needs: messages, phases, and starts that are far enough from each other."""
+    keep_out, phasing = file.team.keep_out_m, file.team.phasing
+    if not keep_out and "team.keep_out_m" in varied_keys(file):
+        raise ScenarioError("team.keep_out_m", keep_out, "above 0, as it is dispersed")
+    for key, value, is_used in (
+        ("team.keep_out_m", keep_out, keep_out > 0.0),
+        ("team.phasing", phasing, phasing != "fixed"),
+    ):
+        if is_used and file.navigation.sharing == "none":
+            expected = "navigation.sharing beside it, as messages tell where the others are"
+            raise ScenarioError(key, value, expected)
+        if is_used and not file.phases:
+            raise ScenarioError(key, value, "phases beside it, in which burns are planned so")
+    if phasing != "fixed" and not any(phase.reference.kind == "relative_orbit" for phase in file.phases):
+        raise ScenarioError("team.phasing", phasing, "a phase with a reference of kind 'relative_orbit'")
+    if not keep_out:
+        return
+    places = [each.initial.relative_position_m for each in member_files(file)]
+    for (of_first, first), (name, place) in combinations(zip(member_names(file), places, strict=True), 2):
+        if math.dist(first, place) <= keep_out:
+            expected = f"a start farther than team.keep_out_m = {keep_out:g} from that of servicer {of_first!r}"
+            raise ServicerError(name, ScenarioError("initial.relative_position_m", place, expected))
 
 
 def _is_multiple(value: float, unit: float) -> bool:

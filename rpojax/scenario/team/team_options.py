@@ -14,7 +14,13 @@ def team_settings(file: ScenarioFile) -> TeamSettings:
         link=_link_settings(file),
         decision_offsets=_decision_offsets(file),
         carrier_differences=file.gps_differences.kind == "carrier",
+        coordinated=is_coordinated(file),
     )
+
+
+def is_coordinated(file: ScenarioFile) -> bool:
+    """Whether the servicers of a team decide with what they know of each other."""
+    return file.team.keep_out_m > 0.0 or file.team.phasing != "fixed"
 
 
 def _link_settings(file: ScenarioFile) -> LinkSettings:
@@ -30,6 +36,7 @@ def _link_settings(file: ScenarioFile) -> LinkSettings:
         delay_ticks=0 if is_central else round(file.link.delay_s * file.rates.camera_hz),
         hears=tuple((names.index(receiver), names.index(sender)) for receiver, sender in hears),
         zonal_degree=file.navigation.zonal_degree,
+        ranging=file.link_range.enabled,
     )
 
 

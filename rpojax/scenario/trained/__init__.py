@@ -1,1 +1,1 @@
-"""Trained networks and fitted camera statistics that a scenario refers to."""
+"""Files that a scenario refers to: trained networks, fitted camera statistics, and the mesh of the target's surface."""

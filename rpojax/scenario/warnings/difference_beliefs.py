@@ -1,4 +1,4 @@
-"""What the filters of a team believe of differences of GPS positions, against what the scenario declares."""
+"""What the filters of a team believe of baselines, against what the scenario declares."""
 
 import math
 
@@ -8,7 +8,7 @@ from rpojax.scenario.warnings.filter_beliefs import Belief, judged_beliefs
 
 
 def difference_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
-    """Beliefs in differences of GPS positions that differ too much from those of two receivers as this servicer's."""
+    """Beliefs in differences of GPS positions, of two receivers as this servicer's, and in ranges, that differ much."""
 
     def high(key: str) -> float:
         return float(reach.ends(key)[1])
@@ -26,4 +26,8 @@ def difference_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
         ("navigation.difference_error_sigma_m", error_key, error),
     ):
         beliefs.append((key, of_truth, truth, float(reach.middle(key))))
+    if file.link_range.enabled:
+        for key in ("noise_m", "bias_sigma_m"):
+            of_truth, belief = f"link_range.{key}", f"navigation.difference_range_{key}"
+            beliefs.append((belief, of_truth, high(of_truth), float(reach.middle(belief))))
     return judged_beliefs(beliefs)

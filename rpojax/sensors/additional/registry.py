@@ -1,13 +1,18 @@
-"""The additional sensors: one field for each, whose name is that of its section in scenario files."""
+"""The additional sensors: one field for each, whose name is that of its section in scenario files.
 
-from collections.abc import Callable
-from typing import Any
+Sensors of plugins join those of the package when they become known to the process: `register`.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
 
 from pydantic import model_serializer
 
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.range_finder import RangeFinder
 from rpojax.value_types import Section
+
+_OF_PLUGINS: Final[dict[str, type[AdditionalSensor]]] = {}
 
 
 class AdditionalSensors(Section):
@@ -17,22 +22,34 @@ class AdditionalSensors(Section):
 
     @model_serializer(mode="wrap")
     def _leave_out_absent(self, serialise: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        names = sensor_names()
+        names = (*sensor_names(), *self.absent_keys())
         return {key: value for key, value in serialise(self).items() if value is not None or key not in names}
+
+    @classmethod
+    def absent_keys(cls) -> Iterable[str]:
+        """Further keys that are left out where they are None."""
+        return ()
+
+
+def register(sensors: Mapping[str, type[AdditionalSensor]]) -> None:
+    """Makes sensors of plugins known by the names of their sections; a later one replaces an earlier one."""
+    _OF_PLUGINS.update(sensors)
 
 
 def sensor_names() -> tuple[str, ...]:
-    """Names of all additional sensors."""
-    return tuple(AdditionalSensors.model_fields)
+    """Names of all additional sensors that are known."""
+    return (*AdditionalSensors.model_fields, *_OF_PLUGINS)
 
 
 def present_sensors(sections: AdditionalSensors) -> dict[str, AdditionalSensor]:
     """The additional sensors that a scenario has, by name."""
-    found = {name: getattr(sections, name) for name in sensor_names()}
+    found = {name: getattr(sections, name, None) for name in sensor_names()}
     return {name: sensor for name, sensor in found.items() if sensor is not None}
 
 
 def sensor_class(name: str) -> type[AdditionalSensor]:
     """Class of an additional sensor."""
+    if name in _OF_PLUGINS:
+        return _OF_PLUGINS[name]
     annotation: Any = AdditionalSensors.model_fields[name].annotation
     return next(each for each in annotation.__args__ if each is not type(None))

@@ -12,6 +12,7 @@ from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
 from rpojax.metrics.recorded_reduction import reduce_in_window, reduce_records
 from rpojax.metrics.time_windows import MetricWindow
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 
 Records = Mapping[str, np.ndarray]
@@ -44,7 +45,18 @@ def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, 
         varied: values of the runs (runs, ...) by key, of the keys that vary
     """
     quantities, timing = _quantities(file, records, varied), _timing(file)
-    return {metric.name: reduce_records(metric, quantities, timing) for metric in _of_records()}
+    found = {metric.name: reduce_records(metric, quantities, timing) for metric in _of_records()}
+    return found | _custom(file, quantities, timing)
+
+
+def _custom(file: ScenarioFile, quantities: Records, timing: RunTiming) -> dict[str, Floats]:
+    """Metrics (runs,) of the scenario's plugin; NaN where they are not finite."""
+    found = {name: reduce_records(each, quantities, timing) for name, each in plugin_registry.metrics_of(file).items()}
+    return {name: np.where(np.isfinite(values), values, np.nan) for name, values in found.items()}
+
+
+def _metric_of(file: ScenarioFile, name: str) -> Metric | None:
+    return plugin_registry.metrics_of(file).get(name) or METRICS.get(name)
 
 
 def evaluate_windows(file: ScenarioFile, records: Records, varied: Values) -> dict[str, Floats]:
@@ -58,10 +70,10 @@ def evaluate_windows(file: ScenarioFile, records: Records, varied: Values) -> di
     quantities, timing = _quantities(file, records, varied), _timing(file)
     running, found = records["running"], dict[str, Floats]()
     for name, requirement in required.items():
-        window, metric = requirement.window, METRICS.get(requirement.metric)
+        window, metric = requirement.window, _metric_of(file, requirement.metric)
         ticks = window_ticks(file, window, records)
         within = ticks & running
-        if metric is not None and metric.source == "records":
+        if metric is not None and metric.source in ("records", "plugin"):
             values = reduce_in_window(metric, quantities, within, timing, is_event=window.at is not None)
             found[name] = np.where((ticks & ~running).any(axis=1), np.nan, values)
         if window.at is not None:
@@ -88,9 +100,13 @@ def _timing(file: ScenarioFile) -> RunTiming:
 def _quantities(file: ScenarioFile, records: Records, varied: Values) -> Records:
     """Inputs of metrics: channels, and what is made of them."""
     settle_time_s = values_of_runs(varied, "pointing.settle_time_s", file.pointing.settle_time_s)
+    desired = desired_position_H(file, records, varied)
+    time_s = np.arange(records["mode"].shape[1]) / file.rates.camera_hz
     return {
+        "time_s": np.broadcast_to(time_s, records["mode"].shape),
+        "rho_desired_H": desired,
         **records,
-        "desired_position_H": desired_position_H(file, records, varied),
+        "desired_position_H": desired,
         "is_settled": _is_settled(records["mode"], np.round(settle_time_s / (1.0 / file.rates.camera_hz))),
     }
 

@@ -5,6 +5,7 @@ some of them are not recorded.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Final
 
 import jax.numpy as jnp
@@ -14,12 +15,19 @@ from rpojax.core import vectors
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.metrics import running_reduction
-from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Metric
 from rpojax.metrics.running_reduction import Accumulators
 from rpojax.scenario.params import Params
+from rpojax.scenario.plugins.custom_metrics import unknown_channel
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation.channels import CHANNELS, ChannelFunctions, ObservedTick, evaluate
+from rpojax.simulation.channels import (
+    CHANNELS,
+    MISSION_CHANNELS,
+    POSE_CHANNELS,
+    ChannelFunctions,
+    ObservedTick,
+    evaluate,
+)
 from rpojax.simulation.telemetry import Telemetry
 
 Scalar = Float[Array, ""]
@@ -59,27 +67,27 @@ class RunningSums:
     event_hash: Array
 
 
-def initial_sums(names: Sequence[str]) -> RunningSums:
+def initial_sums(metrics: Sequence[Metric]) -> RunningSums:
     """Sums before the first tick.
 
     Raises:
         RpojaxError: a metric needs whole records.
     """
     return RunningSums(
-        accumulators=running_reduction.initial_accumulators(_metrics(names)),
+        accumulators=running_reduction.initial_accumulators(metrics),
         pointing_ticks=jnp.zeros((), dtype=jnp.float64),
         event_hash=jnp.zeros((), dtype=jnp.uint32),
     )
 
 
 def add_tick(
-    names: Sequence[str], scenario: Scenario, params: Params, telemetry: Telemetry, sums: RunningSums
+    metrics: Sequence[Metric], scenario: Scenario, params: Params, telemetry: Telemetry, sums: RunningSums
 ) -> RunningSums:
     """Sums after one more tick."""
-    metrics = _metrics(names)
     pointing_ticks = jnp.where(telemetry.mode == Mode.LOOK, sums.pointing_ticks + 1.0, 0.0)
     inputs = {name for metric in metrics for name in metric.inputs} - {"is_settled"}
-    quantities = evaluate(_QUANTITIES, sorted(inputs), ObservedTick(scenario, params, telemetry))
+    inputs = sorted(inputs)
+    quantities = evaluate(_functions(metrics, scenario, telemetry), inputs, ObservedTick(scenario, params, telemetry))
     quantities["is_settled"] = pointing_ticks > _settle_ticks(scenario, params)
     return RunningSums(
         accumulators=running_reduction.accumulate(
@@ -90,13 +98,34 @@ def add_tick(
     )
 
 
-def final_values(names: Sequence[str], sums: RunningSums) -> Float[Array, " metrics"]:
-    """Metrics in the order of `names`; 0 where no tick has any weight."""
-    return running_reduction.final_values(_metrics(names), sums.accumulators)
+def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemetry) -> ChannelFunctions:
+    """Quantities that the metrics may be made of.
+
+    Raises:
+        RpojaxError: a metric is made of something else.
+    """
+    functions = {
+        **_QUANTITIES,
+        **POSE_CHANNELS,
+        "time_s": lambda tick: tick.telemetry.tick * tick.scenario.tick_s,
+        "rho_desired_H": _QUANTITIES["desired_position_H"],
+        **{name: partial(_measurement, name) for name in telemetry.measurements.additional},
+        **(MISSION_CHANNELS if scenario.mission is not None else {}),
+    }
+    for metric in metrics:
+        for name in metric.inputs:
+            if name not in functions and name != "is_settled":
+                raise unknown_channel(metric.name, name, functions)
+    return functions
 
 
-def _metrics(names: Sequence[str]) -> list[Metric]:
-    return [METRICS[name] for name in names]
+def _measurement(name: str, tick: ObservedTick) -> Array:
+    return tick.telemetry.measurements.additional[name]
+
+
+def final_values(metrics: Sequence[Metric], sums: RunningSums) -> Float[Array, " metrics"]:
+    """Values of the metrics; 0 where no tick has any weight."""
+    return running_reduction.final_values(metrics, sums.accumulators)
 
 
 def _updated_event_hash(events: Array, telemetry: Telemetry) -> Array:

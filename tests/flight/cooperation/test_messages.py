@@ -1,5 +1,6 @@
 """Messages: delay line, length, and what burns did between two that arrived."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,10 +17,11 @@ def message_at(time: float) -> Message:
     return Message(
         time=jnp.asarray(time),
         gps=GpsMeasurement(position_N=jnp.zeros(3), present=jnp.asarray(True)),
-        burns=burn_effect.initial(),
+        burns=burn_effect.none(),
+        from_start=jnp.eye(6),
         q_KN=jnp.array([1.0, 0.0, 0.0, 0.0]),
         attitude_variance=jnp.zeros(()),
-        track=TargetTrack(state=jnp.zeros(6), covariance=jnp.eye(6)),
+        track=TargetTrack(state=jnp.zeros(6), covariance=jnp.eye(6), correlated=jnp.eye(6)),
     )
 
 
@@ -33,8 +35,9 @@ def test_messages_arrive_in_their_order_after_the_delay() -> None:
 
 
 def test_bytes_of_a_message() -> None:
-    # Time, GPS with its flag, burns with half a covariance, attitude, its variance, track with half a covariance.
-    assert message.message_bytes(message_at(0.0)) == 8 + 25 + 8 * (6 + 21) + 32 + 8 + 8 * (6 + 21)
+    # Time, GPS with its flag, burns with half a covariance and the transition matrix, attitude, its variance, track
+    # with two halves of covariances.
+    assert message.message_bytes(message_at(0.0)) == 8 + 25 + 8 * (6 + 21 + 36) + 32 + 8 + 8 * (6 + 21 + 21)
 
 
 @pytest.mark.parametrize("t", [-20.0, 7.0, 20.0])
@@ -47,20 +50,38 @@ def test_free_motion_is_the_exponential(t: float) -> None:
 
 
 def test_burns_of_lost_messages_are_known_from_the_next_one() -> None:
-    phi = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(R_N), 1.0)
-    effect, heard = burn_effect.initial(), burn_effect.initial()
+    gradient = two_body_gravity.gravity_gradient(R_N)
+    phi = np.asarray(free_relative_motion.transition_matrix(gradient, 1.0))
+    burns, heard = burn_effect.initial(), burn_effect.none()
     expected, P = np.zeros(6), np.zeros((6, 6))
     rng = np.random.default_rng(0)
     for tick in range(60):
-        effect, heard = burn_effect.propagate(effect, phi), burn_effect.propagate(heard, phi)
-        expected, P = np.asarray(phi) @ expected, np.asarray(phi) @ P @ np.asarray(phi).T
+        delta_v, Q = np.zeros(3), np.zeros((3, 3))
         if tick % 7 == 0:
             delta_v, Q = rng.normal(size=3), 0.01 * np.diag(rng.uniform(size=3))
-            effect = burn_effect.burn(effect, jnp.asarray(delta_v), jnp.asarray(Q), 1.0)
-            expected += np.concatenate([0.5 * delta_v, delta_v])
-            P[3:, 3:] += Q
+        burns = burn_effect.advance(burns, gradient, jnp.asarray(delta_v), jnp.asarray(Q), 1.0)
+        expected = phi @ expected + np.concatenate([0.5 * delta_v, delta_v])
+        P = phi @ P @ phi.T
+        P[3:, 3:] += Q
         if tick == 20:
-            heard, expected, P = effect, np.zeros(6), np.zeros((6, 6))
-    news = burn_effect.since(effect, heard)
+            heard, expected, P = burns.at_start, np.zeros(6), np.zeros((6, 6))
+    news = burn_effect.since(burns.at_start, heard, burns.from_start)
     np.testing.assert_allclose(news.change, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(news.covariance, P, atol=1e-9)
+
+
+def test_what_burns_added_is_a_covariance_however_long_ago_the_first_was() -> None:
+    # After hours of burns whose errors have spread to kilometres, the little that the last one added must not be less
+    # than nothing by rounding or by a gradient of another place.
+    gradient, orbit = two_body_gravity.gravity_gradient(R_N), burn_effect.initial()
+    Q = jnp.diag(jnp.array([1e-6, 4e-6, 2e-6]))
+    step = jax.jit(burn_effect.advance, static_argnums=4)
+    for tick in range(4000):
+        before = orbit.at_start
+        is_burn = float(tick % 100 == 99)
+        orbit = step(orbit, gradient, 0.01 * jnp.ones(3) * is_burn, Q * is_burn, 10.0)
+    news = burn_effect.since(orbit.at_start, before, orbit.from_start)
+    assert np.linalg.eigvalsh(orbit.at_start.covariance)[-1] > 1e2
+    np.testing.assert_allclose(news.covariance[3:, 3:], Q, rtol=1e-4, atol=1e-10)
+    P = np.asarray(news.covariance)
+    assert np.linalg.eigvalsh(P)[0] > -1e-9 * np.linalg.eigvalsh(P)[-1]

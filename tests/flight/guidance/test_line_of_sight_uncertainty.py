@@ -26,3 +26,22 @@ def test_range_and_bearing_sigma_are_those_along_and_across_the_line_of_sight(fl
     long = replace(known, relative=replace(known.relative, covariance=covariance))
     np.testing.assert_allclose(range_uncertainty(long), 3.0 / 30.0, rtol=1e-12)
     np.testing.assert_allclose(bearing_uncertainty(long), np.sqrt(2) * 0.1 / 30.0, rtol=1e-9)
+
+
+def test_the_cone_of_directions_touches_the_ellipsoid_and_is_all_round_for_a_target_that_may_be_here(
+    flight: FlightParams,
+) -> None:
+    cone = jax.jit(line_of_sight_uncertainty.uncertainty_cone)
+    known = rendezvous_scene.estimate(flight)
+    line = unit(rendezvous_scene.TARGET_AHEAD)
+
+    def angle(along: float, across: float) -> float:
+        """Half-angle by sigmas of the position [m] along the line of sight and in each direction across it."""
+        P = across**2 * np.eye(3) + (along**2 - across**2) * np.outer(line, line)
+        covariance = known.relative.covariance.at[:3, :3].set(jnp.asarray(P))
+        return float(cone(replace(known, relative=replace(known.relative, covariance=covariance)), np.float64(3.0)))
+
+    # Tangent from a point at 30 m to an ellipse with half-axes of 18 m along and 1.5 m across.
+    np.testing.assert_allclose(angle(6.0, 0.5), np.sqrt(2.0) * 1.5 / np.sqrt(30.0**2 - 18.0**2), rtol=1e-9)
+    np.testing.assert_allclose(angle(0.05, 0.05), np.sqrt(2.0) * 0.15 / 30.0, rtol=1e-4)
+    assert angle(10.1, 2.0) == np.pi

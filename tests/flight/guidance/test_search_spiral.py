@@ -2,6 +2,7 @@
 
 import itertools
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import rendezvous_scene
@@ -11,6 +12,7 @@ from numpy_reference import (
 )
 from simulated_guidance import SAMPLES, boresight, simulate_search
 
+from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance.pointing_modes import Mode
 
@@ -40,9 +42,33 @@ def test_the_frames_of_a_search_cover_its_cone_at_any_rate_of_the_camera(
     assert farthest < radius_deg + 3.0  # the step of a second, at the speed of the outer turns
 
 
+def test_a_search_of_all_directions_shows_nearly_all_in_two_frames_within_a_few_seconds(flight: FlightParams) -> None:
+    flight = replace(flight, pointing=replace(flight.pointing, search_radius_max=jnp.deg2rad(170.0)))
+    modes, attitudes = simulate_search(flight, 100.0, 2400)
+    assert np.all(modes[20:] == Mode.SEARCH)
+    cameras = np.array([rotation_matrix(q) for q in attitudes[:, 0]])
+    line = unit(rendezvous_scene.TARGET_AHEAD)
+    targets = np.random.default_rng(1).normal(size=(500, 3))
+    targets /= np.linalg.norm(targets, axis=1)[:, None]
+    targets = targets[targets @ line > np.cos(np.deg2rad(165.0))]
+    ahead, right, down = np.moveaxis(np.einsum("kij,nj->kni", cameras, targets), 2, 0)
+    half = np.tan(np.deg2rad(5.0)) * ahead
+    in_view = (ahead > 0.0) & (np.abs(right) < half) & (np.abs(down) < half)
+    confirmed = np.any(in_view[1:] & in_view[:-1], axis=0)
+    assert confirmed.mean() > 0.97
+    rates = np.rad2deg(np.arccos(np.clip(np.sum(cameras[1:, 0] * cameras[:-1, 0], axis=1), -1.0, 1.0)))
+    assert np.sort(rates)[-60] < 3.4  # half a pitch a frame, but for the slew back to the middle
+
+
 def test_the_search_rate_is_limited_by_the_centripetal_acceleration(flight: FlightParams) -> None:
     _, attitudes = simulate_search(flight, 30.0 * np.deg2rad(45.0), 300)
     settled = [boresight(flight, q) for q in attitudes[20:200].reshape(-1, 4)]
     rates = np.array([np.arccos(np.clip(a @ b, -1, 1)) for a, b in itertools.pairwise(settled)]) * SAMPLES
-    # At radius r the rate on the spiral is sqrt(a r) rad/s; 45 deg is the largest radius.
-    assert rates.max() < 1.1 * np.sqrt(0.012 * np.deg2rad(45.0))
+    # At radius r the rate on the spiral is sqrt(a r) rad/s, but at most half of the pitch of 6.5 deg a frame. The last
+    # of a tick's rates is left out: the way to the next tick, where the straight path is corrected.
+    within = rates[: len(rates) // SAMPLES * SAMPLES].reshape(-1, SAMPLES)[:, : SAMPLES - 1]
+    first = np.array(settled[: len(within) * SAMPLES : SAMPLES])
+    radii = np.arccos(np.clip(first @ unit(rendezvous_scene.TARGET_AHEAD), -1.0, 1.0))
+    bound = np.minimum(np.sqrt(0.012 * radii), np.deg2rad(6.5) / 2.0)
+    assert np.all(within < 1.03 * bound[:, None])
+    assert np.any(within > 0.99 * np.deg2rad(6.5) / 2.0)

@@ -51,6 +51,28 @@ def test_two_boxes_find_a_target_at_a_range_far_from_the_believed_one(flight: Fl
     assert 0.1 < spread < 0.25
 
 
+def test_a_part_of_a_target_behind_the_estimated_place_is_found_in_front_of_the_camera(flight: FlightParams) -> None:
+    target = 20.0 * rendezvous_scene.TARGET_AHEAD / 30.0
+    q_KN = rendezvous_scene.camera_attitude(flight, rendezvous_scene.estimate(flight))
+    R_KN = np.asarray(quaternion.to_matrix(jnp.asarray(q_KN)))
+    box = rendezvous_scene.box(flight, R_KN, target + R_KN.T @ np.array([1.5, 0.0, 0.0]), truncated=True)
+    # The frame shows half of it; by the estimate it is on the other side.
+    box = replace(box, log_size=box.log_size - 0.7, side_px=0.5 * box.side_px)
+    estimate = rendezvous_scene.estimate(flight, -100.0 * target / 20.0, position_sigma=150.0).relative
+    gate, used = outlier_gate.initial(), False
+    update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
+    for _ in range(3):
+        estimate, gate, _, used, _ = update(
+            flight.navigation, True, flight.vehicle.focal_px, estimate, gate, jnp.asarray(q_KN), box
+        )
+    assert bool(used)
+    found = R_KN @ np.asarray(estimate.r_TS_N)
+    assert found[2] > 0.0
+    assert np.linalg.norm(found[:2]) / found[2] < np.deg2rad(10.0)
+    error = np.linalg.norm(np.asarray(estimate.r_TS_N) - target)
+    assert error < 3.0 * np.sqrt(np.trace(np.asarray(estimate.covariance)[:3, :3]))
+
+
 def test_a_search_without_success_doubles_the_variance_of_the_relative_state_alone(flight: FlightParams) -> None:
     before = rendezvous_scene.estimate(flight).relative
     after = relative_orbit_ekf.widen(before, jnp.asarray(True))

@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rpojax.core.pytree import replace
+from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.flight.navigation import outline_correlation
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.interop.ros2 import message_builders, odometry
-from rpojax.interop.ros2.message_values import RosTickValues
+from rpojax.interop.ros2.message_values import MissionStatus, RosTickValues
 from rpojax.interop.ros2.odometry import Odometry
 from rpojax.interop.ros2.tick_messages import tick_messages
 from rpojax.interop.run_replay import ReplayedRun
@@ -182,6 +184,24 @@ def test_a_burn_is_two_points_relative_to_the_stamp() -> None:
     command = message_builders.thruster_command(3_500_000_000, 3_000_000_000, 8_250_000_001, 0.03)
     points = [(each.effort.tolist(), each.time_from_start.sec, each.time_from_start.nanosec) for each in command.points]
     assert points == [([0.03], -1, 500_000_000), ([0.0], 4, 750_000_001)]
+
+
+def test_diagnostics_tell_the_phase_of_a_mission_and_why_it_aborted(ros_run: ReplayedRun[RosTickValues]) -> None:
+    tick = ros_run.tick(0)
+    assert tick.mission is None
+    assert [each.name for each in message_builders.diagnostics(0, tick).status][-1] == "servicer/propulsion"
+    for phase, entered_by, reason, text, level in (
+        (1, Transition.CONDITIONS_MET, AbortReason.NONE, "conditions met", 0),
+        (3, Transition.ABORT, AbortReason.TARGET_LOST, "abort: target lost", 1),
+    ):
+        codes = {"phase": phase, "entered_by": int(entered_by), "abort_reason": int(reason)}
+        status = MissionStatus(**{name: jnp.asarray(code) for name, code in codes.items()})
+        found = message_builders.diagnostics(0, replace(tick, mission=status)).status[-1]
+        assert (found.name, found.message, found.level) == ("servicer/mission", text, level)
+        assert [(each.key, each.value) for each in found.values] == [
+            ("phase", str(phase)),
+            ("abort_reason", str(int(reason))),
+        ]
 
 
 def test_wheel_torques_follow_the_command_within_limits(ros_run: ReplayedRun[RosTickValues]) -> None:

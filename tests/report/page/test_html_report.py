@@ -11,7 +11,18 @@ from rpojax.errors import OutputError, ResultError
 from rpojax.report.page.html_report import write_report
 
 _SECTIONS = {
-    *("identity", "requirements", "headline", "metrics", "safety", "envelopes", "consistency", "distributions"),
+    *(
+        "outcome",
+        "path",
+        "identity",
+        "requirements",
+        "headline",
+        "metrics",
+        "safety",
+        "envelopes",
+        "consistency",
+        "distributions",
+    ),
     *("convergence", "dispersions", "sensitivity", "failures", "worst", "camera", "run", "scenario", "limits"),
 }
 
@@ -31,14 +42,18 @@ def test_page_has_every_section_with_an_explanation(campaign):
     assert {attributes["id"] for tag, attributes in page.tags if tag == "section"} == _SECTIONS
     links = {attributes["href"] for tag, attributes in page.tags if tag == "a"}
     assert links == {f"#{name}" for name in _SECTIONS}
-    assert sum(attributes.get("class") == "how" for _, attributes in page.tags) == len(_SECTIONS)
+    contents = [attributes["href"] for tag, attributes in page.tags if tag == "a"]
+    assert contents[0] == "#outcome", "the outcome comes first"
+    order = [attributes["id"] for tag, attributes in page.tags if tag == "section"]
+    assert (order[0], order[-1]) == ("outcome", "identity")
+    assert sum("how" in str(attributes.get("class")).split() for _, attributes in page.tags) >= len(_SECTIONS)
 
 
 def test_every_chart_has_data_that_plotly_accepts(campaign):
     page = rendered_page(campaign)
     charts = json.loads(page.data)["charts"]
     placed = [str(attributes["data-chart"]) for _, attributes in page.tags if "data-chart" in attributes]
-    assert sorted(placed) == sorted(charts)
+    assert set(placed) == set(charts)
     assert len(charts) > 15
     for chart in charts.values():
         plotly.graph_objects.Figure(chart)
@@ -64,7 +79,7 @@ def test_written_files(campaign):
 
 
 def test_run_shown_in_detail_can_be_chosen(campaign):
-    assert "Run 1." in page_text(rendered_page(campaign, run_id=1))
+    assert "Run 1 is the median one" in page_text(rendered_page(campaign, run_id=1))
     with pytest.raises(ResultError):
         write_report(campaign, run_id=35)
 
@@ -75,7 +90,7 @@ def test_unfinished_campaign_has_a_banner_with_the_resume_command(build):
     campaign.info["runs"] = 20
     page = rendered_page(campaign)
     words = page_text(page)
-    head = words[: words.index("What was run.")]
+    head = words[: words.index("What to look at next")]
     assert "Unfinished campaign: 8 of 20 runs are missing" in head
     assert f"rpojax resume {campaign.directory}" in head
     assert any(attributes.get("class") == "banner" for _, attributes in page.tags)
@@ -94,13 +109,6 @@ def test_folder_in_place_of_the_page_is_an_error(campaign):
     assert "\n" not in str(caught.value)
 
 
-def test_campaign_of_one_run(build):
-    words = page_text(rendered_page(build(runs=1, kept=(0,))))
-    assert "One run has no distribution" in words
-    assert "None failed." in words
-    assert "Run 0." in words
-
-
 @pytest.mark.parametrize("kept", [(), (0, 1)])
 def test_campaign_in_which_every_run_failed(build, kept):
     words = page_text(rendered_page(build(runs=60, failed=range(60), kept=kept)))
@@ -117,6 +125,6 @@ def test_campaign_without_traces_and_scenario(build):
         assert sentence in words
 
 
-def test_page_of_a_large_campaign_is_below_8_megabytes(build):
-    path = write_report(build(runs=1000, seconds=3000, kept=(0,)))
-    assert path.stat().st_size < 8e6
+def test_page_of_a_large_campaign_is_below_3_megabytes(build):
+    path = write_report(build(runs=1000, seconds=3000, kept=(0, 1, 2, 3, 4, 5, 6, 7, 500)))
+    assert path.stat().st_size < 3e6

@@ -86,7 +86,7 @@ def test_metrics_of_each_servicer_have_a_table_of_their_own(pair: SyntheticCampa
     table = page[page.index("Metrics One value per run") : page.index("What each metric means")]
     assert "Formation error" in table
     assert "near" not in table
-    assert "Run 3, servicer near." in page
+    assert "Run 3, servicer near is the median one" in page
     assert "2 servicers: near, far." in page
     written = json.loads((pair.directory / "report.json").read_text())
     assert {"formation_error_rms_m", "formation_error_rms_m/near", "formation_error_rms_m/far"} <= set(

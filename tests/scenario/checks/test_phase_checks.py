@@ -2,10 +2,16 @@
 
 from typing import Any
 
+import jax.numpy as jnp
+import numpy as np
 import pytest
 from scenario_error_assertions import assert_one_line
 
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
 from rpojax.errors import ScenarioError
+from rpojax.flight.guidance.references import transfer
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.scenario.checks import phase_checks
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
@@ -17,6 +23,15 @@ def tables(inspection_file: ScenarioFile) -> dict[str, Any]:
 
 
 FIRST = {"name": "far", "reference": {"kind": "hold", "position_m": [0.0, -60.0, 0.0]}, "until": {"time_s": 600.0}}
+APPROACH = {
+    "kind": "approach",
+    "end_position_m": [0.0, -30.0, 0.0],
+    "max_speed_m_s": 0.02,
+    "time_constant_s": 500.0,
+    "final_speed_m_s": 0.005,
+}
+TRANSFER = {"kind": "transfer", "position_m": [0.0, 40.0, 0.0], "duration_s": 600.0}
+BEHIND = {"axis": [0.0, -1.0, 0.0], "half_angle_deg": 10.0, "width_m": 1.0}
 LAST = {"name": "near", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
 
 BAD: dict[str, tuple[list[dict[str, Any]], str, tuple[str, ...]]] = {
@@ -48,11 +63,66 @@ BAD: dict[str, tuple[list[dict[str, Any]], str, tuple[str, ...]]] = {
         ("keep-out zone",),
     ),
     "impulse too large": (
-        [LAST | {"reference": {"kind": "transfer", "position_m": [0.0, -500.0, 0.0], "duration_s": 600.0}}],
+        [LAST | {"reference": TRANSFER | {"position_m": [0.0, -500.0, 0.0]}}],
         "phases.near.reference.duration_s",
         ("36.6 mm/s", "pulses"),
     ),
+    "pulse of a glide slope too large": (
+        [
+            LAST
+            | {"reference": {"kind": "transfer", "position_m": [0.0, -500.0, 0.0], "duration_s": 600.0, "pulses": 4}}
+        ],
+        "phases.near.reference.duration_s",
+        ("mm/s", "pulses"),
+    ),
+    "approach through the target": (
+        [FIRST, LAST | {"reference": APPROACH | {"end_position_m": [0.0, 30.0, 0.0]}}],
+        "phases.near.reference",
+        ("keep-out zone",),
+    ),
+    "approach that begins outside its corridor": (
+        [
+            FIRST | {"reference": {"kind": "hold", "position_m": [30.0, -60.0, 0.0]}},
+            LAST
+            | {"reference": APPROACH, "corridor": {"axis": [0.0, -1.0, 0.0], "half_angle_deg": 10.0, "width_m": 1.0}},
+        ],
+        "phases.near.reference",
+        ("phases.near.corridor",),
+    ),
+    "transfer through the target": (
+        [
+            FIRST | {"reference": {"kind": "hold", "position_m": [0.0, -40.0, 0.0]}},
+            LAST
+            | {"reference": {"kind": "transfer", "position_m": [0.0, 40.0, 0.0], "duration_s": 4000.0, "pulses": 12}},
+        ],
+        "phases.near.reference",
+        ("keep-out zone",),
+    ),
 }
+
+
+def test_impulses_of_a_transfer_are_those_of_its_reference(tables: dict[str, Any]) -> None:
+    pulses, duration, start, end = 5, 1600.0, [4.0, -60.0, 3.0], [0.0, -30.0, 0.0]
+    section = {"kind": "transfer", "position_m": end, "duration_s": duration, "pulses": pulses, "speed_ratio": 0.4}
+    orbit = tables["orbit"] | {"eccentricity": 0.0}
+    file = scenario_loader.validate(tables | {"orbit": orbit, "phases": [LAST | {"reference": section}]})
+    way, points, impulses = phase_checks._transfer_arcs(file, file.phases[0].reference, np.array(start))  # pyright: ignore
+    numbers = {"position": end, "duration": duration, "pulses": float(pulses), "speed_ratio": 0.4}
+    reference = transfer.Transfer(**{name: jnp.asarray(value) for name, value in numbers.items()})
+    entry = PhaseEntry(relative_state=jnp.array([*start, 0.0, 0.0, 0.0]))
+    u, zero, a = (jnp.asarray(each) for each in (0.3, 0.0, file.orbit.semi_major_axis_m))
+    target = TargetOrbit(argument_of_latitude=u, ex=zero, ey=zero, semi_major_axis=a)
+
+    def state(time: float) -> np.ndarray:
+        return np.asarray(transfer.state(reference, entry, advanced(target, jnp.asarray(time)), jnp.asarray(time)))
+
+    interval = duration / (pulses - 1)
+    for number in range(pulses - 1):
+        before = np.zeros(3) if number == 0 else state(number * interval - 1e-6)[3:]
+        np.testing.assert_allclose(impulses[number], state(number * interval + 1e-6)[3:] - before, atol=1e-7)
+        np.testing.assert_allclose(points[number], state(number * interval + 1e-6)[:3], atol=1e-5)
+    np.testing.assert_allclose(impulses[-1], -state(duration - 1e-6)[3:], atol=1e-7)
+    assert np.min(np.linalg.norm(way - state(0.5 * interval)[:3], axis=1)) < 0.5
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -80,6 +150,7 @@ def test_a_key_of_a_phase_is_set_by_the_name_of_the_phase(tmp_path: Any) -> None
     file = scenario_loader.load(
         path, ["phases.near.timeout_s=500", "phases.near.reference.position_m=[0.0, -40.0, 0.0]"]
     )
-    assert (file.phases[0].timeout_s, file.phases[0].reference.position_m) == (500.0, [0.0, -40.0, 0.0])
+    near = file.phases[0]
+    assert (near.timeout_s, near.reference.model_dump()["position_m"]) == (500.0, [0.0, -40.0, 0.0])
     with pytest.raises(ScenarioError, match="did you mean 'near'"):
         scenario_loader.load(path, ["phases.neer.timeout_s=500"])

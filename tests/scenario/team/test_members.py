@@ -66,6 +66,8 @@ def test_parameters_hold_links_and_differences(tables: dict[str, Any]) -> None:
     }
     tables["gps_differences"] = {"kind": "carrier", "noise_m": 0.04}
     tables["navigation"] |= {"difference_noise_m": 0.05, "difference_error_sigma_m": 0.01}
+    tables["navigation"] |= {"difference_range_noise_m": 0.3, "difference_range_bias_sigma_m": 0.2}
+    tables["link_range"] = {"enabled": True, "noise_m": 0.25}
     for params in member_params(scenario_loader.validate(tables)):
         assert (float(params.link.loss), float(params.link.burst_loss)) == (0.3, 0.9)
         assert (float(params.link.burst_interval), float(params.link.burst_duration)) == (600.0, 10.0)
@@ -74,6 +76,8 @@ def test_parameters_hold_links_and_differences(tables: dict[str, Any]) -> None:
         assert (float(params.gps_differences.noise), float(params.gps_differences.slow_error)) == (0.04, 0.007)
         assert (float(params.baseline.noise), float(params.baseline.error_sigma)) == (0.05, 0.01)
         assert float(params.baseline.error_time_constant) == 700.0
+        assert (float(params.baseline.range_noise), float(params.baseline.range_bias_sigma)) == (0.3, 0.2)
+        assert (float(params.link_range.noise), float(params.link_range.bias_sigma)) == (0.25, 0.05)
         assert float(params.gps.common_share) == 0.9
 
 
@@ -89,10 +93,13 @@ def test_static_settings_of_a_team(tables: dict[str, Any]) -> None:
     assert (team.servicers, team.carrier_differences) == (3, True)
     link = team.link
     assert (link.servicers, link.sharing, link.period_ticks, link.delay_ticks) == (3, "boxes", 2, 3)
+    assert not link.ranging
     assert link.hears == ((0, 2), (1, 0), (2, 0))
     tables["navigation"]["sharing"] = "central"
+    tables["link_range"] = {"enabled": True}
     central = static_settings(scenario_loader.validate(tables), allow_team=True).team
     assert central is not None
+    assert central.link.ranging
     assert (central.link.period_ticks, central.link.delay_ticks, len(central.link.hears)) == (1, 0, 6)
 
 

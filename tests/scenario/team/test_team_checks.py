@@ -13,6 +13,7 @@ Tables = dict[str, Any]
 SECOND = "servicers.second"
 HEARS = "link.hears"
 NEAR = [0.0, 50.0, 30.05]
+FAR = [0.0, -50.0, -30.0]
 HANDOVER = {"relative_position_m": [0.0, 90.0, 0.0], "handover": {"position_sigma_m": 1.0}}
 LOSS = {"key": "link.loss", "kind": "uniform", "low": 0.0, "high": 0.5}
 
@@ -23,6 +24,22 @@ def _second(**changes: Any) -> Callable[[Tables], None]:
 
 def _link(**changes: Any) -> Callable[[Tables], None]:
     return lambda tables: tables.update(link=changes)
+
+
+def _team(**changes: Any) -> Callable[[Tables], None]:
+    return lambda tables: tables.update(team=changes)
+
+
+def _apart(**changes: Any) -> Callable[[Tables], None]:
+    """Servicers that keep clear of each other, in a scenario with changes."""
+
+    def change(tables: Tables) -> None:
+        tables["team"] = {"keep_out_m": 10.0}
+        tables["servicers"] = [{"name": "first"}, {"name": "second", "initial": {"relative_position_m": FAR}}]
+        for key, value in changes.items():
+            tables[key] = value if isinstance(value, list) else tables[key] | value
+
+    return change
 
 
 def _dispersion(**entry: Any) -> Callable[[Tables], None]:
@@ -76,8 +93,18 @@ FAULTS: list[tuple[Callable[[Tables], None], str, str]] = [
     (_link(hears=[]), HEARS, "navigation.sharing = 'none'"),
     (lambda tables: tables.update(servicers=[{"name": "only"}]), HEARS, "links to each servicer"),
     (_alone(navigation={"sharing": "boxes"}), "navigation.sharing", "[[servicers]]"),
-    (_alone(link={"loss": 0.1}), "link", "[[servicers]]"),
+    (_alone(link={"loss": 0.1}), "link", "them only in a scenario with [[servicers]]"),
+    (_alone(team={"keep_out_m": 10.0}), "team", "[[servicers]]"),
+    (_team(keep_out_m=70.0), "servicers.third.initial.relative_position_m", "than team.keep_out_m = 70"),
+    (_team(keep_out_m=-1.0), "team.keep_out_m", "0"),
+    (_apart(navigation={"sharing": "none"}), "team.keep_out_m", "navigation.sharing beside it"),
+    (_apart(phases=[]), "team.keep_out_m", "phases beside it"),
+    (_team(phasing="evenly"), "team.phasing", "'fixed', 'spread' or 'viewpoints'"),
+    (_apart(team={"phasing": "spread", "keep_out_m": 0.0}, navigation={"sharing": "none"}), "team.phasing", "sharing"),
+    (_apart(team={"phasing": "spread", "keep_out_m": 0.0}, phases=[]), "team.phasing", "phases beside it"),
+    (_dispersion(key="team.keep_out_m"), "team.keep_out_m", "above 0, as it is dispersed"),
     (_alone(gps_differences={"kind": "carrier"}), "gps_differences", "[[servicers]]"),
+    (_alone(link_range={"enabled": True}), "link_range", "[[servicers]]"),
     (_alone(dispersions=[LOSS]), "dispersions", "[[servicers]]"),
     (_dispersion(key="orbit.raan_deg", common=False), "dispersions.10.common", "orbit.raan_deg in common"),
     (_dispersion(key="link.period_s"), "dispersions.10.key", "key of a number"),

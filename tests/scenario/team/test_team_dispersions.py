@@ -56,6 +56,8 @@ def test_the_parameters_hold_the_drawn_values_of_a_team(tables: dict[str, Any]) 
         "link.loss", "link.burst_loss", "link.burst_interval_s", "link.burst_duration_s", "gps_differences.noise_m",
         "gps_differences.slow_error_m", "gps_differences.slow_error_time_constant_s", "navigation.difference_noise_m",
         "navigation.difference_error_sigma_m", "navigation.difference_error_time_constant_s", "gps.common_share",
+        "link_range.noise_m", "link_range.bias_sigma_m", "navigation.difference_range_noise_m",
+        "navigation.difference_range_bias_sigma_m",
     ]  # fmt: skip
     tables["dispersions"] += [{"key": key, "kind": "uniform", "low": 0.1, "high": 0.9} for key in keys]
     for params, values in zip(member_params(scenario_loader.validate(tables)), _values(tables), strict=True):

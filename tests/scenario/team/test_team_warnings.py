@@ -39,5 +39,9 @@ def test_the_belief_in_differences_of_positions_is_judged(tables: dict[str, Any]
         "navigation.difference_noise_m",
         "navigation.difference_error_sigma_m",
     ]
+    tables["link_range"] = {"enabled": True, "noise_m": 0.2}
+    assert mission_warnings(scenario_loader.validate(tables))[2].startswith(
+        "navigation.difference_range_noise_m: the filter believes 0.1, the truth is 0.2 by link_range.noise_m"
+    )
     tables["navigation"]["sharing"] = "none"
     assert mission_warnings(scenario_loader.validate(tables)) == []

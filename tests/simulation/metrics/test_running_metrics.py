@@ -34,18 +34,19 @@ def results() -> Iterator[Results]:
     file = rpojax.load("inspection", ["duration_s=240.0", "rates.formation_period_s=120.0"])
     scenario, params, state = single_run.initialise_run(file, seed=0, run_id=3)
     names = (*RUNNING, ADDED.name)
+    accumulated = [*(METRICS[name] for name in RUNNING), ADDED]
 
     @jax.jit
     def simulate(state: State) -> tuple[jax.Array, Channels]:
         def body(carry: tuple[State, RunningSums], _: None) -> tuple[tuple[State, RunningSums], object]:
             state, sums = carry
             after, telemetry = step(scenario, params, state, rpojax.Stages())
-            sums = running_metrics.add_tick(names, scenario, params, telemetry, sums)
+            sums = running_metrics.add_tick(accumulated, scenario, params, telemetry, sums)
             return (after, sums), compute_channels(scenario, params, telemetry)
 
-        start = (state, running_metrics.initial_sums(names))
+        start = (state, running_metrics.initial_sums(accumulated))
         (_, sums), channels = jax.lax.scan(body, start, None, length=scenario.ticks)
-        return running_metrics.final_values(names, sums), channels
+        return running_metrics.final_values(accumulated, sums), channels
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(METRICS, ADDED.name, ADDED)
@@ -84,12 +85,12 @@ def test_the_pointing_error_is_of_settled_pointing_only(results: Results) -> Non
 
 
 def test_a_metric_without_weight_is_zero_with_zero_derivative() -> None:
-    names = ("nis_box_mean", "formation_error_rms_m")
+    accumulated = [METRICS[name] for name in ("nis_box_mean", "formation_error_rms_m")]
 
     def last(x: jax.Array) -> jax.Array:
-        sums = running_metrics.initial_sums(names)
+        sums = running_metrics.initial_sums(accumulated)
         return running_metrics.final_values(
-            names,
+            accumulated,
             RunningSums(
                 accumulators=replace(sums.accumulators, total=sums.accumulators.total * x),
                 pointing_ticks=sums.pointing_ticks,

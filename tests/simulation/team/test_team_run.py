@@ -9,6 +9,10 @@ import pytest
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import static_settings
+from rpojax.scenario.team.members import member_params
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.team import initial_team, member_axes, team_step
 
 OVERRIDES = ["duration_s=200"]
 ROUNDING = {"rtol": 1e-5, "atol": 1e-5}
@@ -69,3 +73,62 @@ def test_all_servicers_decide_though_their_clocks_coincide(pair: ScenarioFile) -
     applied = np.diff(found["delta_v_m_s"][:, 0], axis=0) > 0.0
     assert applied.any(axis=0).all()
     assert abs(int(applied[:, 1].argmax()) - int(applied[:, 0].argmax())) < 20
+
+
+NEAR = [
+    "duration_s=3000",
+    "servicers.second.phases.inspect.reference.radial_phase_deg=20",
+    "servicers.second.phases.inspect.reference.cross_track_phase_deg=20",
+]
+"""The second servicer is sent to a place 6 m from the first one's."""
+
+
+@pytest.mark.slow
+def test_servicers_that_are_sent_near_to_each_other_keep_clear() -> None:
+    found = simulate(scenario_loader.load("cooperative_inspection", NEAR), range(4))
+    between = np.linalg.norm(found["rho_H"][..., 0].astype(float) - found["rho_H"][..., 1], axis=2)
+    assert between.min() > 10.0
+    assert np.all((found["burn_changed_for"] > 0).any(axis=(0, 2)))
+    unaware = simulate(scenario_loader.load("cooperative_inspection", [*NEAR, "team.keep_out_m=0"]), range(4))
+    between = np.linalg.norm(unaware["rho_H"][..., 0].astype(float) - unaware["rho_H"][..., 1], axis=2)
+    assert between.min() < 8.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("sharing", "phasing"), [("boxes", "fixed"), ("estimates", "spread"), ("boxes", "viewpoints"), ("naive", "fixed")]
+)
+def test_a_tick_of_servicers_that_share_has_the_shapes_and_types_of_the_state_before(
+    sharing: str, phasing: str
+) -> None:
+    overrides = [f"navigation.sharing={sharing}", f"team.phasing={phasing}"]
+    file = scenario_loader.load("cooperative_inspection", overrides)
+    scenario = static_settings(file, allow_team=True)
+    team = member_axes.stack_members(member_params(file))
+    state = jax.eval_shape(lambda: initial_team.init(scenario, team, run_key(1, 0)))
+    after, seen = jax.eval_shape(lambda before: team_step.step(scenario, team, before), state)
+    assert jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), after) == jax.tree.map(
+        lambda leaf: (leaf.shape, leaf.dtype), state
+    )
+    assert seen.truth.r_ST_N.shape == (3, 3)
+
+
+SILENT = [
+    "duration_s=1500",
+    "team.phasing=spread",
+    "effects.faults=true",
+    "servicers.second.fault.kind=radio_off",
+    "servicers.second.fault.start_s=300",
+    "servicers.second.fault.duration_s=100000",
+]
+
+
+@pytest.mark.slow
+def test_a_servicer_that_falls_silent_is_left_out_and_the_phases_are_spread_anew() -> None:
+    found = simulate(scenario_loader.load("cooperative_inspection", SILENT), range(2))
+    assert np.all(found["known_members"][290] == 3)
+    # The others know of two, the silent one of itself alone; no decision comes later than 200 s after a minute.
+    np.testing.assert_array_equal(found["known_members"][-1], [[2, 1, 2]] * 2)
+    assert np.all(found["phase_shift_deg"][:300] == 0.0)
+    first, second, third = found["phase_shift_deg"][-1].T
+    assert np.all((first < -10.0) & (second == 0.0) & (third > 10.0))

@@ -33,6 +33,15 @@ _FLOOR: Final = {"delta_v": 1e-3, "pointing": 1e-3}
 """Values below these count as these [m/s, deg]."""
 
 
+_SMALLEST: Final = 1e-9
+"""Values of a metric with a weight of its own below this one count as this one, in its unit."""
+
+
+def part_metrics(part: str) -> tuple[str, ...]:
+    """Metrics of a part of the objective; a part that is a metric with a weight of its own consists of itself."""
+    return PART_METRICS.get(part, (part,))
+
+
 class Objective:
     """Weighted sum of parts, as a function of the metrics of a batch.
 
@@ -42,10 +51,12 @@ class Objective:
     """
 
     def __init__(self, file: ScenarioFile) -> None:
-        self.weights = {name: weight for name, weight in file.tuning.model_dump().items() if weight > 0.0}
+        parts = file.tuning.model_dump(exclude={"metrics"})
+        self.weights = {name: weight for name, weight in parts.items() if weight > 0.0}
+        self.weights |= {name: weight for name, weight in (file.tuning.metrics or {}).items() if weight != 0.0}
         if not self.weights:
             raise ScenarioError("tuning", "no weight above zero", f"a weight for one of {', '.join(PART_METRICS)}")
-        self.metric_names = tuple(dict.fromkeys(name for part in self.weights for name in PART_METRICS[part]))
+        self.metric_names = tuple(dict.fromkeys(name for part in self.weights for name in part_metrics(part)))
         self._value = jax.jit(self._total)
 
     def __call__(self, metrics: np.ndarray) -> tuple[float, dict[str, float]]:
@@ -73,10 +84,12 @@ def _part(name: str, columns: dict[str, Array], counted: Array) -> Array:
         relative = columns["nees_relative_mean"]
         servicer = columns["nees_mean"] - relative
         return _nees_inconsistency(relative, counted) + _nees_inconsistency(servicer, counted)
-    values = columns[PART_METRICS[name][0]]
+    values = columns[part_metrics(name)[0]]
     if name in ("innovations", "estimate"):
         return _masked_mean(values, counted)
-    return _masked_mean(jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0))), counted)
+    return _masked_mean(
+        jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0 if name in PART_METRICS else _SMALLEST))), counted
+    )
 
 
 def _masked_mean(values: Array, counted: Array) -> Array:

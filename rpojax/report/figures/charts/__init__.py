@@ -1,1 +1,1 @@
-"""Interactive plotly charts of the report page."""
+"""Charts of the report page as figures in plotly's format, which the page draws itself."""

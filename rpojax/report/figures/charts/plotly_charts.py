@@ -1,11 +1,16 @@
-"""Building blocks of plotly charts as plain dictionaries: lines, bands, reference lines, layout."""
+"""Building blocks of charts: lines, bands, limits, layout. Charts are dictionaries in plotly's format.
+
+The page draws them itself (`page/assets/charts.js`), the part of the format that is used here: `scatter` traces with
+lines, points, bands and stacked areas, `bar` traces, straight shapes with labels; linear, logarithmic and categorical
+axes.
+"""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rpojax.report.figures.colours import BLUE, FONT, GRID, INK, MUTED
+from rpojax.report.figures.colours import BLUE, FONT, GRID, INK, MUTED, VERMILLION
 
 Chart = dict[str, Any]
 """Plotly figure: `data` (traces) and `layout`."""
@@ -26,6 +31,15 @@ def add_reference_lines(chart: Chart, unit: str, levels: Sequence[tuple[float, s
         trace = {"type": "scatter", "mode": "lines", "x": ends, "y": [value, value], "name": name, "line": line}
         chart["data"].append({**trace, "hoverinfo": "skip"})
     return chart
+
+
+def limit_line(value: float, text: str, upright: bool = False) -> dict[str, Any]:
+    """Line of a limit with its text, across the chart or `upright`; by its name the axes include it."""
+    line = {"color": VERMILLION, "width": 1.6, "dash": "dash"}
+    shape: dict[str, Any] = {"type": "line", "name": "limit", "line": line, "label": {"text": text}}
+    if upright:
+        return {**shape, "xref": "x", "yref": "paper", "x0": value, "x1": value, "y0": 0, "y1": 1}
+    return {**shape, "xref": "paper", "yref": "y", "x0": 0, "x1": 1, "y0": value, "y1": value}
 
 
 def line_trace(

@@ -1,6 +1,6 @@
 """Data of the interactive scatter plot: any metric against any dispersed quantity."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,20 +9,24 @@ from rpojax.analysis.statistics.dependence.rank_correlation import spearman_colu
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import dispersed_scalars, rankable_scalars
 from rpojax.report.figures.charts.plotly_charts import rounded_values
+from rpojax.report.figures.requirement_limits import limits_of_metrics
 from rpojax.report.key_metrics import has_variation
 from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
 from rpojax.report.run_independence import runs_are_independent
 
-_MAX_POINTS = 1500
+_MAX_POINTS = 1000
 
 
-def scatter_explorer(campaign: CampaignResults) -> dict[str, Any] | None:
+def scatter_explorer(
+    campaign: CampaignResults, requirements: Sequence[Mapping[str, Any]] = ()
+) -> dict[str, Any] | None:
     """Data for scatter plots of each metric against each dispersed scalar; None with too few runs or nothing dispersed.
 
-    Contains the values of the first 1500 runs, the rank correlation of each pair over all runs (not for categorical
+    Contains the values of the first 1000 runs, the rank correlation of each pair over all runs (not for categorical
     inputs), and `independence_limit`, below which the correlation of independent quantities lies in 95 % of the cases;
-    None if runs are not independent.
+    None if runs are not independent; and `limits`, value and text of those of the `requirements` of report.json.
     """
+    limits = limits_of_metrics(requirements)
     inputs = {key: values for key, values in dispersed_scalars(campaign).items() if np.ptp(values) > 0.0}
     ranked = {key: inputs[key] for key in rankable_scalars(campaign) if key in inputs}
     independent = runs_are_independent(campaign)
@@ -40,6 +44,7 @@ def scatter_explorer(campaign: CampaignResults) -> dict[str, Any] | None:
                 "title": metric_label(name).title,
                 "unit": metric_label(name).unit,
                 "values": rounded_values(values[:_MAX_POINTS]),
+                "limits": [{"value": limit.value, "text": limit.text} for limit in limits.get(name, [])],
                 "rank": _rank_correlations(values, ranked),
                 "independence_limit": _independence_limit(values) if independent else None,
             }

@@ -1,0 +1,56 @@
+"""The command `rpojax export`: results or trajectories of a campaign in files that other tools read."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import arg
+
+from rpojax.cli.arguments import AsJson, Folder, NoCache
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
+from rpojax.cli.interruptible_work import with_progress
+from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.runtime.progress_bar import ProgressCallback
+
+if TYPE_CHECKING:
+    from rpojax.campaign.storage.campaign_folder import Campaign
+
+FormatName = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm"]
+
+
+def export(
+    directory: Folder,
+    *,
+    out: Annotated[Path, arg(metavar="FILE", help="File to write; several files get its name.")],
+    form: Annotated[
+        FormatName,
+        arg(name="format", help="Tables: csv, parquet, mat, npz; of one run orbit, attitude or start: oem, aem, opm."),
+    ],
+    what: Annotated[
+        str, arg(metavar="NAMES", help="Tables, with commas between them: metrics, draws, traces, history.")
+    ] = "metrics,draws",
+    run_id: Annotated[int | None, arg(metavar="I", help="This run alone.", help_behavior_hint="(default: all)")] = None,
+    force: Annotated[bool, arg(help="Replace files that exist.")] = False,
+    as_json: AsJson = False,
+    no_cache: NoCache = False,
+) -> int:
+    """Write results as tables with units, or orbits and attitudes of one run as CCSDS messages, for other tools."""
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.interop import export as exports
+
+    found, paths = Campaign(directory), list[Path]()
+    names = [name.strip() for name in what.split(",") if name.strip()]
+
+    def work(watch: ProgressCallback) -> "Campaign":
+        options = exports.ExportOptions(tables=tuple(names), run_id=run_id, force=force)
+        paths.extend(exports.export_as(found, out, form, options, watch))
+        return found
+
+    with_progress(work, found.file.duration_s, as_json)
+    if as_json:
+        print_json({"files": list(map(str, paths))})
+    else:
+        for path in paths:
+            print(path)
+    return Status.DONE

@@ -1,0 +1,74 @@
+"""Map of the directions in the target's Hill frame from which a team has seen the target in sunlight.
+
+Flight software does not know the attitude of an uncooperative target. So it can only tell from which sides it was
+seen, in a frame that it knows. If the target tumbles, another part of it comes to that side: what was seen is worth
+less and less with time.
+"""
+
+import math
+from typing import Final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from rpojax.flight.team_guidance.team_tuning import TeamTuning
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+
+COUNT: Final = 100
+"""Number of directions."""
+
+
+def _fibonacci_sphere(count: int) -> np.ndarray:
+    """Evenly spread unit vectors (3, count).
+
+    Gonzalez, "Measurement of areas on a sphere using Fibonacci and latitude-longitude lattices", 2010.
+    """
+    number = np.arange(count)
+    height = 1.0 - (2.0 * number + 1.0) / count
+    angle = number * math.pi * (3.0 - math.sqrt(5.0))
+    radius = np.sqrt(1.0 - height**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height])
+
+
+DIRECTIONS: Final = _fibonacci_sphere(COUNT)
+"""Normals of the sides of the target in H (3, directions)."""
+
+
+def unseen(time: Scalar) -> Float[Array, " directions"]:
+    """Map before anything was seen."""
+    return jnp.stack([time - jnp.inf] * COUNT)
+
+
+def is_seen(
+    tuning: TeamTuning, place_H: Float[Array, "3 n"], sun_H: Float[Array, "3 n"]
+) -> Bool[Array, "directions n"]:
+    """Sides that are seen in sunlight from places [m], with the Sun in these directions."""
+    normals = jnp.asarray(DIRECTIONS, dtype=place_H.dtype)
+    towards = jnp.sum(normals[:, :, None] * place_H[:, None], axis=0)
+    lit = jnp.sum(normals[:, :, None] * sun_H[:, None], axis=0)
+    distance = jnp.sqrt(jnp.sum(place_H * place_H, axis=0))
+    sun_distance = jnp.sqrt(jnp.sum(sun_H * sun_H, axis=0))
+    near = towards >= jnp.cos(tuning.view_incidence) * distance[None]
+    return near & (lit >= jnp.cos(tuning.view_sun_incidence) * sun_distance[None])
+
+
+def update(
+    tuning: TeamTuning,
+    last_seen: Float[Array, " directions"],
+    places_H: Float[Array, "3 n"],
+    sees: Bool[Array, " n"],
+    sun_H: Vector,
+    time: Scalar,
+) -> Float[Array, " directions"]:
+    """Map after a tick in which those servicers that `sees` is true for saw the target from their places [m]."""
+    suns_H = jnp.broadcast_to(sun_H[:, None], places_H.shape)
+    seen = jnp.any(is_seen(tuning, places_H, suns_H) & sees[None], axis=1)
+    return jnp.where(seen, time, last_seen)
+
+
+def worth(tuning: TeamTuning, last_seen: Float[Array, " directions"], time: Scalar) -> Float[Array, " directions"]:
+    """What it is worth to see each side at `time` [s]: 1 if it was never seen, 0 if it is seen now."""
+    return 1.0 - jnp.exp(-(time - last_seen) / tuning.view_memory)

@@ -1,0 +1,94 @@
+"""Export of a campaign: results as tables, and orbits and attitudes of one run as messages of the CCSDS."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, get_args
+
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.errors import OutputError, RpojaxError
+from rpojax.interop import run_replay
+from rpojax.interop.ccsds import flown_states, message_export
+from rpojax.interop.ccsds.message_export import MESSAGE_KINDS
+from rpojax.interop.tables.campaign_tables import TableName
+from rpojax.interop.tables.table_export import export_tables
+from rpojax.interop.tables.table_files import FILE_FORMATS
+from rpojax.runtime.progress_bar import ProgressCallback, run_progress
+
+ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm"]
+FORMATS: Final[tuple[ExportFormat, ...]] = get_args(ExportFormat)
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What is exported, and whether files are replaced.
+
+    Attributes:
+        tables: names of tables
+        run_id: this run alone, None for all
+        force: replace files that exist
+    """
+
+    tables: tuple[str, ...] = ("metrics", "draws")
+    run_id: int | None = None
+    force: bool = False
+
+
+def export(
+    campaign: Campaign | Path | str,
+    out: Path | str,
+    form: ExportFormat | None = None,
+    what: Sequence[TableName] = ("metrics", "draws"),
+    *,
+    run_id: int | None = None,
+    force: bool = False,
+    progress: bool = True,
+) -> list[Path]:
+    """Writes results of a campaign for other tools; returns the paths of the files.
+
+    Tables (`csv`, `parquet`, `mat`, `npz`) have the unit of every column. Messages of the CCSDS (`oem`, `aem`, `opm`)
+    have orbit, attitude or start of both spacecraft of a run, which is simulated again in double precision.
+
+    Args:
+        campaign: or its folder
+        out: file; with several of them, `NAME.csv` becomes `NAME_metrics.csv` and `NAME.oem` `NAME_servicer.oem`
+        form: format, by default that of the file's suffix
+        what: tables: `metrics` and `draws`, one row a run, `traces`, one row for each run and sample, and `history`,
+            one row for each run with a history and tick
+        run_id: this run alone; needed for messages
+        force: replace files that exist
+        progress: show progress on stderr
+
+    Raises:
+        RpojaxError: the folder is no campaign, there is no such run, or it has no history.
+        OutputError: a file exists already or cannot be written.
+        MissingExtraError: Parquet needs a package that is not installed.
+    """
+    found = campaign if isinstance(campaign, Campaign) else Campaign(campaign)
+    options = ExportOptions(tuple(what), run_id, force)
+    with run_progress(found.file.duration_s, quiet=not progress or form not in ("oem", "aem")) as shown:
+        return export_as(found, Path(out), form or Path(out).suffix.removeprefix("."), options, shown)
+
+
+def export_as(
+    campaign: Campaign, out: Path, form: str, options: ExportOptions, on_progress: ProgressCallback | None = None
+) -> list[Path]:
+    """Writes results of a campaign in a format, as `export` does; returns the paths of the files.
+
+    Raises:
+        RpojaxError: there is no such format, table or run, or the run has no history.
+        OutputError: a file exists already or cannot be written.
+    """
+    if out.is_dir():
+        raise OutputError(f"{out}: found a folder, expected the name of a file")
+    if form in FILE_FORMATS:
+        return export_tables(campaign, out, form, options.tables, options.run_id, options.force)
+    if form not in MESSAGE_KINDS:
+        raise RpojaxError.of_argument("form", f"found {form!r}, expected one of {', '.join(FORMATS)}")
+    if options.run_id is None:
+        raise RpojaxError.of_argument("run_id", f"found none, expected the run whose {form.upper()} is wanted")
+    message_export.check_messages(out, options.force)
+    if form == "opm":
+        return message_export.write_messages(flown_states.initial_states(campaign, options.run_id), form, out)
+    run = run_replay.replay(campaign, options.run_id, flown_states.observe_tick, on_progress=on_progress)
+    return message_export.write_messages(flown_states.flown_states(run, campaign), form, out)

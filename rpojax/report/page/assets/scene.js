@@ -1,0 +1,242 @@
+// Relative paths in three dimensions on a canvas: Hill axes, target mesh, keep-out sphere, one line for each run.
+const Scene = (() => {
+  "use strict";
+  const axes = [["x radial", [1, 0, 0]], ["y along-track", [0, 1, 0]], ["z normal", [0, 0, 1]]];
+  const views = { free: [0.6, 0.35], plane: [0, 0], along: [Math.PI / 2, 0] };
+  const tone = { median: "--blue", worst: "--vermillion", other: "--shade" };
+
+  function start(data) {
+    const canvas = document.getElementById("scene");
+    if (!data || !canvas) return;
+    const state = { yaw: 0.6, pitch: 0.35, zoom: 1, picked: null };
+    const reach = extent(data);
+    const target = triangles(data.target);
+    const paint = () => draw(canvas, data, target, reach, state);
+    drag(canvas, state, paint);
+    for (const button of document.querySelectorAll("[data-view]")) {
+      button.addEventListener("click", () => {
+        const wanted = button.dataset.view;
+        if (views[wanted]) [state.yaw, state.pitch] = views[wanted];
+        if (wanted === "closer") state.zoom = Math.min(200, state.zoom * 1.6);
+        if (wanted === "farther") state.zoom = Math.max(0.3, state.zoom / 1.6);
+        if (wanted === "all") state.zoom = 1;
+        paint();
+      });
+    }
+    new ResizeObserver(paint).observe(canvas);
+    for (const name of ["beforeprint", "afterprint"]) window.addEventListener(name, paint);
+    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
+    paint();
+  }
+
+  // Largest distance from the target of any path, so that all fit.
+  function extent(data) {
+    let most = data.keep_out_m || 1;
+    for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) most = Math.max(most, Math.hypot(path.points[i], path.points[i + 1], path.points[i + 2]));
+    return most;
+  }
+
+  function triangles(mesh) {
+    if (!mesh) return [];
+    const corner = (number) => mesh.corners.slice(3 * number, 3 * number + 3);
+    const found = [];
+    for (let i = 0; i < mesh.triangles.length; i += 3) {
+      const [a, b, c] = [0, 1, 2].map((k) => corner(mesh.triangles[i + k]));
+      const [u, v] = [[b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]]];
+      const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+      const size = Math.hypot(...normal) || 1;
+      found.push({ corners: [a, b, c], normal: normal.map((one) => one / size) });
+    }
+    return found;
+  }
+
+  // Orthographic: directions to the right, up and towards the viewer. Without a turn the orbit plane is seen from its
+  // south, y to the right and x up; `pitch` leans the view, `yaw` turns it about the radial axis.
+  function camera({ yaw, pitch }) {
+    const [sy, cy, sp, cp] = [Math.sin(yaw), Math.cos(yaw), Math.sin(pitch), Math.cos(pitch)];
+    return { right: [0, cy, -sy], up: [cp, -sy * sp, -cy * sp], forward: [-sp, -sy * cp, -cy * cp] };
+  }
+
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+  function draw(canvas, data, target, reach, state) {
+    const ratio = Math.min(3, (window.devicePixelRatio || 1) * (window.matchMedia("print").matches ? 2 : 1));
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    if (!width || !height) return;
+    [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
+    const pen = canvas.getContext("2d");
+    const style = getComputedStyle(canvas);
+    const named = (name) => style.getPropertyValue(name).trim();
+    pen.scale(ratio, ratio);
+    pen.lineJoin = "round";
+    pen.font = "12px system-ui, sans-serif";
+    const view = camera(state);
+    const shown = bounds(data, view);
+    const scale = state.zoom * Math.min((width - 90) / shown.width, (height - 70) / shown.height);
+    const [across, high] = state.zoom > 1.01 ? [0, 0] : shown.center;
+    const project = (p) => [
+      width / 2 + scale * (dot(view.right, p) - across), height / 2 - scale * (dot(view.up, p) - high), dot(view.forward, p)];
+    drawAxes(pen, project, 0.35 * reach / state.zoom, named);
+    drawSphere(pen, project, data.keep_out_m, scale, named);
+    for (const path of data.paths.filter((one) => one.kind === "other")) drawPath(pen, project, path, named);
+    drawTarget(pen, project, target, view, named);
+    for (const path of data.paths.filter((one) => one.kind !== "other")) drawPath(pen, project, path, named);
+    for (const place of data.desired) mark(pen, project(place), named("--green"), "desired");
+    drawScale(pen, scale, height, named);
+  }
+
+  // Size and middle of everything shown, as this view has it, so that the picture is full.
+  function bounds(data, view) {
+    const radius = data.keep_out_m || 1;
+    const low = [-radius, -radius];
+    const high = [radius, radius];
+    for (const path of data.paths) {
+      for (let i = 0; i < path.points.length; i += 3) {
+        const point = path.points.slice(i, i + 3);
+        [view.right, view.up].forEach((direction, k) => {
+          low[k] = Math.min(low[k], dot(direction, point));
+          high[k] = Math.max(high[k], dot(direction, point));
+        });
+      }
+    }
+    return { width: high[0] - low[0], height: high[1] - low[1], center: [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2] };
+  }
+
+  function drawAxes(pen, project, length, named) {
+    pen.strokeStyle = named("--muted");
+    pen.fillStyle = named("--muted");
+    pen.lineWidth = 1;
+    for (const [name, direction] of axes) {
+      const [a, b] = [project([0, 0, 0]), project(direction.map((one) => one * length))];
+      pen.beginPath();
+      pen.moveTo(a[0], a[1]);
+      pen.lineTo(b[0], b[1]);
+      pen.stroke();
+      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 14) pen.fillText(name, b[0] + 4, b[1] - 4);
+    }
+  }
+
+  function drawSphere(pen, project, radius, scale, named) {
+    if (!radius) return;
+    const [x, y] = project([0, 0, 0]);
+    pen.strokeStyle = named("--alert");
+    pen.fillStyle = named("--alert");
+    pen.lineWidth = 1;
+    pen.globalAlpha = 0.1;
+    pen.beginPath();
+    pen.arc(x, y, radius * scale, 0, 2 * Math.PI);
+    pen.fill();
+    pen.globalAlpha = 0.8;
+    pen.stroke();
+    pen.globalAlpha = 0.35;
+    for (const [i, j] of [[0, 1], [1, 2], [0, 2]]) {
+      pen.beginPath();
+      for (let step = 0; step <= 48; step += 1) {
+        const p = [0, 0, 0];
+        p[i] = radius * Math.cos((step * Math.PI) / 24);
+        p[j] = radius * Math.sin((step * Math.PI) / 24);
+        const [px, py] = project(p);
+        if (step) pen.lineTo(px, py); else pen.moveTo(px, py);
+      }
+      pen.stroke();
+    }
+    pen.globalAlpha = 1;
+    if (radius * scale > 30) pen.fillText(`keep-out ${radius} m`, x + 0.72 * radius * scale, y - 0.72 * radius * scale - 3);
+  }
+
+  function drawTarget(pen, project, target, view, named) {
+    const light = [0.5, 0.3, 0.81];
+    const facing = target.filter((one) => dot(one.normal, view.forward) > 0).map((one) => {
+      const corners = one.corners.map(project);
+      return { corners, depth: corners[0][2] + corners[1][2] + corners[2][2], shade: 0.45 + 0.5 * Math.max(0, dot(one.normal, light)) };
+    });
+    facing.sort((a, b) => a.depth - b.depth);
+    for (const { corners, shade } of facing) {
+      pen.fillStyle = `hsl(42 40% ${Math.round(30 + 50 * shade)}%)`;
+      pen.strokeStyle = pen.fillStyle;
+      pen.lineWidth = 0.6;
+      pen.beginPath();
+      corners.forEach(([x, y], index) => (index ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+      pen.closePath();
+      pen.fill();
+      pen.stroke();
+    }
+    if (!target.length) mark(pen, project([0, 0, 0]), named("--ink"), "target");
+  }
+
+  function drawPath(pen, project, path, named) {
+    pen.strokeStyle = named(tone[path.kind]);
+    pen.globalAlpha = path.kind === "other" ? 0.45 : 1;
+    pen.lineWidth = { other: 1, worst: 1.5, median: 2.4 }[path.kind];
+    pen.beginPath();
+    let end = null;
+    for (let i = 0; i < path.points.length; i += 3) {
+      end = project(path.points.slice(i, i + 3));
+      if (i) pen.lineTo(end[0], end[1]); else pen.moveTo(end[0], end[1]);
+    }
+    pen.stroke();
+    if (end && path.kind !== "other") {
+      const first = project(path.points.slice(0, 3));
+      pen.fillStyle = pen.strokeStyle;
+      pen.beginPath();
+      pen.arc(first[0], first[1], 4, 0, 2 * Math.PI);
+      pen.fill();
+      pen.fillRect(end[0] - 4, end[1] - 4, 8, 8);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  function mark(pen, [x, y], color, text) {
+    pen.strokeStyle = color;
+    pen.fillStyle = color;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(x - 5, y);
+    pen.lineTo(x + 5, y);
+    pen.moveTo(x, y - 5);
+    pen.lineTo(x, y + 5);
+    pen.stroke();
+    pen.fillText(text, x + 8, y + 12);
+  }
+
+  function drawScale(pen, scale, height, named) {
+    const rough = 90 / scale;
+    const power = 10 ** Math.floor(Math.log10(rough));
+    const length = [1, 2, 5, 10].map((one) => one * power).filter((one) => one <= rough * 1.01).pop() || power;
+    pen.strokeStyle = named("--ink");
+    pen.fillStyle = named("--ink");
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(14, height - 16);
+    pen.lineTo(14 + length * scale, height - 16);
+    pen.stroke();
+    pen.fillText(`${Number(length.toPrecision(3))} m`, 14, height - 22);
+  }
+
+  function drag(canvas, state, paint) {
+    let last = null;
+    const turn = (across, up) => {
+      state.yaw += across;
+      state.pitch = Math.max(-1.57, Math.min(1.57, state.pitch + up));
+      paint();
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      last = [event.clientX, event.clientY];
+      canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!last) return;
+      const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]];
+      last = [event.clientX, event.clientY];
+      turn(dx * 0.008, dy * 0.008);
+    });
+    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { last = null; });
+    canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
+      if (step) { turn(...step); event.preventDefault(); }
+      if (event.key === "+" || event.key === "-") { state.zoom *= event.key === "+" ? 1.25 : 0.8; paint(); }
+    });
+  }
+
+  return { start };
+})();

@@ -1,0 +1,1 @@
+"""Page on what changed between campaigns of the same runs: tables, overlays, and warnings where they differ in kind."""

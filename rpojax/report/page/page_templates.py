@@ -1,0 +1,65 @@
+"""Templates of all pages: their environment, filters, data for the scripts, and what every page ends with."""
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import jinja2
+from markupsafe import Markup, escape
+
+from rpojax.report.number_format import format_number, format_p_value
+
+_HASH_DIGITS: Final = 16
+"""Digits of the scenario's hash at the foot of a page; the identity section has all."""
+
+
+def render(template: str, data: Mapping[str, Any], values: Mapping[str, Any]) -> str:
+    """Page from the template of that name; `data` is what its scripts read, `values` what the template shows."""
+    found = _environment().get_template(template)
+    return found.render(page_data=_script_json(data), **values)
+
+
+def foot_text(info: Mapping[str, Any]) -> str:
+    """Foot of every page: name, hash of the scenario, seed, version and date of a campaign, as far as recorded."""
+    parts = [
+        str(info.get("name", "campaign")),
+        f"scenario {str(info['scenario_hash'])[:_HASH_DIGITS]}" if info.get("scenario_hash") else "",
+        f"seed {info['seed']}" if "seed" in info else "",
+        f"rpojax {info['versions']['rpojax']}" if "rpojax" in info.get("versions", {}) else "",
+        str(info.get("created", "")).partition("T")[0],
+    ]
+    return " \N{MIDDLE DOT} ".join(part for part in parts if part)
+
+
+def _environment() -> jinja2.Environment:
+    here = Path(__file__).parent
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([here / "templates", here]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = format_number
+    environment.filters["breakable"] = _with_break_opportunities
+    environment.filters["p_value"] = format_p_value
+    environment.filters["css_text"] = _css_text
+    return environment
+
+
+def _with_break_opportunities(text: str) -> Markup:
+    """A name that may break into lines after its underscores and dots only."""
+    return Markup(re.sub(r"([_.])", r"\1<wbr>", str(escape(text))))
+
+
+def _css_text(text: str) -> Markup:
+    """Content of a CSS string: everything but plain characters escaped."""
+    return Markup(re.sub(r"[^A-Za-z0-9 .,:;_+-]", lambda found: f"\\{ord(found[0]):06x}", text))
+
+
+def _script_json(value: Any) -> Markup:
+    """JSON, escaped so that it cannot end the script element around it."""
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

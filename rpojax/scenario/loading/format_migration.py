@@ -1,0 +1,74 @@
+"""Versions of the format of scenario files, and the migration of older ones.
+
+| version | what changed |
+|---|---|
+| 1 | files without `format_version` |
+| 2 | three keys of `navigation` count seconds and no longer frames |
+"""
+
+import warnings
+from collections.abc import Mapping
+from typing import Any, Final
+
+from rpojax.errors import ScenarioError
+from rpojax.scenario.schema import FORMAT_VERSION
+
+_COUNTED_FRAMES: Final = {
+    "confirm_frames": ("confirm_within_s", -1),
+    "confirm_tolerance_px": ("confirm_tolerance_px_s", 1),
+    "rejections_before_recovery": ("recovery_after_s", -1),
+}
+"""Former key of `navigation` -> present key, and the power of the camera rate that it is multiplied with."""
+
+
+class FormatChangeWarning(UserWarning):
+    """A scenario file of an older format was migrated; the text says what changed."""
+
+
+def migrate(tables: dict[str, Any], base: Mapping[str, Any], source: str) -> None:
+    """Brings the tables of one file to the present format, with a warning that says what changed.
+
+    Args:
+        tables: of the file, changed in place
+        base: of the files that it extends, merged
+        source: of the file, for messages
+
+    Raises:
+        ScenarioError: the format is unknown, or a former key has another one beside it.
+    """
+    found = tables.get("format_version", 1)
+    if not isinstance(found, int) or isinstance(found, bool) or not 1 <= found <= FORMAT_VERSION:
+        expected = f"a version from 1 to {FORMAT_VERSION}, the one that this version of rpojax writes"
+        raise ScenarioError("format_version", found, expected)
+    changes = _seconds_for_frames(tables, base) if found < 2 else []
+    if changes:
+        warnings.warn(f"{source}: format 1 read as {FORMAT_VERSION}: {'; '.join(changes)}", FormatChangeWarning, 2)
+    tables["format_version"] = FORMAT_VERSION
+
+
+def _seconds_for_frames(tables: dict[str, Any], base: Mapping[str, Any]) -> list[str]:
+    navigation = tables.get("navigation")
+    if not isinstance(navigation, dict):
+        return []
+    rate, changes = _camera_rate(tables, base), list[str]()
+    for former, (present, power) in _COUNTED_FRAMES.items():
+        if former not in navigation:
+            continue
+        if present in navigation:
+            raise ScenarioError(f"navigation.{former}", navigation[former], f"it or {present}, not both")
+        value = navigation.pop(former)
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            raise ScenarioError(f"navigation.{former}", value, "a number")
+        navigation[present] = float(value) * rate**power
+        changes.append(f"navigation.{former} = {value:g} became {present} = {navigation[present]:g} at {rate:g} Hz")
+    return changes
+
+
+def _camera_rate(*layers: Mapping[str, Any]) -> float:
+    """Camera rate [Hz] of the first layer that has one."""
+    for tables in layers:
+        rates = tables.get("rates")
+        rate = rates.get("camera_hz") if isinstance(rates, dict) else None
+        if isinstance(rate, int | float) and rate > 0.0:
+            return float(rate)
+    return 1.0

@@ -1,0 +1,70 @@
+"""A state of an orbit in the scenario's inertial frame, its Keplerian elements, and its state from another orbit."""
+
+import math
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from rpojax.core.constants import MU_EARTH
+
+_NO_DIRECTION = 1e-11
+"""Length of the eccentricity vector, or of the normal's part in the equator, below which it has no direction."""
+
+
+@dataclass(frozen=True)
+class OrbitState:
+    """State of an object at a time, and where it was read.
+
+    Attributes:
+        epoch: in UTC
+        position_m: (3,) in N
+        velocity_m_s: (3,) in N
+        kind: `OEM`, `OMM` or `TLE`
+        frame: of the message
+        name: of the object in the message
+    """
+
+    epoch: datetime
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    kind: str
+    frame: str
+    name: str
+
+
+def orbit_section(state: OrbitState) -> dict[str, float]:
+    """Section `orbit` of a scenario: osculating elements (Vallado, algorithm 9).
+
+    A circular orbit has its perigee at the node, an equatorial one its node at the x axis.
+    """
+    r, v = state.position_m, state.velocity_m_s
+    radius, momentum = float(np.linalg.norm(r)), np.cross(r, v)
+    eccentricity = np.cross(v, momentum) / MU_EARTH - r / radius
+    normal = momentum / np.linalg.norm(momentum)
+    node = np.array([-normal[1], normal[0], 0.0])
+    node = node / np.linalg.norm(node) if np.linalg.norm(node) > _NO_DIRECTION else np.array([1.0, 0.0, 0.0])
+    perigee = eccentricity if np.linalg.norm(eccentricity) > _NO_DIRECTION else node
+    return {
+        "semi_major_axis_m": 1.0 / (2.0 / radius - float(v @ v) / MU_EARTH),
+        "eccentricity": float(np.linalg.norm(eccentricity)),
+        "inclination_deg": math.degrees(math.atan2(math.hypot(normal[0], normal[1]), normal[2])),
+        "raan_deg": math.degrees(math.atan2(node[1], node[0])),
+        "argument_of_perigee_deg": math.degrees(_angle(node, perigee, normal)),
+        "true_anomaly_deg": math.degrees(_angle(perigee, r, normal)),
+    }
+
+
+def _angle(first: np.ndarray, second: np.ndarray, normal: np.ndarray) -> float:
+    """Angle [rad] from one vector to another about the normal of their plane."""
+    return math.atan2(float(second @ np.cross(normal, first)), float(second @ first))
+
+
+def relative_state(servicer: OrbitState, target: OrbitState) -> tuple[list[float], list[float]]:
+    """Position [m] and velocity [m/s] of the servicer from the target, as seen in the target's Hill frame."""
+    momentum = np.cross(target.position_m, target.velocity_m_s)
+    radial, normal = target.position_m / np.linalg.norm(target.position_m), momentum / np.linalg.norm(momentum)
+    R_HN = np.stack([radial, np.cross(normal, radial), normal])
+    rate_N = momentum / float(target.position_m @ target.position_m)
+    r_N, v_N = servicer.position_m - target.position_m, servicer.velocity_m_s - target.velocity_m_s
+    return (R_HN @ r_N).tolist(), (R_HN @ (v_N - np.cross(rate_N, r_N))).tolist()

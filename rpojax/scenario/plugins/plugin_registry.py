@@ -1,0 +1,153 @@
+"""Plugins of this process by the reference and hash that scenarios carry, and whether files of code may be executed."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.metrics.metric_definition import Metric
+from rpojax.scenario.plugins import plugin_file
+from rpojax.scenario.plugins.plugin import Plugin, described_plugin
+from rpojax.scenario.schema import ScenarioFile, with_sensors
+
+if TYPE_CHECKING:
+    from rpojax.flight.stages import Stages
+
+FROM_PYTHON: Final = "python"
+"""Reference of a plugin that was made in Python and comes from no file."""
+
+_KNOWN: Final[dict[tuple[str, str], Plugin]] = {}
+_permission: Final = {"granted": False}
+
+
+def permit() -> None:
+    """Lets this process execute the plugins that scenarios name."""
+    _permission["granted"] = True
+
+
+def is_permitted() -> bool:
+    """Whether this process may execute the plugins that scenarios name."""
+    return _permission["granted"]
+
+
+def add(plugin: Plugin) -> dict[str, str]:
+    """Makes a plugin from Python known; returns the entries of a scenario that has it."""
+    entries = {"plugin": FROM_PYTHON, "plugin_sha256": plugin.sha256()}
+    _KNOWN[FROM_PYTHON, entries["plugin_sha256"]] = plugin
+    return entries
+
+
+def add_description(scenario: Mapping[str, Any], record: Mapping[str, Any]) -> None:
+    """Makes the description of a plugin known for a recorded scenario, unless its code is known."""
+    reference, digest = scenario.get("plugin"), scenario.get("plugin_sha256")
+    if isinstance(reference, str) and isinstance(digest, str):
+        _KNOWN.setdefault((reference, digest), described_plugin(record))
+
+
+def load_for(tables: dict[str, Any], allow: bool) -> None:
+    """Loads the plugin that the tables of a scenario name, and completes them with its hash.
+
+    Raises:
+        ScenarioError: it is not allowed, cannot be used, or has another hash than the tables say.
+    """
+    reference, digest = tables.get("plugin"), tables.get("plugin_sha256")
+    if not isinstance(reference, str) or ((reference, digest) in _KNOWN and _KNOWN[reference, str(digest)].has_code):
+        return
+    if reference == FROM_PYTHON:
+        raise ScenarioError("plugin", reference, "the same metrics or plugin given again in Python")
+    if not (allow or is_permitted()):
+        expected = "allow_plugin=True, since a plugin is code that is executed"
+        raise ScenarioError("plugin", reference, expected)
+    found, plugin = plugin_file.load(reference)
+    if digest is not None and digest != found:
+        expected = f"a file with the SHA-256 {digest!s:.12}..., with which the results began"
+        raise ScenarioError("plugin", f"{reference} with {found:.12}...", expected)
+    tables["plugin_sha256"] = found
+    _KNOWN[reference, found] = plugin
+
+
+def schema_for(tables: Mapping[str, Any]) -> type[ScenarioFile]:
+    """Schema of a scenario with the sections of its plugin, which becomes the active one.
+
+    Raises:
+        ScenarioError: the plugin is not known.
+    """
+    plugin = _of_tables(tables)
+    if plugin is None:
+        return ScenarioFile
+    plugin.activate()
+    return with_sensors(tuple(plugin.sensors.items()))
+
+
+def _of_tables(tables: Mapping[str, Any]) -> Plugin | None:
+    reference, digest = tables.get("plugin"), tables.get("plugin_sha256")
+    if not isinstance(reference, str):
+        return None
+    key = (reference, str(digest))
+    if (key not in _KNOWN or not _KNOWN[key].has_code) and is_permitted() and reference != FROM_PYTHON:
+        load_for(dict(tables), allow=True)
+    if key not in _KNOWN:
+        load_for(dict(tables), allow=False)
+    return _KNOWN[key]
+
+
+def plugin_of(file: ScenarioFile) -> Plugin | None:
+    """Plugin of a scenario, None without one."""
+    return None if file.plugin is None else _KNOWN[file.plugin, str(file.plugin_sha256)]
+
+
+def metrics_of(file: ScenarioFile) -> dict[str, Metric]:
+    """Metrics of a scenario's plugin by name."""
+    plugin = plugin_of(file)
+    return {} if plugin is None else plugin.definitions
+
+
+def stages_of(file: ScenarioFile, stages: "Stages | None" = None) -> "Stages":
+    """Stages with which a scenario is simulated: those given, else those of its plugin, else the packaged ones.
+
+    Raises:
+        RpojaxError: only the description of the plugin is known.
+    """
+    from rpojax.flight.stages import Stages
+
+    plugin = plugin_of(file)
+    if plugin is None:
+        return stages or Stages()
+    require_code(file)
+    if stages is not None and plugin.stages is not None and stages != plugin.stages:
+        raise RpojaxError("stages: found some beside those of the plugin, expected either")
+    plugin.activate()
+    return stages or plugin.stages or Stages()
+
+
+def require_code(file: ScenarioFile) -> None:
+    """Refuses a scenario of whose plugin only the description is known.
+
+    Raises:
+        ScenarioError: naming how to give the plugin.
+    """
+    plugin = plugin_of(file)
+    if plugin is None or plugin.has_code:
+        return
+    expected = "allow_plugin=True, since a plugin is code that is executed"
+    if file.plugin == FROM_PYTHON:
+        expected = "the same metrics given again in Python, such as resume_campaign(folder, metrics=...)"
+    raise ScenarioError("plugin", file.plugin, expected)
+
+
+def check_metrics(file: ScenarioFile) -> None:
+    """Refuses requirements and weights of tuning on metrics of a plugin that the scenario does not have.
+
+    Raises:
+        ScenarioError: naming the key.
+    """
+    from rpojax.metrics.metric_catalogue import METRICS
+
+    own = metrics_of(file)
+    named = [(f"requirements.{number}.metric", each.metric) for number, each in enumerate(file.requirements)]
+    for key, name in named:
+        if name in METRICS and METRICS[name].source == "plugin" and name not in own:
+            raise ScenarioError(key, name, "a metric of the package or of the scenario's own plugin")
+    for name in file.tuning.metrics or {}:
+        metric = own.get(name) or METRICS.get(name)
+        if metric is None or not metric.has_derivative or (metric.source == "plugin" and name not in own):
+            raise ScenarioError(f"tuning.metrics.{name}", name, "a metric with a derivative")

@@ -1,0 +1,126 @@
+"""Format versions of scenario files: older ones are migrated with a line, newer ones refused."""
+
+import warnings
+from pathlib import Path
+
+import pytest
+
+import rpojax
+from rpojax.cli import main
+from rpojax.errors import ScenarioError
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.loading.format_migration import FormatChangeWarning
+from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.scenario.schema import FORMAT_VERSION
+
+OLD = """extends = "inspection"
+name = "old"
+[navigation]
+confirm_frames = 3
+confirm_tolerance_px = 4.0
+rejections_before_recovery = 10
+"""
+
+
+def test_a_file_of_the_first_version_is_migrated_with_a_line_that_says_what_changed(tmp_path: Path) -> None:
+    (tmp_path / "old.toml").write_text(OLD)
+    with pytest.warns(FormatChangeWarning, match=r"navigation\.confirm_frames = 3 became confirm_within_s = 3") as told:
+        file = rpojax.load(tmp_path / "old.toml")
+    assert len(told) == 1
+    assert "\n" not in str(told[0].message)
+    found = file.navigation
+    assert (found.confirm_within_s, found.confirm_tolerance_px_s, found.recovery_after_s) == (3.0, 4.0, 10.0)
+
+
+def test_frames_become_seconds_at_the_rate_of_the_camera(tmp_path: Path) -> None:
+    (tmp_path / "old.toml").write_text(OLD + "[rates]\nplant_hz = 10.0\ncamera_hz = 2.0\n")
+    with pytest.warns(FormatChangeWarning, match="at 2 Hz"):
+        found = rpojax.load(tmp_path / "old.toml").navigation
+    assert (found.confirm_within_s, found.confirm_tolerance_px_s, found.recovery_after_s) == (1.5, 8.0, 5.0)
+
+
+def test_a_file_without_former_keys_is_read_without_a_word(tmp_path: Path) -> None:
+    (tmp_path / "new.toml").write_text('extends = "inspection"\nname = "new"\n')
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        file = rpojax.load(tmp_path / "new.toml")
+    assert file.format_version == FORMAT_VERSION
+    assert scenario_digest(file) == scenario_digest(rpojax.load("inspection"))
+
+
+@pytest.mark.parametrize("version", [0, 3, "2", True, 2.0])
+def test_another_version_is_refused(tmp_path: Path, version: object) -> None:
+    text = str(version).lower() if isinstance(version, bool) else repr(version)
+    (tmp_path / "a.toml").write_text(f'extends = "inspection"\nname = "a"\nformat_version = {text}\n')
+    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 2"):
+        rpojax.load(tmp_path / "a.toml")
+
+
+def test_a_former_key_in_a_file_of_the_present_version_or_beside_its_successor_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("format_version = 2\n" + OLD)
+    with pytest.raises(ScenarioError, match=r"navigation.confirm_frames"):
+        rpojax.load(tmp_path / "a.toml")
+    (tmp_path / "b.toml").write_text(OLD + "confirm_within_s = 2.0\n")
+    with pytest.raises(ScenarioError, match="it or confirm_within_s, not both"):
+        rpojax.load(tmp_path / "b.toml")
+
+
+def test_the_command_line_says_what_changed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "old.toml").write_text(OLD)
+    assert main.main(["validate", str(tmp_path / "old.toml")]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 1
+    assert told[0].startswith(f"rpojax: {tmp_path / 'old.toml'}: format 1 read as 2: navigation.confirm_frames")
+
+
+@pytest.mark.parametrize("base", scenario_loader.packaged_names())
+def test_a_new_file_is_the_scenario_that_it_extends(
+    base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main.main(["new", "mine", "--extends", base]) == 0
+    assert capsys.readouterr().out == "mine.toml\n"
+    assert scenario_digest(rpojax.load("mine.toml")) == scenario_digest(rpojax.load(base))
+
+
+def test_every_line_that_a_new_file_comments_out_is_a_key_with_its_value(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    main.main(["new", "mine"])
+    lines = Path("mine.toml").read_text().splitlines()
+    opened = [line.removeprefix("# ") if " = " in line or line.startswith("# [[") else line for line in lines]
+    text = "\n".join(line for line in opened if 'kind = "none"' not in line)
+    Path("mine.toml").write_text(text)
+    file, base = rpojax.load("mine.toml"), rpojax.load("inspection")
+    assert [each.metric for each in file.requirements] == ["min_range_m"]
+    assert file.orbit == base.orbit
+    assert file.camera == base.camera
+    assert any(each.key == "gps.noise_m" and each.kind == "uniform" for each in file.dispersions)
+
+
+def test_a_new_file_does_not_replace_one_and_has_a_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text("mine")
+    for words, expected in (
+        (["mine"], "exists already"),
+        (["../mine"], "found '../mine'"),
+        (["inspection"], "a name that no packaged scenario has"),
+        (["other", "--extends", "nothing"], "a packaged scenario"),
+    ):
+        assert main.main(["new", *words]) == 2
+        assert expected in capsys.readouterr().err
+    assert Path("mine.toml").read_text() == "mine"
+
+
+def test_the_schema_of_partial_files_requires_nothing_and_knows_what_is_extended(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    import json
+
+    assert main.main(["schema", "--partial"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert "extends" in content["properties"]
+    assert all("required" not in each for each in (content, *content["$defs"].values()))
