@@ -53,9 +53,7 @@ def _values(content: Mapping[str, Any]) -> dict[str, Any]:
 def _environment() -> jinja2.Environment:
     here = Path(__file__).parent
     return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(
-            [Path(__file__).parent / "templates", Path(__file__).parents[1] / "page" / "assets"]
-        ),
+        loader=jinja2.FileSystemLoader([here / "templates", here.parent / "page" / "assets"]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
