@@ -81,7 +81,7 @@ def _desired(campaign: CampaignResults, history: Mapping[str, np.ndarray]) -> li
 def _mesh(scenario: Mapping[str, Any]) -> dict[str, Any] | None:
     """Corners and triangles of the target in its body axes [m]; its hull if there is no mesh, None without either."""
     # Imported here because meshes need packages that other pages do without.
-    from rpojax.scenario.coverage_surface import HULL, surface_triangles
+    from rpojax.scenario.trained.coverage_surface import HULL, surface_triangles
 
     # The size of facets matters to coverage alone; a large one is never refused.
     coverage = {"surface": HULL, **scenario.get("coverage", {}), "facet_size_m": _ANY_FACET_SIZE_M}
