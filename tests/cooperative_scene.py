@@ -21,6 +21,8 @@ from rpojax.flight.navigation.box_measurement_model import linearise_box
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.sensors import link_range
+from rpojax.sensors.link_range import LinkRange
 
 MU = 3.986004418e14
 RADIUS = 6878137.0
@@ -64,9 +66,9 @@ class World:
     key: Array
 
 
-def settings(servicers: int, method: str, period: int = 1, delay: int = 0) -> LinkSettings:
+def settings(servicers: int, method: str, period: int = 1, delay: int = 0, ranging: bool = False) -> LinkSettings:
     pairs = tuple((i, j) for i in range(servicers) for j in range(servicers) if i != j)
-    return LinkSettings(servicers, method, period, delay, pairs, DEGREE)
+    return LinkSettings(servicers, method, period, delay, pairs, DEGREE, ranging)
 
 
 def look_at(r_TS_N: Array) -> Array:
@@ -117,7 +119,10 @@ def start(case: Case, tuning, baseline: BaselineTuning, key: Array) -> World:
         memory=None,
         key=keys[6],
     )
-    memory = sharing.initial(case.link, baseline, each(tuning, N), records_of(world, blank(N), zero_gps(N), None, None))
+    records = records_of(world, blank(N), zero_gps(N), None, None)
+    if case.link.ranging:
+        records = replaced(records, ranges=jnp.zeros((N - 1, N)))
+    memory = sharing.initial(case.link, baseline, each(tuning, N), records)
     return replaced(world, memory=memory)
 
 
@@ -202,6 +207,8 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
     )
     world = replaced(world, orbit=orbit, gate=gate)
     records = records_of(world, box, GpsMeasurement(position_N=carrier, present=present), innovation, q_KN)
+    if case.link.ranging:
+        records = replaced(records, ranges=ranges_of(case, baseline, world, normal(13, (N, N))))
     due = (tick - case.link.delay_ticks) % case.link.period_ticks == 0
     received = (jax.random.uniform(keys[5], (N, N)) >= case.loss) & due
     for begin, end in case.outages:
@@ -244,6 +251,15 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
     drift_T, drift = q * normal(6, (3,)), q * normal(7, (3, N))
     world = replaced(world, orbit=after, memory=memory)
     return advance(tuning, case, world, delta_v + error, drift_T, drift, keys), out
+
+
+def ranges_of(case: Case, baseline: BaselineTuning, world: World, normals: Array) -> Array:
+    """Ranges (peers, N) over the links with the errors that the filters believe in."""
+    errors = LinkRange(noise=baseline.range_noise, bias_sigma=baseline.range_bias_sigma)
+    N = world.d.shape[1]
+    biases = link_range.bias(errors, jax.random.normal(jax.random.fold_in(world.key, 4242), (N, N)))
+    ranges = link_range.measure(errors, world.d[:3], biases, normals)
+    return jnp.stack([jnp.stack([ranges[i, j] for j in row]) for i, row in enumerate(case.link.peers)], axis=-1)
 
 
 def advance(tuning, case: Case, world: World, delta_v, drift_T, drift, keys) -> World:

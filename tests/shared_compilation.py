@@ -21,7 +21,8 @@ def shared_programs() -> Iterator[None]:
 
     def compile_once(engine: BatchEngine) -> None:
         content = engine._segment_file.model_dump_json()
-        key = (content, engine.runs_per_device, tuple(engine.devices), engine.batching)
+        assigned = tuple(sorted(engine.design.assigned)) if engine.design else ()
+        key = (content, engine.runs_per_device, tuple(engine.devices), engine.batching, assigned)
         if key not in programs:
             compile_engine(engine)
             programs[key] = engine._programs

@@ -331,6 +331,7 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
         *seen,
         *channels.MISSION_CHANNELS,
         *channels.TEAM_CHANNELS,
+        *channels.PHASING_CHANNELS,
     } - {"running"}
 
 

@@ -84,6 +84,19 @@ print(json.dumps({
 """
 
 
+TEAM_QUESTIONS = """
+import json
+print(json.dumps({
+    "ticks": len(time_s),
+    "names": list(names),
+    "completed": [int(shared.completed.sum()), int(alone.completed.sum())],
+    "errors": [float(np.median(result.metrics["nav_relative_position_error_rms_m"])) for result in (shared, alone)],
+    "separation": float(shared.metrics["min_separation_m"].min()),
+    "same_start": bool(np.all(shared.history(0, 1)["rho_H"][0] == alone.history(0, 1)["rho_H"][0])),
+}))
+"""
+
+
 def executed(name: str, questions: str, folder: Path, without: str | None = None) -> dict[str, Any]:
     """Results of a notebook at the small size, executed by the running interpreter.
 
@@ -184,12 +197,37 @@ def test_a_linear_covariance_is_compared_with_sampled_runs(tmp_path: Path) -> No
     assert all(0.3 < ratio < 3.0 for ratio in found["believed"])
 
 
+@pytest.mark.slow
+def test_a_team_that_shares_its_boxes_knows_more_than_its_servicers_alone(tmp_path: Path) -> None:
+    found = executed("cooperative_inspection.ipynb", TEAM_QUESTIONS, tmp_path)
+    assert found["ticks"] == 300
+    assert found["names"] == ["first", "second", "third"]
+    assert found["completed"] == [2, 2]
+    assert found["errors"][0] < 0.5 * found["errors"][1]
+    assert found["separation"] > 20.0
+    assert found["same_start"]
+
+
+PROBABILITY_QUESTIONS = """
+import json
+print(json.dumps([found.interval_95, noisy.interval_95]))
+"""
+
+
+def test_probabilities_of_failure_are_those_that_the_notebook_states(tmp_path: Path) -> None:
+    regions, noise = executed("probability.ipynb", PROBABILITY_QUESTIONS, tmp_path)
+    assert regions[0] <= 2.2228e-3 <= regions[1]
+    assert noise[0] <= 1.733e-4 <= noise[1]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "figures"),
     [
+        ("cooperative_inspection.ipynb", "longest time without a box of anybody", 3),
         ("inspection.ipynb", "64 of 64 runs completed", 5),
         ("tuning.ipynb", "by hand", 3),
         ("linear_covariance.ipynb", "of 64 runs within two sigma", 4),
+        ("probability.ipynb", "importance True", 1),
     ],
 )
 def test_a_committed_notebook_has_its_results_and_figures(name: str, text: str, figures: int) -> None:

@@ -19,6 +19,7 @@ NAMES = {
     *("write_report", "prepare_process"),
     *("Plugin", "metric", "AdditionalSensor", "export"),
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
+    "estimate_probability",
 }
 SHOW_PROGRESS = (
     *("run_campaign", "resume_campaign"),

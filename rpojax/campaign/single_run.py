@@ -12,18 +12,21 @@ from rpojax.campaign.execution.teams import member_values
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.scenario import params
-from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.params import Params
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario, static_settings
-from rpojax.scenario.team.members import member_files
+from rpojax.scenario.team.members import member_files, member_params
 from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.noise import run_key
 from rpojax.simulation.state import State
 from rpojax.simulation.step import step
+from rpojax.simulation.team import initial_team, member_axes
 from rpojax.simulation.team.initial_team import member_key
+from rpojax.simulation.team.member_axes import TeamParams
+from rpojax.simulation.team.team_state import TeamState
 
 
 def nominal_parameters(file: ScenarioFile) -> tuple[Scenario, Params]:
@@ -66,6 +69,24 @@ def initialise_run(
     """
     scenario, dispersed, key = dispersed_parameters(file, seed, run_id, run_range, servicer)
     return scenario, dispersed, initial_state.init(scenario, dispersed, key)
+
+
+def initialise_team_run(
+    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None
+) -> tuple[Scenario, TeamParams, TeamState]:
+    """Static settings, dispersed parameters and initial state of one run of a campaign of a team.
+
+    `run_range` is the range of runs of the campaign, by default this run alone.
+    """
+    scenario = static_settings(file, allow_team=True)
+    key = run_key(seed, run_id)
+    design = experiment_design.make_design(file, seed, run_range or RunRange(run_id, 1))
+    assigned = {name: jnp.asarray(rows[0]) for name, rows in design.for_runs(np.array([run_id])).items()}
+    values = member_values.draw_of_members(file, key, assigned)
+    team = member_axes.with_values(
+        member_axes.stack_members(member_params(file)), values, dispersion_keys.common_keys(file)
+    )
+    return scenario, team, initial_team.init(scenario, team, key)
 
 
 def simulate(

@@ -1,13 +1,13 @@
 """Command-line arguments that commands share."""
 
-import sys
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, UseAppendAction, arg
+
+from rpojax.runtime.warning_lines import warnings_as_lines
 
 if TYPE_CHECKING:
     from rpojax.scenario.schema import ScenarioFile
@@ -43,12 +43,5 @@ def load(source: str, overrides: Sequence[str]) -> "ScenarioFile":
     from rpojax.scenario.loading import scenario_loader
     from rpojax.scenario.loading.format_migration import FormatChangeWarning
 
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", FormatChangeWarning)
-        file = scenario_loader.load(source, overrides)
-    for each in caught:
-        if issubclass(each.category, FormatChangeWarning):
-            print(f"rpojax: {each.message}", file=sys.stderr)
-        else:
-            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
-    return file
+    with warnings_as_lines(FormatChangeWarning):
+        return scenario_loader.load(source, overrides)

@@ -3,9 +3,9 @@
 SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML file; `rpojax --version` shows the version.
 
 Exit status: 0 done, and all runs completed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
-finished, but some of its runs failed, or some pictures could not be used; 4 the campaign is unfinished: its disk is
-full, or blocks were given up after three workers died of them; 130 interrupted. After 4 and 130 finished blocks are
-stored, and `rpojax resume` continues.
+finished, but some of its runs failed, or some pictures could not be used, or an estimated probability is not to be
+trusted; 4 the campaign is unfinished: its disk is full, or blocks were given up after three workers died of them; 130
+interrupted. After 4 and 130 finished blocks are stored, and `rpojax resume` continues.
 
 A scenario may name a plugin, a Python file with metrics, sensors or flight software. It is code, and is executed only
 with the option --allow-plugin, which every command takes.

@@ -11,20 +11,20 @@ if TYPE_CHECKING:
     from rpojax.interop.run_replay import ReplayAgreement, ReplayedRun, TickObserver
 
 
-def replay_run(
+def replay_servicers(
     found: "Campaign", run_id: int, observe: "TickObserver", as_json: bool
-) -> "tuple[ReplayedRun, ReplayAgreement | None]":
-    """Replay of a campaign's run, and its agreement with what the campaign recorded (None if not yet recorded)."""
+) -> "tuple[ReplayedRun, ...]":
+    """Replay of a campaign's run for each servicer of a team, or for the one servicer."""
     from rpojax.interop import run_replay
 
-    flights: list[ReplayedRun] = []
+    runs: list[ReplayedRun] = []
 
     def work(watch: ProgressCallback) -> "Campaign":
-        flights.append(run_replay.replay(found, run_id, observe, on_progress=watch))
+        runs.extend(run_replay.replay_servicers(found, run_id, observe, on_progress=watch))
         return found
 
     with_progress(work, found.file.duration_s, as_json)
-    return flights[0], run_replay.compare_with_campaign(flights[0], found)
+    return tuple(runs)
 
 
 def content(agreement: "ReplayAgreement | None") -> dict[str, Any] | None:

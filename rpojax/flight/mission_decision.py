@@ -321,7 +321,9 @@ def _with_phase_of_team(
     state, tuning = memory.mission, params.mission
     assert state is not None
     assert state.team is not None
+    assert state.team.shift is not None
     assert tuning is not None
+    before = state.team.shift
     running = state.phase < settings.hold
     row = jnp.minimum(state.phase, settings.hold - 1)
     situation = team_knowledge.situation(
@@ -332,13 +334,17 @@ def _with_phase_of_team(
         predicted.orbit,
         of_phase(row, [phase_goal.planned_orbit(tuning.phases[phase.name].reference) for phase in settings.phases]),
         of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
-        team_knowledge.Own(follows=running, shift=team_mission.angle(state.team, time)),
+        team_knowledge.Own(follows=running, shift=before.wanted),
         team.tuning.keep_out + tuning.abort_margin,
         pointing.sun_N,
         time,
     )
     wanted = stages.call("team_phasing", settings=settings, tuning=team.tuning, team=situation)
-    members = jnp.sum(situation.present.astype(jnp.int32), axis=0)
+    members = jnp.sum(situation.present.astype(jnp.int32), axis=0, dtype=jnp.int32)
+    if settings.phasing == "viewpoints":
+        # A servicer that is under way arrives first, unless the team has changed.
+        way = jnp.abs(before.wanted - team_mission.angle(state.team, time))
+        wanted = jnp.where((way > 1e-6) & (members == before.members), before.wanted, wanted)
     return replace(state, team=team_mission.shifted(state.team, wanted, members, time))
 
 

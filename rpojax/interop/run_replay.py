@@ -6,7 +6,7 @@ and a decision at a threshold may then differ: `compare_with_campaign` tells by 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Generic, TypeVar
 
@@ -28,9 +28,12 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
-from rpojax.scenario.team.members import refuse_team
+from rpojax.scenario.team.members import member_files, member_names, refuse_team
 from rpojax.simulation.state import State, elapsed_time
 from rpojax.simulation.step import step
+from rpojax.simulation.team import team_step
+from rpojax.simulation.team.member_axes import TeamParams
+from rpojax.simulation.team.team_state import TeamState
 from rpojax.simulation.telemetry import Telemetry
 
 Values = TypeVar("Values")
@@ -57,6 +60,7 @@ class ReplayedRun(Generic[Values]):
         failed_at_s: time at which the run was frozen [s], nan for one that reached its end
         values: what was observed, ticks first
         poses: `time_s`, `range_m` and the poses for rendering images again, ticks first, as in a history
+        servicer: number of the servicer of a team, None for one alone
     """
 
     file: ScenarioFile
@@ -67,6 +71,17 @@ class ReplayedRun(Generic[Values]):
     failed_at_s: float
     values: Values
     poses: dict[str, np.ndarray]
+    servicer: int | None = None
+
+    @property
+    def servicer_name(self) -> str | None:
+        """Name of the servicer of a team, None of one alone."""
+        return None if self.servicer is None else member_names(self.file)[self.servicer]
+
+    @property
+    def servicer_file(self) -> ScenarioFile:
+        """Scenario of the servicer."""
+        return self.file if self.servicer is None else member_files(self.file)[self.servicer]
 
     @property
     def time_s(self) -> np.ndarray:
@@ -105,34 +120,104 @@ def replay(
     stages: Stages | None = None,
     on_progress: ProgressCallback | None = None,
 ) -> ReplayedRun:
-    """Simulates a run of a campaign again.
+    """Simulates a run of a campaign of one servicer again.
 
     Raises:
         RpojaxError: there is no such run, the scenario has a team, or scenario, trained files or stages are not those
             of the campaign.
     """
     check_run_id(campaign, run_id)
-    refuse_team(campaign.file, "an export, which replays one servicer alone")
-    file = campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1], stages).file
-    in_double = file.model_copy(update={"precision": "double"})
+    refuse_team(campaign.file, "a replay of one servicer")
+    file, in_double = _files(campaign, stages)
     options = campaign.configuration.options
     run_range = options.design_range
     scenario, params, state = single_run.initialise_run(in_double, options.seed, run_id, run_range)
+    chosen = plugin_registry.stages_of(file, stages)
+
+    def simulate(state: State, ticks: int) -> tuple[State, _TickRecord]:
+        return _simulate_segment(scenario, chosen, observe_tick, ticks, params, state)
+
+    state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
+    failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
+    values, poses = jax.tree.map(lambda each: each[: int(running.sum())], (values, poses))
+    return ReplayedRun(file, options.seed, run_id, run_range, params, failed_at, values, poses)
+
+
+def replay_servicers(
+    campaign: Campaign,
+    run_id: int,
+    observe_tick: TickObserver,
+    stages: Stages | None = None,
+    on_progress: ProgressCallback | None = None,
+) -> tuple[ReplayedRun, ...]:
+    """Simulates a run of a campaign again, and returns it for each servicer of a team, or for the one servicer.
+
+    A run of a team ends for all when it ends for one.
+
+    Raises:
+        RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
+    """
+    if not campaign.file.servicers:
+        return (replay(campaign, run_id, observe_tick, stages, on_progress),)
+    check_run_id(campaign, run_id)
+    file, in_double = _files(campaign, stages)
+    options = campaign.configuration.options
+    run_range = options.design_range
+    scenario, team, state = single_run.initialise_team_run(in_double, options.seed, run_id, run_range)
+    simulate = _team_segments(scenario, plugin_registry.stages_of(file, stages), observe_tick, team)
+    state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
+    end, failed_at = int(running.all(axis=-1).sum()), float(np.min(state.failed_at))
+    failed_at = failed_at if failed_at < file.duration_s else np.nan
+    found = []
+    for number in range(team.count):
+        own, places = jax.tree.map(lambda each, number=number: each[:end, ..., number], (values, poses))
+        params = jax.tree.map(np.asarray, team.member(number))
+        found.append(
+            ReplayedRun(file, options.seed, run_id, run_range, params, failed_at, own, places, servicer=number)
+        )
+    return tuple(found)
+
+
+def _files(campaign: Campaign, stages: Stages | None) -> tuple[ScenarioFile, ScenarioFile]:
+    """Scenario of a campaign, and the same in double precision."""
+    file = campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1], stages).file
+    return file, file.model_copy(update={"precision": "double"})
+
+
+def _in_segments(
+    scenario: Scenario,
+    simulate: Callable[[Any, int], tuple[Any, _TickRecord]],
+    state: Any,
+    on_progress: ProgressCallback | None,
+) -> tuple[Any, Any]:
+    """State at the end of a run, and the records of all of its ticks."""
     segments = -(-scenario.ticks // _TICKS_PER_SEGMENT)
     segment_ticks = -(-scenario.ticks // segments)
     records = []
     for number in range(segments):
         if on_progress:
             on_progress(Progress(number / segments, 1, 0, compiled=number > 0))
-        state, record = _simulate_segment(
-            scenario, plugin_registry.stages_of(file, stages), observe_tick, segment_ticks, params, state
-        )
+        state, record = simulate(state, segment_ticks)
         records.append(jax.tree.map(np.asarray, record))
     # The last segment may extend beyond the end of the scenario.
-    failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
-    *record, running = jax.tree.map(lambda each: each[: scenario.ticks], concatenate(records))
-    values, poses = jax.tree.map(lambda each: each[: int(running.sum())], record)
-    return ReplayedRun(file, options.seed, run_id, run_range, params, failed_at, values, poses)
+    return state, jax.tree.map(lambda each: each[: scenario.ticks], concatenate(records))
+
+
+def _team_segments(
+    scenario: Scenario, stages: Stages, observe_tick: TickObserver, team: TeamParams
+) -> Callable[[TeamState, int], tuple[TeamState, _TickRecord]]:
+    """Simulation of some ticks of a team, which is compiled once; records (..., N) of all servicers."""
+    observe = replace(team, mode="jax")
+
+    def of_one(own: Params, seen: Telemetry) -> _TickRecord:
+        return observe_tick(stages, scenario, own, seen), _recorded_poses(scenario, seen), seen.running
+
+    def body(carry: TeamState, _: None) -> tuple[TeamState, _TickRecord]:
+        after, telemetry = team_step.step(scenario, team, carry, stages)
+        return after, observe.each(of_one)(telemetry)
+
+    compiled = jax.jit(lambda state, ticks: jax.lax.scan(body, state, None, length=ticks), static_argnums=1)
+    return lambda state, ticks: compiled(state, ticks)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2, 3))
@@ -162,7 +247,7 @@ def _recorded_poses(scenario: Scenario, telemetry: Telemetry) -> dict[str, Array
 
 def rerendered_images(run: ReplayedRun, ticks: Sequence[int]) -> Iterator[PosedImage]:
     """Images of a rendered camera at some ticks, rendered again, each with its poses."""
-    return rerender.render_images(run.file, run.seed, run.run_id, run.poses, ticks, run.run_range)
+    return rerender.render_images(run.file, run.seed, run.run_id, run.poses, ticks, run.run_range, run.servicer)
 
 
 def compare_with_campaign(run: ReplayedRun, campaign: Campaign) -> ReplayAgreement | None:
@@ -170,7 +255,10 @@ def compare_with_campaign(run: ReplayedRun, campaign: Campaign) -> ReplayAgreeme
     rows = np.flatnonzero(campaign.run_ids == run.run_id)
     if not len(rows):
         return None
-    recorded = campaign.traces["range_m"][rows[0]]
+    traces = campaign.traces if run.servicer is None else campaign.servicers("traces")
+    recorded = traces["range_m"][rows[0]]
+    if run.servicer is not None:
+        recorded = recorded[run.servicer]
     replayed = run.poses["range_m"][:: trace_stride(run.file)]
     samples = min(int(np.isfinite(recorded).sum()), len(replayed))
     # The stored trace is in single precision, so the replayed one is rounded too.

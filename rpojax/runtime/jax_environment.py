@@ -52,6 +52,9 @@ def prepare_jax(cache: bool) -> None:
     """
     if "jax" in sys.modules:
         return
+    # XLA logs an alarm with advice to file a bug where a compilation takes minutes, as gradients of long runs do.
+    # Its errors are raised too, and progress is shown by this package.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     flags = os.environ.get("XLA_FLAGS", "")
     if _DEVICE_FLAG not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={available_cores()}".strip()

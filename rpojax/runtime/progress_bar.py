@@ -3,10 +3,12 @@
 import datetime
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from rich.console import Console
+
+from rpojax.runtime.sign_of_life import SignOfLife
 
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
 
@@ -42,7 +44,9 @@ def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
         with _progress_bar(duration_s) as watch:
             yield watch
     else:
-        yield _PlainLines(duration_s)
+        lines = _PlainLines(duration_s)
+        with lines.sign_of_life:
+            yield lines
 
 
 @contextmanager
@@ -55,19 +59,23 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
     if not console.is_terminal:
         fractions = list(_PRINTED_FRACTIONS)
 
+        sign = SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text)
+
         def line(done: int, total: int, note: str = "") -> None:
+            sign.note(f"{text}, {done} of {total}" if done < total else text)
             while fractions and done >= fractions[0] * total:
                 fractions.pop(0)
                 if not fractions or done < fractions[0] * total:
                     console.print(f"rpojax: {text}, {done} of {total} {note}".rstrip(), soft_wrap=True)
 
-        yield line
+        with sign:
+            yield line
         return
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Display
 
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.completed}/{task.total}"))
-    with Display(*columns, TimeRemainingColumn(), console=console) as display:
+    with Display(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as display:
         task = display.add_task(text, total=None)
         yield lambda done, total, note="": display.update(
             task, completed=done, total=total, description=f"{text} {note}".rstrip()
@@ -76,11 +84,17 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
 
 @contextmanager
 def busy(text: str, quiet: bool) -> Iterator[None]:
-    """Shows `text` while the body runs."""
-    console = Console(stderr=True, quiet=quiet, highlight=False)
+    """Shows `text` while the body runs, and every few seconds how long it has taken so far."""
+    if quiet:
+        yield
+        return
+    console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
         console.print(f"rpojax: {text}", soft_wrap=True)
-    with console.status(text) if console.is_terminal else nullcontext():
+        with SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text):
+            yield
+        return
+    with console.status(text) as status, SignOfLife(status.update, text):
         yield
 
 
@@ -123,9 +137,17 @@ class _PlainLines:
         self._rate = _Rate(duration_s)
         self._console = Console(stderr=True, highlight=False)
         self._fractions = list(_PRINTED_FRACTIONS)
+        self.sign_of_life = SignOfLife(
+            lambda words: self._console.print(f"rpojax: {words}", soft_wrap=True), "starting"
+        )
+
+    def _print(self, text: str) -> None:
+        self._console.print(f"rpojax: {text}", soft_wrap=True)
 
     def __call__(self, progress: Progress) -> None:
         text = self._rate.describe(progress) if progress.compiled else _COMPILING
+        done = f"simulating, {progress.done:.0f} of {count_runs(progress.total)}"
+        self.sign_of_life.note(done if progress.compiled else "compiling")
         if progress.done == 0.0:
             self._console.print(f"rpojax: {text}", soft_wrap=True)
         passed = [fraction for fraction in self._fractions if progress.done >= fraction * progress.total]
@@ -136,11 +158,11 @@ class _PlainLines:
 
 @contextmanager
 def _progress_bar(duration_s: float) -> Iterator[ProgressCallback]:
-    from rich.progress import BarColumn, SpinnerColumn, TextColumn
+    from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Display
 
     rate = _Rate(duration_s)
-    columns = (SpinnerColumn(), BarColumn(bar_width=10), TextColumn("{task.description}"))
+    columns = (SpinnerColumn(), BarColumn(bar_width=10), TextColumn("{task.description}"), TimeElapsedColumn())
     with Display(*columns, console=Console(stderr=True, highlight=False)) as display:
         task = display.add_task(_COMPILING, total=None)
 

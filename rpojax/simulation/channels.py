@@ -189,12 +189,16 @@ def _mission(tick: ObservedTick) -> MissionState:
     return state
 
 
+def _time(tick: ObservedTick) -> Scalar:
+    """Time of the tick [s]."""
+    return tick.scenario.tick_s * tick.telemetry.tick.astype(tick.truth.r_ST_N.dtype)
+
+
 def _changed_for(tick: ObservedTick) -> Array:
     """Place in the team, from 1 on, of the servicer for which a burn decision of this tick was changed; 0 without."""
     team = _mission(tick).team
     assert team is not None
-    tick_s = tick.scenario.tick_s
-    is_now = jnp.abs(team.changed_at - tick.telemetry.tick * tick_s) < 0.5 * tick_s
+    is_now = jnp.abs(team.changed_at - _time(tick)) < 0.5 * tick.scenario.tick_s
     return jnp.where(is_now, team.changed_for + 1, 0).astype(jnp.int8)
 
 
@@ -202,7 +206,7 @@ def _phase_shift(tick: ObservedTick) -> Array:
     """Angle by which the relative orbit is ahead of the plan [deg]."""
     team = _mission(tick).team
     assert team is not None
-    return jnp.rad2deg(team_mission.angle(team, tick.telemetry.tick * tick.scenario.tick_s))
+    return jnp.rad2deg(team_mission.angle(team, _time(tick)))
 
 
 def _known_members(tick: ObservedTick) -> Array:

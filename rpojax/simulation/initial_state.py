@@ -54,11 +54,7 @@ def init(
     truth = plant_state.initial_truth(
         params.plant, params.orbit, params.initial.relative_position, params.initial.relative_velocity, identity
     )
-    sensors = SensorErrors(
-        gps_bias_N=params.gps.bias_sigma * noise.biases[:3],
-        gyro_bias_B=params.gyro.initial_bias_sigma * noise.biases[3:],
-        box_edge_errors=noise.box_edge_errors,
-    )
+    sensors = _sensor_errors(params, noise)
     error = _handover_error(params, truth, noise.handover)
     orbit = combined_orbit_filter.initial(
         navigation,
@@ -91,6 +87,15 @@ def init(
         tick=jnp.zeros((), dtype=jnp.int32),
         failed_at=zero + jnp.inf,
         failure=jnp.zeros((), dtype=jnp.int32),
+    )
+
+
+def _sensor_errors(params: Params, noise: InitialNoise) -> SensorErrors:
+    """Slowly varying errors of the sensors."""
+    return SensorErrors(
+        gps_bias_N=params.gps.bias_sigma * noise.biases[:3],
+        gyro_bias_B=params.gyro.initial_bias_sigma * noise.biases[3:],
+        box_edge_errors=noise.box_edge_errors,
     )
 
 

@@ -11,6 +11,7 @@ from empty_campaign_folders import empty_campaign
 from scenario_error_assertions import assert_one_line
 
 from rpojax.campaign import single_run
+from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError, ScenarioError
@@ -34,7 +35,7 @@ def test_a_team_is_refused_in_one_line(tmp_path: Path) -> None:
     team = empty_campaign(tmp_path / "team", scenario_loader.load("cooperative_far"), 0, 2, 0, 1)
     with pytest.raises(ScenarioError) as caught:
         run_replay.replay(team, 1, message_values.observe_tick)
-    assert_one_line(caught.value, "servicers", "an export, which replays one servicer alone")
+    assert_one_line(caught.value, "servicers", "a replay of one servicer")
 
 
 def test_a_scenario_with_other_trained_files_is_refused(campaign: Campaign, tmp_path: Path) -> None:
@@ -117,3 +118,19 @@ def test_a_replay_is_compared_with_the_record_of_the_campaign(ros_run: ReplayedR
 
 def test_a_run_without_a_record_is_not_compared(ros_run: ReplayedRun, campaign: Campaign) -> None:
     assert run_replay.compare_with_campaign(ros_run, campaign) is None
+
+
+@pytest.mark.slow
+def test_a_team_is_replayed_for_each_servicer(tmp_path: Path) -> None:
+    file = scenario_loader.load("cooperative_far", ["duration_s=20"])
+    done = run_campaign(file, 1, tmp_path / "team", 5, histories=[0])
+    runs = run_replay.replay_servicers(done, 0, message_values.observe_tick)
+    assert [run.servicer_name for run in runs] == ["first", "second"]
+    for number, run in enumerate(runs):
+        found = run_replay.compare_with_campaign(run, done)
+        assert found
+        # The campaign stores the range in single precision; another program rounds differently.
+        assert (found.range_difference_m < 1e-4, found.same_end) == (True, True)
+        recorded = done.history(0, number)["rho_H"]
+        replayed = np.stack([run.tick(k).relative.position for k in range(run.ticks)])
+        np.testing.assert_allclose(replayed, recorded, atol=1e-3)

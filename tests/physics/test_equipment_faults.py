@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rpojax.physics import equipment_faults
-from rpojax.physics.equipment_faults import KINDS, Fault, Health
+from rpojax.physics.equipment_faults import KINDS, Fault, Health, radio_works
 
 START, DURATION = 100.0, 50.0
 
@@ -23,6 +23,7 @@ EFFECT = {
     "gps_outage": {"gps": False},
     "star_tracker_blind": {"star_tracker": False},
     "camera_blackout": {"camera": False},
+    "radio_off": {},
 }
 """Change of the health by a fault of each kind, at a severity of 0.3 and on the second wheel."""
 
@@ -78,3 +79,9 @@ def test_thrust_and_friction_have_a_derivative_to_the_severity_alone() -> None:
         )(fault(KINDS.index(kind)))
         assert float(found.severity) == derivative
         assert [float(getattr(found, other)) for other in ("kind", "start", "duration", "wheel")] == [0.0] * 4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_radio_fails_by_its_own_fault_alone(kind: str) -> None:
+    works = [bool(radio_works(fault(KINDS.index(kind)), jnp.float64(time))) for time in (99.9, 100.0, 149.9, 150.0)]
+    assert works == ([True, False, False, True] if kind == "radio_off" else [True] * 4)

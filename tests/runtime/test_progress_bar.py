@@ -1,8 +1,13 @@
 """Progress display on stderr: lines in a file, a bar on a terminal."""
 
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any
+
 import pytest
 
-from rpojax.runtime import progress_bar
+from rpojax.runtime import progress_bar, sign_of_life
 from rpojax.runtime.progress_bar import Progress
 
 
@@ -41,3 +46,63 @@ def test_the_rate_counts_from_the_end_of_compilation(monkeypatch: pytest.MonkeyP
     assert pace.describe(Progress(done=0.0, total=10, failed=0, compiled=True)) == "10 runs to do"
     text = pace.describe(Progress(done=4.0, total=10, failed=1, compiled=True))
     assert text == "4/10 runs, 2/s, 1,200 run-s/s, 0:00:03 left, 1 failed"
+
+
+STAGES: dict[str, Callable[[], AbstractContextManager[Any]]] = {
+    "linear covariance": lambda: progress_bar.busy("linear covariance", quiet=False),
+    "tuning": lambda: progress_bar.item_progress("tuning", quiet=False),
+    "starting": lambda: progress_bar.run_progress(100.0, quiet=False),
+}
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_long_silence_is_broken_by_the_stage_and_the_time_so_far(
+    stage: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sign_of_life, "INTERVAL_S", 0.02)
+    shown, show = threading.Event(), sign_of_life.SignOfLife._watch
+    monkeypatch.setattr(sign_of_life.SignOfLife, "_watch", lambda sign: (_announce(sign, shown), show(sign)))
+    with STAGES[stage]():
+        assert shown.wait(60.0)
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.endswith("s so far")]
+    assert lines[0].startswith(f"rpojax: {stage}, ")
+
+
+def _announce(sign: sign_of_life.SignOfLife, shown: threading.Event) -> None:
+    show = sign._show
+
+    def show_and_tell(text: str) -> None:
+        show(text)
+        shown.set()
+
+    sign._show = show_and_tell
+
+
+@pytest.mark.parametrize("make", [progress_bar.busy, progress_bar.item_progress])
+def test_a_quiet_display_shows_no_sign_of_life(
+    make: Callable[..., AbstractContextManager[Any]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sign_of_life.SignOfLife, "__enter__", lambda sign: pytest.fail("begun"))
+    with make("tuning", quiet=True):
+        pass
+    assert capsys.readouterr().err == ""
+
+
+def test_a_stage_counts_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(sign_of_life.time, "monotonic", lambda: clock[0])
+    lines: list[str] = []
+    sign = sign_of_life.SignOfLife(lines.append, "compiling")
+    waits = iter([False, False, False, True])
+
+    def wait(_: float) -> bool:
+        clock[0] += 6.0
+        if clock[0] > 110.0:
+            sign.note("simulating") if clock[0] < 115.0 else None
+        return next(waits)
+
+    monkeypatch.setattr(sign._ended, "wait", wait)
+    sign._watch()
+    assert lines == ["compiling, 6 s so far", "simulating, 6 s so far"]

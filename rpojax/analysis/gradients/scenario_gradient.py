@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +20,7 @@ from rpojax.campaign import preflight
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
+from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
@@ -26,6 +28,9 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.params import leaf_path_and_factor
 from rpojax.scenario.schema import ScenarioFile
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,21 @@ class Gradient:
             key: np.asarray(values[self.completed].std(axis=0, ddof=1) / root)
             for key, values in self.derivatives[metric].items()
         }
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Metrics, and derivatives as `d_METRIC/d_KEY`, over `run`, as an `xarray.Dataset`.
+
+        Raises:
+            MissingExtraError: xarray is not installed.
+        """
+        labelled = require_package("xarray")
+        variables: dict[str, Any] = {name: ("run", values) for name, values in self.metrics.items()}
+        variables["completed"] = ("run", self.completed)
+        for metric, by_key in self.derivatives.items():
+            for key, values in by_key.items():
+                axes = [f"axis{place}_{key}" for place in range(values.ndim - 1)]
+                variables[f"d_{metric}/d_{key}"] = (("run", *axes), values)
+        return labelled.Dataset(variables, {"run": ("run", self.run_ids)}, {"mode": self.mode})
 
 
 def gradient(

@@ -4,7 +4,7 @@ import dataclasses
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,12 +23,19 @@ from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atom
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
+from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import ScenarioFile
+
+if TYPE_CHECKING:
+    import xarray
 
 RECORD_NAME, ARRAYS_NAME = "lincov.json", "lincov.npz"
 _MIN_RUNS = 10
 _ARRAYS = ("rho_H", "rho_dot_H", "relative_error_H", "relative_rate_error_H", "servicer_error_H", "delta_v_m_s")
+
+_VELOCITIES = ("rho_dot_H", "relative_rate_error_H", "delta_v_m_s")
+"""Those of them in m/s; the others are in m."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +117,22 @@ class LinearCovarianceAnalysis:
             "shares": found.shares,
         }
 
+    def to_xarray(self) -> "xarray.Dataset":
+        """Mean and sigma of every output over `time` [s], and the filter's own sigma, as a dataset with units.
+
+        Raises:
+            MissingExtraError: xarray is not installed.
+        """
+        labelled, arrays = require_package("xarray"), self.arrays()
+        names = [*(name + suffix for name in _ARRAYS for suffix in ("", "_sigma")), "filter_sigma_H"]
+        variables = {
+            name: (("time", f"axis_{name}")[: arrays[name].ndim], arrays[name], {"units": _unit(name)})
+            for name in names
+        }
+        return labelled.Dataset(
+            variables, {"time": ("time", arrays["time_s"], {"units": "s"})}, {"name": self.file.name}
+        )
+
     def write(self, directory: Path | str, force: bool = False) -> None:
         """Writes lincov.npz and lincov.json into a folder.
 
@@ -152,7 +175,7 @@ def linear_covariance(
         raise RpojaxError.of_argument("members", f"found {members}, expected at least 2")
     preflight.check_numbers(max(runs, 1), 0, seed, None)
     check_scenario(file)
-    with busy("linear covariance", quiet=not progress):
+    with busy("linear covariance: compiling, then propagating", quiet=not progress):
         found = propagate_covariance(file, members, stages=stages)
     sample, agreement = None, ()
     if runs:
@@ -160,3 +183,7 @@ def linear_covariance(
             sample = monte_carlo_agreement.simulate_sample(file, runs, seed, stages)
         agreement = tuple(monte_carlo_agreement.compare_with_sample(found, sample))
     return LinearCovarianceAnalysis(file, members, seed, found, error_budget(found), sample, agreement)
+
+
+def _unit(name: str) -> str:
+    return "m/s" if name.removesuffix("_sigma") in _VELOCITIES else "m"

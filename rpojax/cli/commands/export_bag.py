@@ -34,9 +34,10 @@ def export_bag(
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """Write one run of a campaign as a ROS 2 bag, without ROS; the run is replayed."""
+    """Write one run of a campaign as a ROS 2 bag, without ROS, a namespace per servicer; the run is replayed."""
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.interop import run_replay
     from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_values, run_bag
     from rpojax.interop.ros2.message_types import typestore
 
@@ -45,10 +46,14 @@ def export_bag(
     found = Campaign(directory)
     kind = run_bag.resolve_image_storage(found.configuration.scenario["camera"]["model"], images)
     begin = time.perf_counter()
-    run, agreement = replay.replay_run(found, run_id, message_values.observe_tick, as_json)
-    replayed = time.perf_counter()
+    runs = replay.replay_servicers(found, run_id, message_values.observe_tick, as_json)
+    agreement = run_replay.compare_with_campaign(run := runs[0], found)
+    replayed, storage = time.perf_counter(), mcap_or_sqlite3_writer.BagFormat(form)
     with item_progress("writing ticks", quiet=as_json) as watch:
-        count = run_bag.write_run(run, out, mcap_or_sqlite3_writer.BagFormat(form), kind, force, watch)
+        if found.file.servicers:
+            count = run_bag.write_team(runs, out, storage, kind, force, watch)
+        else:
+            count = run_bag.write_run(run, out, storage, kind, force, watch)
     _print_result(
         out, count, run, agreement, {"fly_s": replayed - begin, "write_s": time.perf_counter() - replayed}, as_json
     )

@@ -36,13 +36,15 @@ def export_rrd(
         raise RpojaxError.of_argument("every", f"found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.interop import run_replay
     from rpojax.interop.rerun_viewer import rrd_recording, viewer_channels
 
     rrd_recording.require_rerun()
     found = Campaign(directory)
-    run, agreement = replay.replay_run(found, run_id, viewer_channels.observe_tick, as_json)
+    runs = replay.replay_servicers(found, run_id, viewer_channels.observe_tick, as_json)
+    agreement = run_replay.compare_with_campaign(run := runs[0], found)
     with item_progress("taking pictures", quiet=as_json) as watch:
-        written = rrd_recording.write_recording(run, out, _shots(run, every, watch))
+        written = rrd_recording.write_servicers(runs, out, [_shots(each, every, watch) for each in runs])
     if as_json:
         told = {"ticks": written.ticks, "pictures": written.images, "size_bytes": written.size_bytes}
         print_json({"file": str(out), "run_id": run_id, **told, "agreement": replay.content(agreement)})

@@ -85,6 +85,20 @@ def advanced(orbit: TargetOrbit, dt: Scalar) -> TargetOrbit:
     return replace(orbit, argument_of_latitude=orbit.argument_of_latitude + change + lead_change)
 
 
+def times_of_even_eccentric_anomalies(
+    orbit: TargetOrbit, span: Scalar, shares: Float[Array, " shares"]
+) -> Float[Array, " shares"]:
+    """Times [s] within a `span` [s] at which these shares of its change of eccentric anomaly have passed.
+
+    Steps of time are proportional to the distance from the Earth: the relative motion is fast near perigee.
+    """
+    e_cos, e_sin = _eccentric_anomaly(orbit)
+    n = mean_motion(orbit.semi_major_axis)
+    change = shares * _eccentric_change(e_cos, e_sin, n * span)
+    c, s = cos_sin(change)
+    return (change - e_sin * c - e_cos * s + e_sin) / n
+
+
 def mean_argument_of_latitude(orbit: TargetOrbit) -> Scalar:
     """Argument of latitude of the perigee plus the mean anomaly [rad], which grows at the rate of the mean motion."""
     e_cos, e_sin = _eccentric_anomaly(orbit)

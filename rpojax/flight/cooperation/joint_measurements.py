@@ -236,7 +236,7 @@ def _size(P: JointCovariance) -> int:
 def _placed(parts: list[tuple[int, Array]], size: int) -> Float[Array, "m n"]:
     """Rows with some columns, each from its first one on, and zeros elsewhere."""
     pieces, end = [], 0
-    for first, block in parts:
+    for first, block in sorted(parts, key=lambda part: part[0]):
         if first > end:
             pieces.append(jnp.zeros((block.shape[0], first - end), dtype=block.dtype))
         pieces.append(block)

@@ -63,7 +63,7 @@ def least_clearance(
         drift: what the drifts have in common
         directions_H: (3, d) directions of burns, of any length
         sizes: (d, k) factors on each direction [m/s]
-        samples: number of evenly spaced times of the first span
+        samples: number of times of the first span, evenly spaced in eccentric anomaly
     """
     columns = jnp.concatenate([jnp.zeros_like(directions_H), directions_H])
     columns = jnp.concatenate([columns, drift.state_H[:, None]], axis=1)
@@ -95,7 +95,8 @@ def least_clearance(
         expected = _square_distance_to_line(first[:, -2][:, None, None], last[:, -2][:, None, None])[0, 0]
         return (of_burns, jnp.minimum(least[1], expected)), None
 
-    times = jnp.linspace(1.0 / samples, 1.0, samples, dtype=drift.state_H.dtype) * drift.first_span
+    shares = jnp.linspace(1.0 / samples, 1.0, samples, dtype=drift.state_H.dtype)
+    times = yamanaka_ankersen.times_of_even_eccentric_anomalies(drift.orbit, drift.first_span, shares)
     none = (jnp.full_like(sizes, jnp.inf), jnp.full_like(drift.horizon, jnp.inf))
     (of_burns, expected), _ = jax.lax.scan(sample, none, times)
     return gradient_safe.sqrt(of_burns), gradient_safe.sqrt(expected)

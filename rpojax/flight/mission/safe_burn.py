@@ -90,11 +90,15 @@ class _Burns:
 
     Attributes:
         planned_H: (3,) [m/s]
-        directions_H: (3, d)
+        others_H: (3, d - 1) directions of the others
+        other_sizes: (d - 1, k) sizes of the others [m/s]
+        directions_H: (3, d) of all
         sizes: (d, k) factors on each direction
     """
 
     planned_H: Array
+    others_H: Array
+    other_sizes: Array
     directions_H: Array
     sizes: Array
 
@@ -105,7 +109,13 @@ def _burns(planned_H: Vector, greatest: Scalar) -> _Burns:
     directions_H = jnp.concatenate([planned_H[:, None], others_H], axis=1)
     sizes = jnp.broadcast_to(jnp.asarray(_SIZES, dtype=dtype) * greatest, (len(_DIRECTIONS), len(_SIZES)))
     shares = jnp.asarray(_SHARES, dtype=dtype)[None]
-    return _Burns(planned_H=planned_H, directions_H=directions_H, sizes=jnp.concatenate([shares, sizes]))
+    return _Burns(
+        planned_H=planned_H,
+        others_H=others_H,
+        other_sizes=sizes,
+        directions_H=directions_H,
+        sizes=jnp.concatenate([shares, sizes]),
+    )
 
 
 def _chosen(
@@ -113,7 +123,7 @@ def _chosen(
 ) -> Vector:
     """The burn [m/s] by the clearance of all of them, and that `expected` without one."""
     of_planned, of_others = clearance[0], clearance[1:]
-    others_H, sizes, planned_H = burns.directions_H[:, 1:], burns.sizes[1:], burns.planned_H
+    others_H, sizes, planned_H = burns.others_H, burns.other_sizes, burns.planned_H
     is_safe = of_others >= 1.0
     # Of two burns of one size, the one with more clearance.
     cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))

@@ -19,7 +19,7 @@ class Intent:
         follows: () bool, whether it follows the reference of its phase; after an abort it does not
         delta_v_N: (3,) what is left of a burn that it has decided [m/s]
         burn_time: () middle of that [s]
-        shift: () angle by which its relative orbit is ahead of the plan [rad]
+        shift: () angle by which its relative orbit is, or is to be, ahead of the plan [rad]
         sees: () bool, whether it has a box of the target
     """
 

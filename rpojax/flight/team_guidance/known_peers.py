@@ -35,9 +35,9 @@ class KnownPeers:
 def motion(memory: SharingMemory) -> tuple[Float[Array, "peers 6"], Float[Array, "peers 6 6"]]:
     """Position [m] and velocity [m/s] of the peers from this servicer in N, with covariance, by its filter."""
     if memory.joint is not None:
-        P, own, size = memory.joint.covariance, joint_filter.OWN, joint_filter.PEER
-        starts = [own + size * k for k in range(memory.joint.peers.shape[0])]
-        return memory.joint.peers[:, :6], jnp.stack([P[start : start + 6, start : start + 6] for start in starts])
+        count = memory.joint.peers.shape[0]
+        covariances = [memory.joint.covariance.of_body(1 + k, 0) for k in range(count)]
+        return memory.joint.peers[:, : joint_filter.MOTION], jnp.stack(covariances)
     assert memory.estimates is not None
     baselines = memory.estimates.baselines
     return baselines.mean[:, :6], baselines.covariance[:, :6, :6]

@@ -27,7 +27,7 @@ class Own:
 
     Attributes:
         follows: () bool, whether it follows the reference of its phase
-        shift: () angle by which its relative orbit is ahead of the plan [rad]
+        shift: () angle by which its relative orbit is, or is to be, ahead of the plan [rad]
     """
 
     follows: Array
@@ -73,23 +73,14 @@ def situation(
     def of_peer(_: None, state_N: Float[Array, "6"]) -> tuple[None, Scalar]:
         return None, phase(state_H + jnp.concatenate(inertial_to_hill(state_N[:3], state_N[3:], R_HN, omega_HN_N)))
 
-    def of_all(one: Array, others: Float[Array, " peers"] | Bool[Array, " peers"]) -> Array:
-        """Values (N,) in the order of the scenario."""
-        places = jnp.concatenate([peers.number[None], peers.numbers])
-        values = jnp.concatenate([one[None], others])
-        chosen = places[None] == jnp.arange(count, dtype=jnp.int32)[:, None]
-        if values.dtype == bool:
-            return jnp.any(chosen & values[None], axis=1)
-        return jnp.sum(jnp.where(chosen, values[None], 0.0), axis=1)
-
     _, believed = jax.lax.scan(of_peer, None, peers.state_N)
     heard = peers.intents.follows & (time - peers.intents.time < tuning.lost_after)
     return TeamSituation(
         own=jnp.arange(count, dtype=jnp.int32) == peers.number,
-        present=of_all(own.follows, heard),
+        present=_of_all(peers, count, own.follows, heard),
         slots=slots,
-        shifts=of_all(own.shift, peers.intents.shift),
-        believed=of_all(phase(state_H), believed),
+        shifts=_of_all(peers, count, own.shift, peers.intents.shift),
+        believed=_of_all(peers, count, phase(state_H), believed),
         radial=planned[0],
         cross_track=planned[1],
         cross_track_lead=planned[2],
@@ -100,3 +91,13 @@ def situation(
         time=time,
         last_seen=peers.last_seen,
     )
+
+
+def _of_all(peers: KnownPeers, count: int, one: Array, others: Float[Array, " peers"] | Bool[Array, " peers"]) -> Array:
+    """Values (N,) in the order of the scenario from the own one and those of the peers."""
+    places = jnp.concatenate([peers.number[None], peers.numbers])
+    values = jnp.concatenate([one[None], others])
+    chosen = places[None] == jnp.arange(count, dtype=jnp.int32)[:, None]
+    if values.dtype == bool:
+        return jnp.any(chosen & values[None], axis=1)
+    return jnp.sum(jnp.where(chosen, values[None], 0.0), axis=1)

@@ -20,7 +20,7 @@ class TeamSituation:
         own: (N,) bool, true for itself
         present: (N,) bool, those that follow their phase, and were heard of not long ago
         slots: (N,) phases of their relative orbits by the plan [rad]
-        shifts: (N,) by which these are ahead of it by their latest messages [rad]
+        shifts: (N,) by which these are, or are to be, ahead of it by their latest messages [rad]
         believed: (N,) phases of their relative orbits by the estimate of their motion [rad]
         radial: () amplitude of the relative orbits [m]
         cross_track: () amplitude across the orbit plane [m]

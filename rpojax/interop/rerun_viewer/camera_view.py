@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 from PIL import Image
 
-from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks
+from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, ServicerChunks
 from rpojax.interop.rerun_viewer.scene_3d import ACCEPTED_COLOR, CAMERA, TRUE_COLOR
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import PosedImage, ReplayedRun
@@ -19,9 +19,11 @@ _IMAGES_PER_CHUNK = 100
 """Encoded images in memory at once."""
 
 
-def add_camera_view(chunks: RrdChunks, run: ReplayedRun[ViewerChannels], images: Iterable[PosedImage] | None) -> int:
+def add_camera_view(
+    chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels], images: Iterable[PosedImage] | None
+) -> int:
     """Adds the boxes of every tick and the images of a rendered camera; returns the number of images."""
-    size = (run.file.camera.width_px, run.file.camera.height_px)
+    size = (run.servicer_file.camera.width_px, run.servicer_file.camera.height_px)
     _add_boxes(chunks, run)
     if images is None:
         chunks.add_static(f"{CAMERA}/frame", _encoded_png(Image.new("RGB", size, _EMPTY_COLOR)))
@@ -64,7 +66,7 @@ def _encoded_png(image: Image.Image) -> rr.EncodedImage:
     return rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png")
 
 
-def _add_boxes(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def _add_boxes(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     channels = run.values
     present, accepted = channels["box_present"], channels["box_accepted"]
     color = np.where(accepted[:, None], ACCEPTED_COLOR, _REJECTED_COLOR).astype(np.uint8)[present]
@@ -91,7 +93,7 @@ def _centers_and_half_sizes(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _add_box(
-    chunks: RrdChunks,
+    chunks: RrdChunks | ServicerChunks,
     run: ReplayedRun[ViewerChannels],
     name: str,
     present: np.ndarray,

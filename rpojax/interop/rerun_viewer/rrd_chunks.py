@@ -1,6 +1,6 @@
 """Chunks of columns of a rerun recording (`.rrd`), with counted ids, so that equal runs have equal content."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,43 @@ class RrdChunks:
         metadata = {**(batch.schema.metadata or {}), b"rerun:id": b"chunk_" + _row_id(number, 0).hex().encode()}
         schema = batch.schema.with_metadata(metadata)
         self.chunks += Chunk.from_record_batch(pa.RecordBatch.from_arrays([rows, *batch.columns[1:]], schema=schema))
+
+
+class ServicerChunks:
+    """Chunks of one servicer of a team, in the recording of all: its entities have its name in their paths.
+
+    What is the same for all is recorded by the first one alone.
+
+    Args:
+        chunks: of the recording
+        name: of the servicer
+        shared: paths of entities that all have in common
+        is_first: whether it records these
+    """
+
+    def __init__(self, chunks: RrdChunks, name: str, shared: Collection[str], is_first: bool) -> None:
+        self._chunks, self._name, self._shared, self._is_first = chunks, name, shared, is_first
+
+    def add(self, path: str, time_s: np.ndarray, columns: Iterable[Any]) -> None:
+        """Adds columns of an entity over simulation time [s]."""
+        if (own := self._own(path)) is not None:
+            self._chunks.add(own, time_s, columns)
+
+    def add_static(self, path: str, *archetypes: rr.AsComponents) -> None:
+        """Adds archetypes of an entity that hold at all times."""
+        if (own := self._own(path)) is not None:
+            self._chunks.add_static(own, *archetypes)
+
+    def _own(self, path: str) -> str | None:
+        if any(path == each or path.startswith(f"{each}/") for each in self._shared) or "/" not in path:
+            return path if self._is_first else None
+        return servicer_path(path, self._name)
+
+
+def servicer_path(path: str, name: str | None) -> str:
+    """Path of an entity of a servicer of a team: its name comes after the first part; of one alone, the path itself."""
+    root, slash, rest = path.partition("/")
+    return path if name is None else f"{root}/{name}{slash}{rest}"
 
 
 def _row_id(chunk: int, row: int) -> bytes:

@@ -1,7 +1,7 @@
 """Recording of a run for the rerun viewer: scene, camera and plots over simulation time."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +45,18 @@ def write_recording(
         MissingExtraError: rerun is not installed.
         OutputError: the file cannot be written.
     """
+    return write_servicers([run], path, [images])
+
+
+def write_servicers(
+    runs: Sequence[ReplayedRun[ViewerChannels]], path: Path, images: Sequence[Iterable[PosedImage] | None]
+) -> WrittenRecording:
+    """Writes a run of a team, or of one servicer, with the images of each rendered camera, and the blueprint.
+
+    Raises:
+        MissingExtraError: rerun is not installed.
+        OutputError: the file cannot be written.
+    """
     require_rerun()
     from rpojax.interop.rerun_viewer.rrd_chunks import rerun_strict_mode
 
@@ -53,29 +65,35 @@ def write_recording(
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with rerun_strict_mode():
-                image_count = _record(run, temporary, images)
+                image_count = _record(runs, temporary, images)
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
-    return WrittenRecording(path, run.ticks, image_count, path.stat().st_size)
+    return WrittenRecording(path, runs[0].ticks, image_count, path.stat().st_size)
 
 
-def _record(run: ReplayedRun[ViewerChannels], path: Path, images: Iterable[PosedImage] | None) -> int:
+def _record(
+    runs: Sequence[ReplayedRun[ViewerChannels]], path: Path, images: Sequence[Iterable[PosedImage] | None]
+) -> int:
     """Writes the recording and returns the number of images."""
     from rpojax.interop.rerun_viewer import camera_view, scene_3d, time_plots, viewer_layout
-    from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, write_rrd
+    from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, ServicerChunks, write_rrd
 
-    chunks = RrdChunks()
-    chunks.add_name(f"{run.file.name}, seed {run.seed}, run {run.run_id}")
-    chunks.add_static(viewer_layout.ABOUT, viewer_layout.about_text(run))
-    plots = time_plots.run_plots(run)
-    scene_3d.add_scene(chunks, run)
-    time_plots.add_plots(chunks, run, plots)
-    image_count = camera_view.add_camera_view(chunks, run, images)
-    write_rrd(chunks, path, APPLICATION, recording_id(run), viewer_layout.blueprint(run, plots))
-    return image_count
+    chunks, first = RrdChunks(), runs[0]
+    chunks.add_name(f"{first.file.name}, seed {first.seed}, run {first.run_id}")
+    chunks.add_static(viewer_layout.ABOUT, viewer_layout.about_text(first))
+    plots, count = [], 0
+    for number, (run, own_images) in enumerate(zip(runs, images, strict=True)):
+        name = run.servicer_name
+        own = chunks if name is None else ServicerChunks(chunks, name, scene_3d.SHARED, number == 0)
+        plots.append(time_plots.run_plots(run))
+        scene_3d.add_scene(own, run)
+        time_plots.add_plots(own, run, plots[-1])
+        count += camera_view.add_camera_view(own, run, own_images)
+    write_rrd(chunks, path, APPLICATION, recording_id(first), viewer_layout.blueprint(runs, plots))
+    return count
 
 
 def recording_id(run: ReplayedRun[ViewerChannels]) -> str:

@@ -6,13 +6,15 @@ import rerun as rr
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks
+from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, ServicerChunks
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.sensors import camera_pose
 from rpojax.vision import pinhole
 
 HILL = "hill"
+SHARED = (f"{HILL}/axes", f"{HILL}/keep_out", f"{HILL}/target")
+"""Entities that are the same for all servicers of a team."""
 SERVICER = f"{HILL}/servicer"
 CAMERA = f"{SERVICER}/camera"
 
@@ -33,7 +35,7 @@ _IMAGE_PLANE_M = 4.0
 _SIGMAS = 3.0
 
 
-def add_scene(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def add_scene(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     """Adds the scene of a run."""
     chunks.add_static(HILL, rr.ViewCoordinates.RIGHT_HAND_X_UP)
     _add_reference_geometry(chunks, run)
@@ -71,7 +73,7 @@ def mean_thrust(run: ReplayedRun[ViewerChannels]) -> np.ndarray:
     return np.where(mean > 1e-4 * float(run.params.plant.thruster.force), mean, 0.0)
 
 
-def _add_reference_geometry(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def _add_reference_geometry(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     names = ("radial", "along-track", "orbit normal")
     chunks.add_static(
         f"{HILL}/axes",
@@ -92,7 +94,7 @@ def _add_reference_geometry(chunks: RrdChunks, run: ReplayedRun[ViewerChannels])
     )
 
 
-def _add_target(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def _add_target(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     path, time = f"{HILL}/target", run.time_s
     R_HT = run.values["R_HN"] @ attitude_matrices(run.poses["q_TN"]).transpose(0, 2, 1)
     chunks.add(path, time, rr.Transform3D.columns(quaternion=quaternion_to_parent(R_HT)))
@@ -115,7 +117,7 @@ def _hull_triangles(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners.reshape(-1, 3), np.repeat(normals, 3, axis=0)
 
 
-def _add_servicer(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def _add_servicer(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     rho_H = run.values["rho_H"]
     R_HB = run.values["R_HN"] @ attitude_matrices(run.poses["q_BN"]).transpose(0, 2, 1)
     chunks.add(SERVICER, run.time_s, rr.Transform3D.columns(translation=rho_H, quaternion=quaternion_to_parent(R_HB)))
@@ -127,8 +129,8 @@ def _add_servicer(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
     chunks.add_static(f"{HILL}/true_path", path)
 
 
-def _add_camera(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
-    size, camera = run.file.camera, run.params.camera
+def _add_camera(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
+    size, camera = run.servicer_file.camera, run.params.camera
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
     R_KB = attitude_matrices(np.asarray(camera_pose.camera_attitude(camera, identity))[None])[0]
     lens = pinhole.pinhole_intrinsics(camera.field_of_view, size.width_px, size.height_px)
@@ -143,7 +145,7 @@ def _add_camera(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
     chunks.add_static(CAMERA, rr.Transform3D(quaternion=rr.Quaternion(xyzw=quaternion_to_parent(R_KB.T))), frustum)
 
 
-def _add_thrust(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def _add_thrust(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     """Adds an arrow along the force in every tick with a burn."""
     thruster, thrust_n = run.params.plant.thruster, mean_thrust(run)
     burning = thrust_n > 0.0
@@ -159,7 +161,7 @@ def _add_thrust(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
     chunks.add(f"{SERVICER}/thrust", run.time_s, columns.partition(burning.astype(int)))
 
 
-def _add_estimate(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def _add_estimate(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     """Adds the estimated position of the servicer with its 3-sigma ellipsoid."""
     time, estimate = run.time_s, run.values["rho_estimate_H"]
     half, turns = ellipsoids(run.values["relative_covariance_H"])

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks
+from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, ServicerChunks
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
 
@@ -63,7 +63,7 @@ def run_plots(run: ReplayedRun[ViewerChannels]) -> list[Plot]:
     ]
 
 
-def add_plots(chunks: RrdChunks, run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> None:
+def add_plots(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> None:
     """Adds the plots of a run and its guidance modes."""
     time = run.time_s
     for plot in plots:
@@ -117,7 +117,7 @@ def _wheel_plot(name: str, title: str, values: np.ndarray) -> Plot:
     return Plot(name, title, ("wheel 1", "wheel 2", "wheel 3"), _AXES, values)
 
 
-def _add_mode(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+def _add_mode(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
     """Adds a state at each change of the mode."""
     mode = run.values["mode"]
     changes = np.flatnonzero(np.append(True, np.diff(mode) != 0))

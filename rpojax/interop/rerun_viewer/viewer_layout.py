@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from rpojax.interop.rerun_viewer.rrd_chunks import TIMELINE
+from rpojax.interop.rerun_viewer.rrd_chunks import TIMELINE, servicer_path
 from rpojax.interop.rerun_viewer.scene_3d import CAMERA, HILL
 from rpojax.interop.rerun_viewer.time_plots import MODE, PLOTS, Plot
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
@@ -16,24 +16,14 @@ ABOUT = "about"
 _BACKGROUND_COLOR = (14, 17, 24)
 
 
-def blueprint(run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> rrb.Blueprint:
-    """Blueprint of the views of a run."""
-    left = rrb.Vertical(
-        _scene_view(run),
-        rrb.Horizontal(_camera_view(run), rrb.TextDocumentView(origin=ABOUT, name="About"), column_shares=[1, 1]),
-        row_shares=[3, 2],
-    )
-    views = [
-        rrb.TimeSeriesView(
-            origin=f"{PLOTS}/{plot.name}",
-            name=plot.title,
-            plot_legend=rrb.PlotLegend(visible=False),
-            axis_x=_full_time_range(run),
-        )
-        for plot in plots
-    ]
-    mode = rrb.StateTimelineView(origin=MODE, name="Mode", time_view=_full_time_range(run))
-    right = rrb.Vertical(rrb.Grid(*views, grid_columns=2), mode, row_shares=[7, 1])
+def blueprint(runs: Sequence[ReplayedRun[ViewerChannels]], plots: Sequence[Sequence[Plot]]) -> rrb.Blueprint:
+    """Blueprint of the views of a run of one servicer, or of a team: its cameras side by side, plots in tabs."""
+    first = runs[0]
+    about = rrb.TextDocumentView(origin=ABOUT, name="About")
+    cameras = [_camera_view(run) for run in runs]
+    left = rrb.Vertical(_scene_view(first), rrb.Horizontal(*cameras, about), row_shares=[3, 2])
+    rights = [_plots_view(run, own) for run, own in zip(runs, plots, strict=True)]
+    right = rights[0] if len(rights) == 1 else rrb.Tabs(*rights)
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
         rrb.BlueprintPanel(state="collapsed"),
@@ -42,6 +32,23 @@ def blueprint(run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> rrb.Bl
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _plots_view(run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> rrb.Vertical:
+    """Plots of a servicer over its modes."""
+    views = [
+        rrb.TimeSeriesView(
+            origin=servicer_path(f"{PLOTS}/{plot.name}", run.servicer_name),
+            name=plot.title,
+            plot_legend=rrb.PlotLegend(visible=False),
+            axis_x=_full_time_range(run),
+        )
+        for plot in plots
+    ]
+    mode = rrb.StateTimelineView(
+        origin=servicer_path(MODE, run.servicer_name), name="Mode", time_view=_full_time_range(run)
+    )
+    return rrb.Vertical(rrb.Grid(*views, grid_columns=2), mode, row_shares=[7, 1], name=run.servicer_name)
 
 
 def _full_time_range(run: ReplayedRun[ViewerChannels]) -> rrb.archetypes.TimeAxis:
@@ -66,9 +73,10 @@ def _scene_view(run: ReplayedRun[ViewerChannels]) -> rrb.Spatial3DView:
 
 
 def _camera_view(run: ReplayedRun[ViewerChannels]) -> rrb.Spatial2DView:
-    camera = run.file.camera
+    camera, name = run.servicer_file.camera, run.servicer_name
     bounds = rrb.VisualBounds2D(x_range=[0.0, camera.width_px], y_range=[0.0, camera.height_px])
-    return rrb.Spatial2DView(origin=CAMERA, name="Camera", visual_bounds=bounds)
+    title = "Camera" if name is None else f"Camera of {name}"
+    return rrb.Spatial2DView(origin=servicer_path(CAMERA, name), name=title, visual_bounds=bounds)
 
 
 def about_text(run: ReplayedRun[ViewerChannels]) -> rr.TextDocument:

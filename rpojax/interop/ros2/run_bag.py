@@ -1,14 +1,15 @@
 """Bag of one run of a campaign: its topics, messages and provenance."""
 
 import enum
-from collections.abc import Callable, Iterable, Iterator
+import heapq
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.interop import run_replay
-from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_builders, topics
+from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_builders, namespaces, topics
 from rpojax.interop.ros2.mcap_or_sqlite3_writer import BagFormat, TimedMessage
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.ros2.tick_messages import tick_messages
@@ -59,6 +60,15 @@ def bag_topics(image_storage: ImageStorage) -> list[Topic]:
     ]
 
 
+def team_topics(names: Sequence[str], image_storage: ImageStorage) -> list[Topic]:
+    """Topics of a bag of a team, servicer by servicer; those that all have in common once."""
+    return list(
+        dict.fromkeys(
+            namespaces.namespaced_topics(name)[topic] for name in names for topic in bag_topics(image_storage)
+        )
+    )
+
+
 def bag_images(run: ReplayedRun[RosTickValues]) -> Iterator[np.ndarray]:
     """Images (p, p, 3), uint8 sRGB codes, of the rendered camera at every tick, rendered again."""
     return (image for image, _ in run_replay.rerendered_images(run, range(run.ticks)))
@@ -91,6 +101,22 @@ def run_messages(
         on_progress(number + 1, run.ticks)
 
 
+def team_messages(
+    runs: Sequence[ReplayedRun[RosTickValues]],
+    image_storage: ImageStorage,
+    images: Sequence[Iterable[np.ndarray]],
+    on_progress: ProgressCallback = _no_progress,
+) -> Iterator[TimedMessage]:
+    """All messages of a run of a team in the order of time, with a namespace for each servicer."""
+    streams = []
+    for number, (run, own) in enumerate(zip(runs, images, strict=True)):
+        assert run.servicer_name is not None
+        messages = run_messages(run, image_storage, own, on_progress if number == 0 else _no_progress)
+        renamed = namespaces.namespaced_topics(run.servicer_name)
+        streams.append(namespaces.namespaced(messages, run.servicer_name, renamed, number == 0))
+    return heapq.merge(*streams, key=lambda each: each.time_ns)
+
+
 def provenance(run: ReplayedRun[RosTickValues]) -> dict[str, str]:
     """Custom metadata of a bag: version, scenario, seed and run."""
     return {
@@ -119,3 +145,23 @@ def write_run(
     images = () if image_storage == ImageStorage.NONE else bag_images(run)
     messages = run_messages(run, image_storage, images, on_progress)
     return mcap_or_sqlite3_writer.write_bag(out, storage, bag_topics(image_storage), messages, provenance(run), force)
+
+
+def write_team(
+    runs: Sequence[ReplayedRun[RosTickValues]],
+    out: Path,
+    storage: BagFormat,
+    image_storage: ImageStorage,
+    force: bool,
+    on_progress: ProgressCallback = _no_progress,
+) -> int:
+    """Writes a run of a team into a bag with a namespace for each servicer, and returns the number of messages.
+
+    Raises:
+        RpojaxError: rosbags is not installed, or the folder cannot be written.
+    """
+    images = [() if image_storage == ImageStorage.NONE else bag_images(run) for run in runs]
+    messages = team_messages(runs, image_storage, images, on_progress)
+    names = [name for run in runs if (name := run.servicer_name)]
+    content = {**provenance(runs[0]), "rpojax.servicers": ",".join(names)}
+    return mcap_or_sqlite3_writer.write_bag(out, storage, team_topics(names, image_storage), messages, content, force)

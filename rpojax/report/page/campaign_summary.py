@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.report import mission_warnings, run_independence
+from rpojax.report import run_independence
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import in_display_order
 from rpojax.report.metric_statistics import summary_statistics
+from rpojax.report.page import mission_warnings
 from rpojax.report.sections import fault_section, requirement_verdict_section
 from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
 

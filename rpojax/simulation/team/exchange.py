@@ -15,7 +15,6 @@ from rpojax.flight import computer, phase_goal
 from rpojax.flight.cooperation import sharing
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.flight_records import FlightMemory
-from rpojax.flight.mission import team_mission
 from rpojax.flight.navigation import thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
@@ -113,7 +112,7 @@ def _coordinate(loop: TeamLoop, state: TeamState, ticks: Tick, received: Bool[Ar
         assert own is not None
         assert own.team is not None
         assert tick.innovation is not None
-        shift = jnp.zeros_like(tick.time) if own.team.shift is None else team_mission.angle(own.team, tick.time)
+        shift = jnp.zeros_like(tick.time) if own.team.shift is None else own.team.shift.wanted
         follows = own.phase < mission.hold
         relative, servicer = orbit.relative, orbit.servicer
         R_HN = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)[0]

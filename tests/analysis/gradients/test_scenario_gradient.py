@@ -11,6 +11,7 @@ import pytest
 import rpojax
 from rpojax.analysis.gradients import scenario_gradient
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
+from rpojax.analysis.gradients.scenario_gradient import Gradient
 
 CALM = ["duration_s=120", "camera.outlier_probability=0.0"]
 METRIC = "nav_relative_position_error_rms_m"
@@ -114,3 +115,20 @@ def test_designs_and_the_rendered_camera_are_refused(override: str, words: str) 
     file = rpojax.load("inspection", [*CALM, override])
     with pytest.raises(rpojax.RpojaxError, match=words):
         scenario_gradient.gradient(file, ["servicer.mass_kg"], [METRIC])
+
+
+def test_derivatives_are_labelled_arrays() -> None:
+    values = {"gps.noise_m": np.arange(3.0), "formation.desired_position_m": np.ones((3, 3))}
+    found = Gradient(
+        run_ids=np.array([4, 5, 6]),
+        metrics={"delta_v_m_s": np.array([0.1, 0.2, 0.3])},
+        derivatives={"delta_v_m_s": values},
+        completed=np.array([True, True, False]),
+        events=np.zeros(3, dtype=np.uint32),
+        mode="forward",
+        compile_s=0.0,
+    )
+    labelled = found.to_xarray()
+    np.testing.assert_array_equal(labelled["d_delta_v_m_s/d_gps.noise_m"].to_numpy(), values["gps.noise_m"])
+    assert labelled["d_delta_v_m_s/d_formation.desired_position_m"].shape == (3, 3)
+    assert labelled["run"].to_numpy().tolist() == [4, 5, 6]

@@ -48,3 +48,16 @@ def test_an_analysis_writes_its_record_and_arrays(
         np.testing.assert_array_equal(arrays["rho_H_sigma"], linear.sigma("rho_H"))
     with pytest.raises(OutputError, match="exists already"):
         found.write(tmp_path / "out")
+
+
+def test_results_are_labelled_arrays_with_units(file: ScenarioFile) -> None:
+    linear, _ = synthetic_linear_covariance()
+    found = linear_covariance.LinearCovarianceAnalysis(
+        file, 2, 0, linear, linear_covariance.error_budget(linear), None, ()
+    )
+    labelled, arrays = found.to_xarray(), found.arrays()
+    assert labelled["rho_H"].attrs["units"] == "m"
+    assert labelled["rho_dot_H_sigma"].attrs["units"] == "m/s"
+    for name in ("rho_H_sigma", "delta_v_m_s_sigma", "filter_sigma_H"):
+        np.testing.assert_array_equal(labelled[name].to_numpy(), arrays[name])
+    np.testing.assert_array_equal(labelled["time"].to_numpy(), arrays["time_s"])

@@ -43,6 +43,16 @@ def test_estimates_fused_as_if_independent_are_over_confident() -> None:
     assert nees > 10.0
 
 
+@pytest.mark.parametrize(("method", "least"), [("boxes", 0.75), ("estimates", 0.3)])
+def test_ranges_over_the_link_tell_the_baseline_where_code_does_not(method: str, least: float) -> None:
+    """Opposite each other in a relative orbit, whose bearings and the sum of whose ranges the link measures."""
+    code = {"baseline_noise": 2.83, "baseline_error": 0.54, "ticks": 600}
+    _, without = late(Case(settings(2, method, delay=1), **code), runs=12)
+    nees, error = late(Case(settings(2, method, delay=1, ranging=True), **code), runs=12)
+    assert least < nees < 1.3
+    assert error < 0.8 * without
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", [0.0, 0.2, 0.5, 0.9])
 def test_error_and_consistency_at_any_loss(loss: float) -> None:

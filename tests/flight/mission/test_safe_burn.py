@@ -7,7 +7,7 @@ import pytest
 
 from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
 from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, free_motion
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, free_motion
 from rpojax.core.pytree import replace
 from rpojax.flight.mission import drift_clearance, safe_burn
 from rpojax.flight.mission.drift_clearance import Drift
@@ -80,6 +80,24 @@ def test_the_clearance_of_an_ellipsoid_is_that_in_the_scale_of_its_axes() -> Non
     assert expected - 0.1 < found <= 1.02 * expected
     # The sphere around it would be entered.
     assert float(least_clearance(drift_of(ELLIPSE, 30.0), jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0]) < 1.0 < found
+
+
+@pytest.mark.parametrize("latitude", [0.0, 1.0, 2.5, 3.5, 5.5])
+def test_passages_of_the_perigee_of_an_elliptic_orbit_are_not_missed(latitude: float) -> None:
+    orbit = replace(
+        ORBIT, argument_of_latitude=jnp.float64(latitude), ex=jnp.float64(0.7), semi_major_axis=jnp.float64(2.44e7)
+    )
+    period = drift_clearance.orbit_period(orbit)
+    times = period * jnp.linspace(1e-4, 1.0, 4000)
+    for number in range(4):
+        # Its free motion is a closed orbit of 10 to 30 m of any shape.
+        constants = jnp.asarray(np.random.default_rng(number).normal(size=6) * [20.0, 15.0, 15.0, 0.0, 15.0, 15.0])
+        state = free_motion(orbit, jnp.float64(0.0), constants)
+        drift = replace(drift_of(state.tolist(), 1.0), orbit=orbit, first_span=period, horizon=period)
+        found = float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1])
+        places = jax.vmap(lambda t, c=constants: free_motion(advanced(orbit, t), t, c)[:3])(times)
+        expected = float(jnp.linalg.norm(places, axis=1).min())
+        assert expected - 1e-6 < found < expected + 1.5, number
 
 
 def test_the_uncertainty_of_the_drift_counts() -> None:

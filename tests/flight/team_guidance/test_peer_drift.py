@@ -52,12 +52,16 @@ def known(scene: Any, delta_v_H: np.ndarray, burn_time: float) -> KnownPeers:
         follows=jnp.ones(1, dtype=bool),
         delta_v_N=apply_transposed(jnp.asarray(turned) @ R_HN, jnp.asarray(delta_v_H))[None],
         burn_time=jnp.array([burn_time]),
+        shift=jnp.zeros(1),
+        sees=jnp.ones(1, dtype=bool),
     )
     return KnownPeers(
         state_N=jnp.concatenate([r_N, v_N])[None],
         covariance_N=1e-4 * jnp.eye(6)[None],
         intents=intents,
         numbers=jnp.array([1], dtype=jnp.int32),
+        number=jnp.int32(0),
+        slots=jnp.zeros((1, 2)),
     )
 
 

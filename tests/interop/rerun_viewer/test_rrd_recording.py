@@ -18,6 +18,7 @@ from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.interop.rerun_viewer import rrd_recording, scene_3d, time_plots
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import PosedImage, ReplayedRun
+from rpojax.scenario.loading import scenario_loader
 
 CAMERA = "/hill/servicer/camera"
 
@@ -255,3 +256,15 @@ def test_a_missing_package_is_named_with_its_extra(
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RpojaxError, match=r"^rerun: not installed, expected: pip install 'rpojax\[viz\]'$"):
         rrd_recording.write_recording(synthetic_run, tmp_path / "run.rrd")
+
+
+def test_servicers_of_a_team_share_one_scene(tmp_path: Path, synthetic_run: ReplayedRun[ViewerChannels]) -> None:
+    file = scenario_loader.load("cooperative_far")
+    runs = [dataclasses.replace(synthetic_run, file=file, servicer=number) for number in range(2)]
+    written = rrd_recording.write_servicers(runs, tmp_path / "team.rrd", [None, None])
+    read = RecordingReader(written.path)
+    paths = {path for path, _ in read.batches}
+    assert {f"/hill/{name}/servicer/camera/frame" for name in ("first", "second")} <= paths
+    assert {"/hill/first/true_path", "/hill/second/estimated_path", "/hill/target", "/hill/keep_out"} <= paths
+    assert not {"/hill/servicer", "/hill/first/target", "/plots/mode"} & paths
+    assert any(path.startswith("/plots/second/") for path in paths)

@@ -95,9 +95,14 @@ def test_servicers_that_are_sent_near_to_each_other_keep_clear() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sharing", ["boxes", "estimates", "naive"])
-def test_a_tick_of_servicers_that_share_has_the_shapes_and_types_of_the_state_before(sharing: str) -> None:
-    file = scenario_loader.load("cooperative_inspection", [f"navigation.sharing={sharing}"])
+@pytest.mark.parametrize(
+    ("sharing", "phasing"), [("boxes", "fixed"), ("estimates", "spread"), ("boxes", "viewpoints"), ("naive", "fixed")]
+)
+def test_a_tick_of_servicers_that_share_has_the_shapes_and_types_of_the_state_before(
+    sharing: str, phasing: str
+) -> None:
+    overrides = [f"navigation.sharing={sharing}", f"team.phasing={phasing}"]
+    file = scenario_loader.load("cooperative_inspection", overrides)
     scenario = static_settings(file, allow_team=True)
     team = member_axes.stack_members(member_params(file))
     state = jax.eval_shape(lambda: initial_team.init(scenario, team, run_key(1, 0)))
@@ -106,3 +111,24 @@ def test_a_tick_of_servicers_that_share_has_the_shapes_and_types_of_the_state_be
         lambda leaf: (leaf.shape, leaf.dtype), state
     )
     assert seen.truth.r_ST_N.shape == (3, 3)
+
+
+SILENT = [
+    "duration_s=1500",
+    "team.phasing=spread",
+    "effects.faults=true",
+    "servicers.second.fault.kind=radio_off",
+    "servicers.second.fault.start_s=300",
+    "servicers.second.fault.duration_s=100000",
+]
+
+
+@pytest.mark.slow
+def test_a_servicer_that_falls_silent_is_left_out_and_the_phases_are_spread_anew() -> None:
+    found = simulate(scenario_loader.load("cooperative_inspection", SILENT), range(2))
+    assert np.all(found["known_members"][290] == 3)
+    # The others know of two, the silent one of itself alone; no decision comes later than 200 s after a minute.
+    np.testing.assert_array_equal(found["known_members"][-1], [[2, 1, 2]] * 2)
+    assert np.all(found["phase_shift_deg"][:300] == 0.0)
+    first, second, third = found["phase_shift_deg"][-1].T
+    assert np.all((first < -10.0) & (second == 0.0) & (third > 10.0))
