@@ -6,6 +6,7 @@ import pytest
 from rpojax.campaign.execution.block_recording import thin_history
 from rpojax.campaign.execution.selected_histories import selected_by_result
 from rpojax.campaign.options import history_retention
+from rpojax.campaign.options.campaign_options import DEFAULT_HISTORIES
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.errors import RpojaxError
 
@@ -52,6 +53,14 @@ def test_runs_selected_by_results(rule: str, kept: set[int]) -> None:
     found = Retention(rule)
     assert selected_by_result(found, IDS, COMPLETED, METRICS) == kept
     assert found.depends_on_results == (rule != "all")
+
+
+def test_worst_run_of_each_requirement_is_kept_by_default() -> None:
+    required = ["min_range_m", "formation_error_rms_m"]
+    assert DEFAULT_HISTORIES.rule == "8+requirements"
+    assert selected_by_result(DEFAULT_HISTORIES, IDS, COMPLETED, METRICS, required) == {11}
+    assert selected_by_result(Retention("8"), IDS, COMPLETED, METRICS, required) == set()
+    assert DEFAULT_HISTORIES.max_histories(0, 100, 6) == 8 + 6
 
 
 @pytest.mark.parametrize(
