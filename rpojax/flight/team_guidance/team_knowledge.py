@@ -28,19 +28,21 @@ class Own:
     Attributes:
         follows: () bool, whether it follows the reference of its phase
         shift: () angle by which its relative orbit is, or is to be, ahead of the plan [rad]
+        state_H: (6,) relative state [m, m/s]
+        planned: (3,) amplitudes of the relative orbit, radial and across [m], and the lead of the latter [rad]
     """
 
     follows: Array
     shift: Array
+    state_H: Array
+    planned: Array
 
 
 def situation(
     peers: KnownPeers,
     tuning: TeamTuning,
     estimate: OrbitEstimate,
-    state_H: Float[Array, "6"],
     orbit: TargetOrbit,
-    planned: Vector,
     slots: Float[Array, " N"],
     own: Own,
     clearance: Scalar,
@@ -53,9 +55,7 @@ def situation(
         peers: what it knows of the others
         tuning: of the guidance of the team
         estimate: of both orbits
-        state_H: (6,) own relative state [m, m/s]
         orbit: of the target
-        planned: (3,) amplitudes of the relative orbit, radial and across [m], and the lead of the latter [rad]
         slots: (N,) phases by the plan [rad]
         own: of itself alone
         clearance: () distance that is kept between servicers [m]
@@ -71,7 +71,7 @@ def situation(
         return arctan2(constants[2], constants[1])
 
     def of_peer(_: None, state_N: Float[Array, "6"]) -> tuple[None, Scalar]:
-        return None, phase(state_H + jnp.concatenate(inertial_to_hill(state_N[:3], state_N[3:], R_HN, omega_HN_N)))
+        return None, phase(own.state_H + jnp.concatenate(inertial_to_hill(state_N[:3], state_N[3:], R_HN, omega_HN_N)))
 
     _, believed = jax.lax.scan(of_peer, None, peers.state_N)
     heard = peers.intents.follows & (time - peers.intents.time < tuning.lost_after)
@@ -80,10 +80,10 @@ def situation(
         present=_of_all(peers, count, own.follows, heard),
         slots=slots,
         shifts=_of_all(peers, count, own.shift, peers.intents.shift),
-        believed=_of_all(peers, count, phase(state_H), believed),
-        radial=planned[0],
-        cross_track=planned[1],
-        cross_track_lead=planned[2],
+        believed=_of_all(peers, count, phase(own.state_H), believed),
+        radial=own.planned[0],
+        cross_track=own.planned[1],
+        cross_track_lead=own.planned[2],
         clearance=clearance,
         argument_of_latitude=yamanaka_ankersen.mean_argument_of_latitude(orbit),
         mean_motion=mean_motion(orbit.semi_major_axis),
