@@ -326,14 +326,16 @@ def _with_phase_of_team(
     before = state.team.shift
     running = state.phase < settings.hold
     row = jnp.minimum(state.phase, settings.hold - 1)
+    planned = [phase_goal.planned_orbit(tuning.phases[phase.name].reference) for phase in settings.phases]
     situation = team_knowledge.situation(
         team.peers,
         team.tuning,
         memory.orbit,
         predicted.orbit,
-        of_phase(row, [phase_goal.planned_orbit(tuning.phases[phase.name].reference) for phase in settings.phases]),
         of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
-        team_knowledge.Own(state_H=predicted.state_H, follows=running, shift=before.wanted),
+        team_knowledge.Own(
+            follows=running, shift=before.wanted, state_H=predicted.state_H, planned=of_phase(row, planned)
+        ),
         team.tuning.keep_out + tuning.abort_margin,
         pointing.sun_N,
         time,

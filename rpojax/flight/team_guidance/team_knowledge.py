@@ -26,14 +26,16 @@ class Own:
     """What a servicer knows of itself alone.
 
     Attributes:
-        state_H: (6,) relative state [m, m/s]
         follows: () bool, whether it follows the reference of its phase
         shift: () angle by which its relative orbit is, or is to be, ahead of the plan [rad]
+        state_H: (6,) relative state [m, m/s]
+        planned: (3,) amplitudes of the relative orbit, radial and across [m], and the lead of the latter [rad]
     """
 
-    state_H: Array
     follows: Array
     shift: Array
+    state_H: Array
+    planned: Array
 
 
 def situation(
@@ -41,7 +43,6 @@ def situation(
     tuning: TeamTuning,
     estimate: OrbitEstimate,
     orbit: TargetOrbit,
-    planned: Vector,
     slots: Float[Array, " N"],
     own: Own,
     clearance: Scalar,
@@ -55,7 +56,6 @@ def situation(
         tuning: of the guidance of the team
         estimate: of both orbits
         orbit: of the target
-        planned: (3,) amplitudes of the relative orbit, radial and across [m], and the lead of the latter [rad]
         slots: (N,) phases by the plan [rad]
         own: of itself alone
         clearance: () distance that is kept between servicers [m]
@@ -81,9 +81,9 @@ def situation(
         slots=slots,
         shifts=_of_all(peers, count, own.shift, peers.intents.shift),
         believed=_of_all(peers, count, phase(own.state_H), believed),
-        radial=planned[0],
-        cross_track=planned[1],
-        cross_track_lead=planned[2],
+        radial=own.planned[0],
+        cross_track=own.planned[1],
+        cross_track_lead=own.planned[2],
         clearance=clearance,
         argument_of_latitude=yamanaka_ankersen.mean_argument_of_latitude(orbit),
         mean_motion=mean_motion(orbit.semi_major_axis),
