@@ -23,6 +23,8 @@ from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
+pytestmark = pytest.mark.slow  # it compiles the closed loop and simulates some 1500 short runs
+
 KEEP_OUT = FailureChoice(outcome="keep_out")
 OVERRIDES = ("duration_s=100.0", "formation.desired_position_m=[0.0,-50.0,0.0]", "limits.keep_out_m=43.0")
 """100 s at 50 m, where a range of 43 m is three sigmas away."""
