@@ -97,7 +97,9 @@ def _safe_delta_v(
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
     certain = burn_planning.certain_delta_v(params.pointing, params.vehicle, dt)
     stop = gradient_safe.norm(approach_inhibition.change_to_stop(at_burn.state_H, n))
-    burns = jnp.maximum(_BURNS_BEFORE_DARKNESS, 2.0 + _BURNS_PER_STOP * stop / certain)
+    # A thruster that cannot burn in every direction within the limit gives no measure.
+    burns_to_stop = jnp.where(certain > 0.0, _BURNS_PER_STOP * stop / jnp.where(certain > 0.0, certain, 1.0), 0.0)
+    burns = jnp.maximum(_BURNS_BEFORE_DARKNESS, 2.0 + burns_to_stop)
     stays_visible = target_visibility.is_visible_after(
         params.vehicle, orbit, pointing.sun_N, n * (formation.lead + burns * period)
     )
