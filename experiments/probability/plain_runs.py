@@ -23,7 +23,8 @@ def main() -> None:
     prepare_jax(cache=True)
     set_loop_fusion_flag(rendered=False)
     from rpojax.analysis.reliability.rare_events.probability_estimate import binomial_interval
-    from rpojax.analysis.reliability.simulated_failures.failure_choice import FailureChoice, choose_failure
+    from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice
+    from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
     from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
     from rpojax.scenario.dispersed_numbers import standard_normal_space
     from rpojax.scenario.loading import scenario_loader

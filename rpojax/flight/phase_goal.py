@@ -39,13 +39,13 @@ class Goal:
 
 def planned_phase(reference: Any) -> Scalar:
     """Phase of a relative orbit [rad], 0 of another reference."""
-    return reference.radial_phase if isinstance(reference, RelativeOrbit) else jnp.zeros((), dtype=jnp.float64)
+    return reference.radial_phase if isinstance(reference, RelativeOrbit) else jnp.zeros(())
 
 
 def planned_orbit(reference: Any) -> Float[Array, "3"]:
     """Amplitudes of a relative orbit [m], radial and across, and phase of the latter less the former [rad]; else 0."""
     if not isinstance(reference, RelativeOrbit):
-        return jnp.zeros(3, dtype=jnp.float64)
+        return jnp.zeros(3)
     lead = reference.cross_track_phase - reference.radial_phase
     return jnp.stack([reference.radial, reference.cross_track, lead])
 

@@ -28,6 +28,8 @@ STATIC = {
     "outages_s",
     "hears",
     "kind",
+    "phasing",
+    "enabled",
 }
 """Keys of static settings, and of a section that may be absent."""
 
@@ -52,6 +54,8 @@ def factor(key: str) -> float:
     """Factor from the unit of a key to SI, from the words of the key."""
     words = key.partition(".")[2].split("_")
     named = {"deg": np.pi / 180.0, "mrad": 1e-3, "mm": 1e-3}
+    if words[-2:] == ["deg", "h"]:
+        return np.pi / 180.0 / 3600.0
     return next((named[word] for word in words if word in named), 1.0)
 
 

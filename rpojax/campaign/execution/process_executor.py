@@ -146,12 +146,12 @@ class _BatchQueue:
 
 
 def _supervise_worker(
-    slot: int, devices: Sequence[int], cores: Sequence[int], directory: str, queue: _BatchQueue
+    slot: int, devices: Sequence[int], cores: Sequence[int], place: Sequence[str], queue: _BatchQueue
 ) -> None:
     """Runs workers one after the other, each until it dies, while there are batches."""
     while (batch := queue.next_batch()) is not None:
         try:
-            _run_worker(slot, devices, cores, directory, batch, queue)
+            _run_worker(slot, devices, cores, place, batch, queue)
         except OSError as error:  # no room for another process, or for its standard error
             queue.requeue(slot, batch, f"no worker could be started: {error.strerror or error}")
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.analysis.reliability.simulated_failures.failure_choice import EstimateSettings, FailureChoice
+from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status

@@ -24,6 +24,7 @@ from rpojax.dispersions.random_source import RandomSource
 from rpojax.errors import ScenarioError
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.value_types import Positive
 
@@ -78,7 +79,7 @@ class ExtendedFile(ScenarioFile):
 def file(monkeypatch: pytest.MonkeyPatch, mission: ScenarioFile) -> Callable[..., ScenarioFile]:
     """The short scenario with given dispersions, where the registry has the new kind."""
     monkeypatch.setattr(registry, "Dispersion", Extended)
-    monkeypatch.setattr(scenario_loader, "ScenarioFile", ExtendedFile)
+    monkeypatch.setattr(plugin_registry, "ScenarioFile", ExtendedFile)
     return lambda *entries: with_dispersions(mission, *entries)
 
 

@@ -82,7 +82,7 @@ def every_key(file: ScenarioFile) -> list[str]:
     """All keys that can be dispersed without a team."""
     sections = {name: type(getattr(file, name)) for name in type(file).model_fields}
     keys = [f"{name}.{key}" for name, cls in sections.items() for key in getattr(cls, "model_fields", {})]
-    of_team = ("link.", "gps_differences.", "link_range.", "navigation.difference_")
+    of_team = ("link.", "team.", "gps_differences.", "link_range.", "navigation.difference_")
     return [key for key in keys if nominal_of_key(file, key) is not None and not key.startswith(of_team)]
 
 

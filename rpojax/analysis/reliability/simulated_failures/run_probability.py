@@ -14,13 +14,9 @@ from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitState
 from rpojax.analysis.reliability.rare_events.probability_estimate import ProbabilityEstimate
 from rpojax.analysis.reliability.simulated_failures import failing_runs, failure_margin
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
+from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures.failing_runs import FailureLog
-from rpojax.analysis.reliability.simulated_failures.failure_choice import (
-    EstimateSettings,
-    Failure,
-    FailureChoice,
-    choose_failure,
-)
+from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure, choose_failure
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
 from rpojax.campaign import preflight
 from rpojax.campaign.storage.json_types import to_json_types

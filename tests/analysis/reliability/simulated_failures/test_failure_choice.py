@@ -2,7 +2,8 @@
 
 import pytest
 
-from rpojax.analysis.reliability.simulated_failures.failure_choice import FailureChoice, choose_failure
+from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice
+from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
 from rpojax.errors import RpojaxError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
