@@ -1,4 +1,4 @@
-"""Are missions that cannot succeed reported as such? Prints a Markdown table of outcomes, with warnings before the runs.
+"""Are missions that cannot succeed reported as such? Prints a Markdown table of outcomes and of warnings before.
 
 python experiments/unseen_missions/lost_missions.py --out out/lost_missions [--runs 256]
 
