@@ -2,8 +2,9 @@
 
 A message carries both, so that a receiver that heard nothing for a while knows what the burns in between did, however
 many there were. They are kept as they would have been at the start: sums that only grow, whose difference is what the
-burns in between added, less than zero by rounding alone. Had each side propagated the effect for itself, the difference of two
-great covariances, each in the gravity gradient of another place, would have outweighed what it should tell.
+burns in between added, less than zero by rounding alone. Had each side propagated the effect for itself, the
+difference of two great covariances, each in the gravity gradient of another place, would have outweighed what it should
+tell.
 """
 
 import jax.numpy as jnp
