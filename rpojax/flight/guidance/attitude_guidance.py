@@ -154,9 +154,10 @@ def _target_attitude(
     time: Scalar,
 ) -> tuple[Float[Array, "4"], Vector]:
     """Attitude `q_BN` towards the estimated target, or on the search spiral around it, and its rate [rad/s] in B."""
-    q_look, omega_look = look_attitude(vehicle, estimate)
-    # Its series would be repeated in each component of the attitude.
-    offset_K, rate_K = fusion_barrier(search_spiral.spiral_offset(pointing, search_time), time)
+    # They would be repeated in each component of the attitude.
+    (q_look, omega_look), (offset_K, rate_K) = fusion_barrier(
+        (look_attitude(vehicle, estimate), search_spiral.spiral_offset(pointing, search_time)), time
+    )
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
     q_search = quaternion.exp(-rotate(q_BK, offset_K))
     omega_search = rotate(q_search, omega_look) + rotate(q_BK, pace * rate_K)
