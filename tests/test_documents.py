@@ -41,11 +41,11 @@ from rpojax.value_types import Section
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-SCENARIO_PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
-FOLDER_PAGE = (ROOT / "docs" / "campaign_folder.md").read_text(encoding="utf-8")
-CONVENTIONS_PAGE = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
-MODEL_PAGE = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
-FLIGHT_PAGE = (ROOT / "docs" / "flight_software.md").read_text(encoding="utf-8")
+SCENARIO_PAGE = (ROOT / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")
+FOLDER_PAGE = (ROOT / "docs" / "reference" / "campaign_folder.md").read_text(encoding="utf-8")
+CONVENTIONS_PAGE = (ROOT / "docs" / "reference" / "conventions.md").read_text(encoding="utf-8")
+MODEL_PAGE = (ROOT / "docs" / "theory" / "model.md").read_text(encoding="utf-8")
+FLIGHT_PAGE = (ROOT / "docs" / "how_to" / "flight_software.md").read_text(encoding="utf-8")
 SCRIPT = ROOT / ".ci" / "run"
 
 MAIN_JOB = (
@@ -185,7 +185,7 @@ def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
 
 
 def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
-    [text] = blocks((ROOT / "docs" / "field.md").read_text(encoding="utf-8"), "toml")
+    [text] = blocks((ROOT / "docs" / "how_to" / "field.md").read_text(encoding="utf-8"), "toml")
     path = tmp_path / "kepler.toml"
     path.write_text(text)
     file = scenario_loader.load(path)
@@ -199,7 +199,7 @@ def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
 
     from rpojax.cli.commands import field
 
-    page = (ROOT / "docs" / "field.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how_to" / "field.md").read_text(encoding="utf-8")
     code = "\n".join([*blocks(page, ""), *quoted(page)])
     verbs = (field.train, field.evaluate, field.render)
     records = (field.MeshPlacement, field.FreshViews)
