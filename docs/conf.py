@@ -20,7 +20,11 @@ extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "sphinx_design",
+    "site_extensions.gallery",
+    "site_extensions.generated_pages",
     "site_extensions.mathml",
+    "site_extensions.source_pages",
 ]
 root_doc = "docs/index"
 include_patterns = [
@@ -33,6 +37,8 @@ include_patterns = [
 ]
 exclude_patterns = ["out", "results", "build", "dist", ".venv*", ".git", "**/.ipynb_checkpoints"]
 
+gallery_files = "docs/made"  # folder that make_gallery.py wrote; empty for a site without them
+
 nb_execution_mode = "off"  # notebooks are committed with their results; tests/test_notebooks.py executes them
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_inline", "colon_fence"]
 myst_heading_anchors = 4
@@ -44,3 +50,9 @@ html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sphinx = False
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+napoleon_google_docstring = True
+napoleon_use_rtype = False
+napoleon_use_ivar = True  # attributes of a record are listed once
