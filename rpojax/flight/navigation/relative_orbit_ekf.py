@@ -262,7 +262,7 @@ def _prior_box(
     range_is_wide = box.present & box_position.is_range_wide(r_TS_N, estimate.covariance[:3, :3])
     reference = jnp.where(range_is_wide, box_position.position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
     model = linearise_box(tuning, focal_px, R_KN, reference, box, estimate.scale[0])
-    innovation_variance = _innovation_variance(estimate.covariance, process_variance, model)
+    innovation_variance = _innovation_variance(estimate.covariance, process_variance[8:10], model)
     variance = innovation_variance - model.variance
     # Compared with an untruncated box: the large noise of a truncated one would make any prior look certain enough.
     untruncated_variance = box_measurement_model.untruncated_bearing_variance(tuning, focal_px)
@@ -421,11 +421,21 @@ def _jacobian_times_covariance(P: Float[Array, "12 12"], model: LinearisedBox) -
 
 
 def _innovation_variance(
-    P: Float[Array, "12 12"], process_variance: Float[Array, "12"], model: LinearisedBox
+    P: Float[Array, "12 12"], bearing_process_variance: Float[Array, "2"], model: LinearisedBox
 ) -> Vector:
-    """Variance of the box residuals, with process variance added to the covariance."""
-    H = _jacobian(model)
-    return jnp.sum((_jacobian_times_covariance(P, model) + process_variance[None, :] * H) * H, axis=1) + model.variance
+    """Variance of the box residuals, with process variance added to that of the bearing bias.
+
+    Of each row of the Jacobian it adds up position, slow errors and their covariance: the others are zero.
+    """
+    G, d = model.position_jacobian, model.inverse_depth
+    GP = G[:, :1] * P[:1, :3] + G[:, 1:2] * P[1:2, :3] + G[:, 2:] * P[2:3, :3]
+    with_errors = jnp.concatenate([P[8:10, :3] + d * P[10:12, :3], P[6:7, :3] + P[7:8, :3]], axis=0)
+    bearing = [
+        P[bias, bias] + bearing_process_variance[axis] + d * (2.0 * P[bias, center] + d * P[center, center])
+        for axis, (bias, center) in enumerate(((8, 10), (9, 11)))
+    ]
+    size = P[6, 6] + 2.0 * P[6, 7] + P[7, 7]
+    return jnp.sum((GP + 2.0 * with_errors) * G, axis=1) + jnp.stack([*bearing, size]) + model.variance
 
 
 def _iterated_position(
