@@ -51,6 +51,7 @@ html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sphinx = False
 
+default_role = "code"  # single backquotes in docstrings are code
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 napoleon_google_docstring = True

@@ -7,6 +7,8 @@ Pictures are committed; files are made when the site is built. Both take command
 """
 
 import argparse
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -80,7 +82,7 @@ def make_pictures(work: Path, only: list[str] | None) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     for name in only or scenario_loader.packaged_names():
         folder = work / name
-        _campaign(name, folder, RUNS, "--histories", "all")
+        _campaign(name, folder, RUNS, "--histories", "all", "--no-report")
         draw_paths(Campaign(folder), PICTURES / f"{name}.png")
     if only is None:
         _campaign("inspection", work / "first", REPORT_RUNS)
@@ -117,22 +119,37 @@ def draw_paths(campaign: Campaign, file: Path) -> None:
 def draw_recording(recording: Path, file: Path) -> None:
     """Picture of a recording in rerun's viewer, which a browser without a window shows by software rendering."""
     web, data = VIEWER_PORTS
-    ports = ("--serve-web", "--web-viewer-port", str(web), "--port", str(data))
-    server = subprocess.Popen([str(Path(sys.executable).with_name("rerun")), str(recording), *ports])
+    ports = ("--serve-web", "--bind", "127.0.0.1", "--web-viewer-port", str(web), "--port", str(data))
+    command = [str(Path(sys.executable).with_name("rerun")), str(recording), *ports]
+    server = subprocess.Popen(command, start_new_session=True)  # it starts a process of its own, which must end too
     source = quote(f"rerun+http://127.0.0.1:{data}/proxy", safe="")
     rendering = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-    patience = ("--timeout=60000", "--virtual-time-budget=60000")
     try:
         time.sleep(5.0)
         with tempfile.TemporaryDirectory() as profile:
-            options = ("--headless=new", "--no-sandbox", "--no-first-run", "--hide-scrollbars", *rendering, *patience)
+            options = ("--headless=new", "--no-sandbox", "--no-first-run", "--hide-scrollbars", *rendering)
             place = (f"--user-data-dir={profile}", "--window-size=1400,900", f"--screenshot={file}")
             address = f"http://127.0.0.1:{web}/?url={source}"
-            subprocess.run([str(BROWSER), *options, *place, address], check=True, capture_output=True)
+            for patience_s in (60, 120, 240, 480):  # on a busy machine the viewer is slow to start
+                budget = f"--virtual-time-budget={1000 * patience_s}"
+                subprocess.run([str(BROWSER), *options, *place, budget, address], check=True, capture_output=True)
+                if _colours(file) > _VIEWER_COLOURS:
+                    break
+            else:
+                raise SystemExit("the viewer did not show the recording")
     finally:
-        server.terminate()
+        os.killpg(server.pid, signal.SIGTERM)
         server.wait()
     _reduce(file, colours=96)
+
+
+_VIEWER_COLOURS = 1000
+"""A started viewer shows more colours, the screen before it a few dozen."""
+
+
+def _colours(file: Path) -> int:
+    with Image.open(file) as picture:
+        return len(picture.convert("RGB").getcolors(picture.width * picture.height) or ())
 
 
 def _rendered_run(folder: Path) -> None:

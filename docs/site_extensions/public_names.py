@@ -14,7 +14,7 @@ GROUPS = {
 """Heading -> names; together all of `rpojax.__all__` but the version, which a test checks."""
 
 _ATTRIBUTES_ARE_FIELDS = {"Scenario", "Params", "State", "Telemetry", "ScenarioFile"}
-"""Records with so many fields that pages of their own describe them."""
+"""Records with so many fields that pages of their own describe them; they are shown without a signature."""
 
 
 def lines() -> Iterator[str]:
@@ -26,7 +26,8 @@ def lines() -> Iterator[str]:
         for name in names:
             found = getattr(rpojax, name)
             kind = "autoclass" if isinstance(found, type) else "autofunction"
-            yield from ("```{eval-rst}", f".. {kind}:: rpojax.{name}")
-            if kind == "autoclass" and name not in _ATTRIBUTES_ARE_FIELDS:
+            fields = name in _ATTRIBUTES_ARE_FIELDS
+            yield from ("```{eval-rst}", f".. {kind}:: rpojax.{name}{'()' if fields else ''}")
+            if kind == "autoclass" and not fields:
                 yield "   :members:"
             yield from ("```", "")
