@@ -26,7 +26,7 @@ SHOW_PROGRESS = (
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
 )
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 
 
 def imported_modules(code: str) -> set[str]:
