@@ -79,7 +79,7 @@ COMMANDS: tuple[Callable[..., int], ...] = (
 VISION_COMMANDS: tuple[Callable[..., int], ...] = (detect, calibrate_camera_model)
 """Commands after those of the radiance field and the detector."""
 
-_ALLOW_PLUGIN = "--allow-plugin"
+_ALLOW_PLUGIN, _NO_CACHE = "--allow-plugin", "--no-cache"
 
 app = tyro.extras.SubcommandApp()
 for command in COMMANDS:
@@ -121,8 +121,11 @@ def _permit_plugin(arguments: Sequence[str]) -> list[str]:
     """The arguments without `--allow-plugin`, which lets the process execute the plugins of scenarios."""
     words = [word for word in arguments if word != _ALLOW_PLUGIN]
     if len(words) < len(arguments):
+        from rpojax.runtime.jax_environment import prepare_jax
         from rpojax.scenario.plugins import plugin_registry
 
+        # Plugins import JAX when the scenario is loaded, before the command prepares it.
+        prepare_jax(cache=_NO_CACHE not in words)
         plugin_registry.permit()
     return words
 
