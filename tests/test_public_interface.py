@@ -27,6 +27,7 @@ NAMES = {
 SHOW_PROGRESS = (
     *("run_campaign", "resume_campaign"),
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
+    *("simulate", "write_report", "estimate_probability", "export"),
 )
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])

@@ -83,14 +83,18 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
 
 
 @contextmanager
-def busy(text: str, quiet: bool) -> Iterator[None]:
-    """Shows `text` while the body runs, and every few seconds how long it has taken so far."""
+def busy(text: str, quiet: bool, announce: bool = True) -> Iterator[None]:
+    """Shows `text` while the body runs, and every few seconds how long it has taken so far.
+
+    Without `announce`, for work that is mostly short, there is no line at its begin where there is no terminal.
+    """
     if quiet:
         yield
         return
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
-        console.print(f"rpojax: {text}", soft_wrap=True)
+        if announce:
+            console.print(f"rpojax: {text}", soft_wrap=True)
         with SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text):
             yield
         return
