@@ -55,9 +55,15 @@ def clean_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def call(programs: Path, folder: Path, *command: str) -> str:
-    """Standard output of a program of the clean environment, called in a folder outside of the checkout."""
+    """Standard output of a program of the clean environment, called in a folder outside of the checkout.
+
+    Without the ray tracer, which is an extra, its commands say in one line how to install it.
+    """
     environment = {**CLEAN, "PATH": f"{programs}:{CLEAN['PATH']}", "HOME": str(folder)}
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=7200)
+    if "expected: pip install 'rpojax[raytrace]'" in done.stderr:
+        assert (done.returncode, command[1], len(done.stderr.splitlines())) == (2, "field", 1)
+        return ""
     assert done.returncode in (0, 3), f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 
