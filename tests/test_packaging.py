@@ -1,5 +1,6 @@
 """The package as others get it: a wheel that works outside of the checkout, one version, and how to cite it."""
 
+import itertools
 import re
 import subprocess
 import sys
@@ -91,7 +92,8 @@ def test_a_wheel_works_in_a_clean_environment_outside_of_the_checkout(clean_envi
 @pytest.mark.slow
 def test_the_python_of_the_readme_runs_as_printed(clean_environment: Path, tmp_path: Path) -> None:
     (tmp_path / "readme.py").write_text("".join(fenced("python")))
-    assert "runs completed" in call(clean_environment, tmp_path, "python", "readme.py")
+    assert call(clean_environment, tmp_path, "python", "readme.py")
+    assert list(tmp_path.glob("out/*/campaign.json"))
 
 
 @pytest.mark.slow
@@ -100,9 +102,18 @@ def test_the_commands_of_the_readme_run_as_printed(clean_environment: Path, tmp_
         (tmp_path / f"block_{number}.toml").write_text(text if "extends" in text else f'extends = "inspection"\n{text}')
         call(clean_environment, tmp_path, "rpojax", "validate", f"block_{number}.toml")
     commands = readme_commands()
-    assert len(commands) > 1
+    assert commands
     for words in commands:
-        call(clean_environment, tmp_path, *words)
+        if not any(PLACEHOLDER.search(word) for word in words):
+            call(clean_environment, tmp_path, *tune_shortly(words))
+            continue
+        verb = list(itertools.takewhile(lambda word: re.fullmatch("[a-z-]+", word), words[1:3]))
+        offered = call(clean_environment, tmp_path, "rpojax", *verb, "--help")
+        assert all(word in offered for word in words if word.startswith("--")), words
+
+
+PLACEHOLDER = re.compile(r"\b[A-Z]{2,}")
+"""What stands for a name of the reader's, in capitals."""
 
 
 def fenced(language: str) -> list[str]:
@@ -112,16 +123,14 @@ def fenced(language: str) -> list[str]:
 
 
 def readme_commands() -> list[list[str]]:
-    """Commands of the README without a placeholder, which is a word in capitals; without the remark after them.
-
-    The search of `tune` takes an hour as printed: it makes two steps with eight runs.
-    """
+    """Commands `rpojax` of the README, without the remark after them."""
     lines = [re.sub(r"\s{3,}.*", "", line) for text in fenced("") for line in text.splitlines()]
-    found = [line.split() for line in lines if line.startswith("rpojax ") and not re.search(r"\b[A-Z]{2,}", line)]
-    return [tune_shortly(words) if words[1] == "tune" else words for words in found]
+    return [line.split() for line in lines if line.startswith("rpojax ")]
 
 
 def tune_shortly(words: list[str]) -> list[str]:
-    """A command `tune` with eight runs and two steps."""
+    """The command itself, but a tuning, which takes an hour as printed, with eight runs and two steps."""
+    if words[1] != "tune":
+        return words
     shorter = {"--runs": "8", "--steps": "2"}
     return [shorter.get(before, word) for before, word in zip(["", *words], words, strict=False)]
