@@ -19,7 +19,6 @@ from rpojax.core.vectors import apply
 from rpojax.flight.navigation import (
     box_measurement_model,
     box_position,
-    burn_scale,
     detection_model,
     orbit_covariance,
     outlier_gate,
@@ -27,7 +26,8 @@ from rpojax.flight.navigation import (
     shape_errors,
 )
 from rpojax.flight.navigation.box_measurement_model import LinearisedBox, linearise_box
-from rpojax.flight.navigation.burn_scale import BurnScale
+from rpojax.flight.navigation.burn_errors import burn_scale
+from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateDecision, GateState
