@@ -124,14 +124,12 @@ def predict(
     identity = jnp.eye(3, dtype=scale_decay.dtype)
     velocity_process_covariance = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
     gravity_gradient = two_body_gravity.gravity_gradient(r_SN_N)
-    covariance = orbit_covariance.propagate(
-        estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt
-    )
-    lasting = estimate.burn_scale
+    lasting, added = estimate.burn_scale, None
     if delta_v_N is not None:
-        lasting, effect, half = burn_scale.propagated(lasting, gravity_gradient, decay, -delta_v_N, dt)
-        added = jnp.pad(effect, (0, 6))[:, None] * half[None, :]
-        covariance = covariance + (added + added.T)
+        lasting, added = burn_scale.propagated(lasting, gravity_gradient, decay, -delta_v_N, dt)
+    covariance = orbit_covariance.propagate(
+        estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt, added
+    )
     return replace(
         estimate,
         r_TS_N=r_TS_N,
