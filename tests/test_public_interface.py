@@ -30,7 +30,7 @@ SHOW_PROGRESS = (
     *("simulate", "write_report", "estimate_probability", "export"),
 )
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 
 
 def imported_modules(code: str) -> set[str]:

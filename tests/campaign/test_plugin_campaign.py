@@ -1,4 +1,4 @@
-"""Campaigns with metrics of one's own, and the example of docs/plugins.md through campaign, report and tuning."""
+"""Campaigns with metrics of one's own; the example of docs/how_to/plugins.md through campaign, report and tuning."""
 
 import json
 import subprocess

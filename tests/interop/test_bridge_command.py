@@ -18,7 +18,7 @@ from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.dds_participant import Participant
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "ros2_live.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how_to" / "ros2_live.md").read_text(encoding="utf-8")
 NODES = ROOT / "experiments" / "ros2_interop"
 NODE, NAVIGATION = NODES / "example_node.py", NODES / "navigation_node.py"
 

@@ -97,7 +97,7 @@ def test_an_aem_has_the_attitude_to_a_nanoradian(
 
 
 def test_a_body_turned_by_a_right_angle_about_z_has_the_quaternion_of_that_rotation() -> None:
-    # The example of docs/conventions.md: the body's x axis lies along N's y axis.
+    # The example of docs/reference/conventions.md: the body's x axis lies along N's y axis.
     half = np.sqrt(0.5)
     found = navigation_messages.ccsds_quaternions(np.array([[half, 0.0, 0.0, -half]]))
     np.testing.assert_allclose(found, [[0.0, 0.0, half, half]], atol=1e-15)
