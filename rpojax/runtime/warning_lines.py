@@ -6,6 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
+def silence_libraries() -> None:
+    """Ignores warnings of libraries, which are for programmers, unless the user asks Python for warnings."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+
+
 @contextmanager
 def warnings_as_lines(category: type[Warning]) -> Iterator[None]:
     """Shows every warning of a category in the body as a line on stderr; others are shown as ever."""

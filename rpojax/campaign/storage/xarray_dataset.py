@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpojax.campaign.storage.array_units import array_units
+from rpojax.campaign.storage.arrays.array_units import array_units
+from rpojax.campaign.storage.arrays.zarr_encoding import dimension_names
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.zarr_encoding import dimension_names
 from rpojax.optional_packages import require_package
 
 if TYPE_CHECKING:

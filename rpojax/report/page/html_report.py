@@ -26,6 +26,7 @@ from rpojax.report.page.template_values import (
     run_detail_values,
     table_values,
 )
+from rpojax.report.page.written_report import JSON_NAME, PAGE_NAME, with_digests
 from rpojax.report.sections import identity_section
 from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_distributions
 from rpojax.report.team import team_section
@@ -54,8 +55,10 @@ def write_report(campaign: CampaignResults, run_id: int | None = None, film: boo
         page = render_run_page(campaign, content, detail)
     else:
         page = _render_page(campaign, content, drawn, detail, pictures)
-    write_json(campaign.directory / "report.json", content)
-    return write_atomically(campaign.directory / "report.html", page.encode())
+    written = page.encode("utf-8", "backslashreplace")
+    seal = campaign.info.get("seal")
+    write_json(campaign.directory / JSON_NAME, with_digests(content, campaign.directory, written, seal))
+    return write_atomically(campaign.directory / PAGE_NAME, written)
 
 
 def _run_detail(campaign: CampaignResults, shown_run: int | None, film: bool) -> RunDetail:
