@@ -72,8 +72,9 @@ def show_results(
 ) -> None:
     """Prints the results as tables, or as JSON; tables come before the report is written."""
     from rpojax.report.page.campaign_summary import summarise
+    from rpojax.report.worked_out import Notes
 
-    summary = summarise(result)
+    summary = Notes().part("The summary", summarise, result)
     if as_json:
         path = report()
         place = {"directory": str(result.directory), "report": None if path is None else str(path)}

@@ -16,8 +16,8 @@ MOST_KEY_PARTS: Final = 32
 """Most parts of a dotted key."""
 MOST_TABLES: Final = 5_000
 """Most lines with the head of a table."""
-MOST_ITEMS: Final = 1_500_000
-"""Most commas."""
+MOST_ITEMS: Final = 1_200_000
+"""Most items of lists, counted by commas and brackets."""
 
 _OPAQUE: Final = re.compile(
     r"#[^\n]*"
@@ -56,7 +56,7 @@ def _check_counts(text: str) -> None:
         (bare.count("="), MOST_KEYS, "keys"),
         (parts, MOST_KEY_PARTS, "parts of a key"),
         (len(_HEADS.findall(bare)), MOST_TABLES, "tables"),
-        (bare.count(","), MOST_ITEMS, "items of lists"),
+        (bare.count(",") + bare.count("["), MOST_ITEMS, "items of lists"),
     )
     for found, most, what in counts:
         if found > most:

@@ -43,6 +43,8 @@ def _section(annotation: Any) -> type[BaseModel] | None:
 def _nearest(unknown: str) -> str | None:
     keys = _known_keys()
     leaf = unknown.rpartition(".")[2]
+    if unknown in keys:
+        return None  # it is known, but not in this scenario
     with_leaf = [key for key in keys if key.rpartition(".")[2] == leaf]
     others = [key for key in keys if not unknown.startswith(f"{key}.")]
     for candidates, cutoff in ((with_leaf, 0.0), (others, 0.6)):

@@ -1,6 +1,7 @@
 """Start of a scenario from files: epoch, orbit of the target and relative state of the servicer, and what was read."""
 
 import hashlib
+import math
 import xml.etree.ElementTree as ElementTree
 from datetime import UTC, datetime
 from pathlib import Path
@@ -73,7 +74,14 @@ def _read(path: Path, epoch: datetime | None, key: str) -> tuple[OrbitState, str
     except (FileError, UnicodeDecodeError) as error:
         found = error.found if isinstance(error, FileError) else "no text in UTF-8"
         raise ScenarioError(key, f"{path} ({found})", "a readable OEM, OMM or element set") from None
-    return _state(text, epoch, key, path), hashlib.sha256(content).hexdigest()
+    try:
+        found = _state(text, epoch, key, path)
+        if not all(map(math.isfinite, orbit_section(found).values())):
+            raise ValueError
+        return found, hashlib.sha256(content).hexdigest()
+    except (ArithmeticError, ValueError, RecursionError) as error:
+        found = f"{path} ({type(error).__name__})"
+        raise ScenarioError(key, found, "states from which an orbit can be computed") from None
 
 
 def _state(text: str, epoch: datetime | None, key: str, path: Path) -> OrbitState:

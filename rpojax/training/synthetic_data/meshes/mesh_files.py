@@ -52,7 +52,7 @@ def load_mesh(source: str | Path, units: str | None = None, center: bool = False
     if units is not None and units not in METRES_PER_UNIT:
         raise MeshError.of_argument("units", f"found {units!r}, expected one of {', '.join(METRES_PER_UNIT)}")
     require_package("trimesh")
-    parts = list(_read_parts(path, METRES_PER_UNIT[units or "m"]))
+    parts = _all_parts(path, METRES_PER_UNIT[units or "m"])
     if not parts:
         raise MeshError(f"{path}: found no triangles, expected a mesh with a surface")
     mesh = TargetMesh(path.stem, tuple(parts))
@@ -79,6 +79,18 @@ def _check_size(path: Path, mesh: TargetMesh, units: str | None) -> None:
             f"{path}: found its centre {offset:.3g} m from the origin, expected within a quarter of its span "
             f"({_MAX_OFFSET_FRACTION * span:.3g} m); center=True moves it there"
         )
+
+
+def _all_parts(path: Path, scale: float) -> list[MeshPart]:
+    """Parts of a file.
+
+    Raises:
+        MeshError: it cannot be read, or its triangles do not fit its vertices.
+    """
+    try:
+        return list(_read_parts(path, scale))
+    except (ValueError, IndexError, TypeError) as error:
+        raise MeshError(f"{path}: cannot be read as a mesh ({type(error).__name__}: {error})") from None
 
 
 def _read_parts(path: Path, scale: float) -> Iterable[MeshPart]:
