@@ -10,7 +10,7 @@ def main() -> int:
     signal_handling.end_at_signals()
     from rpojax.cli.main import main as run
 
-    return run()
+    return signal_handling.leave_if_signalled(run())
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,6 +45,18 @@ def _end(number: int, _: FrameType | None) -> None:
     word = "interrupted" if number == signal.SIGINT else "terminated"
     os.write(2, f"rpojax: {word}; nothing was written\n".encode())
     os._exit(128 + number)
+
+
+def leave_if_signalled(status: int) -> int:
+    """Ends the process at once if a status is that of a signal, else returns the status.
+
+    Python itself ends by SIGINT if an exception of it passed through a call of `exec`, whatever the status is.
+    """
+    if status in (128 + signal.SIGINT, 128 + signal.SIGTERM):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    return status
 
 
 @contextmanager

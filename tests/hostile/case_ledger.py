@@ -105,6 +105,16 @@ class Ledger:
             rows.append(f"| {kind} | {' | '.join(map(str, numbers))} | {' | '.join(map(str, kinds))} | {sizes} |")
         return rows
 
+    def coverage(self) -> list[str]:
+        """Lines that name, for each class, the kinds of damage with their cases, and what was damaged."""
+        lines = []
+        for kind, damages in sorted(self.damages.items()):
+            named = ", ".join(f"{damage} {count}" for damage, count in damages.most_common())
+            places = [name for name, _ in self.places[kind].most_common()]
+            more = f" and {len(places) - 12} more" if len(places) > 12 else ""
+            lines.append(f"{kind}: {named}; at {', '.join(places[:12])}{more}")
+        return lines
+
 
 def run_cases(ledger: Ledger, cases: SearchStrategy[Case], count: int, first_seed: int) -> None:
     """Runs cases that hypothesis draws, from a seed, until there are `count` more."""

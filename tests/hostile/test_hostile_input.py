@@ -24,7 +24,7 @@ def test_every_case_is_accepted_or_refused_in_one_line(
     finally:
         logging.disable(logging.NOTSET)
     with capsys.disabled():
-        print("\n" + "\n".join(ledger.lines()))
+        print("\n" + "\n".join([*ledger.lines(), *ledger.coverage()]))
     assert ledger.faults == []
     assert ledger.total >= 0.99 * count
     assert set(ledger.ends) == set(SHARES)
