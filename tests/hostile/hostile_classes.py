@@ -17,17 +17,17 @@ from hypothesis.strategies import SearchStrategy
 from rpojax.scenario.loading import scenario_loader
 
 SHARES: dict[str, tuple[float, Callable[[Path], SearchStrategy[Case]]]] = {
-    "scenario": (0.22, hostile_scenarios.scenario_cases),
-    "override": (0.12, lambda _: hostile_scenarios.override_cases()),
-    "case table": (0.08, hostile_scenarios.table_cases),
+    "scenario": (0.296, hostile_scenarios.scenario_cases),
+    "override": (0.15, lambda _: hostile_scenarios.override_cases()),
+    "case table": (0.0935, hostile_scenarios.table_cases),
     "orbit message": (0.08, hostile_scenarios.orbit_cases),
-    "campaign folder": (0.2, lambda folder: hostile_folders.folder_cases(small_campaign(folder))),
+    "campaign folder": (0.12, lambda folder: hostile_folders.folder_cases(small_campaign(folder))),
     "weights": (0.07, hostile_assets.weight_cases),
     "picture": (0.07, hostile_assets.picture_cases),
     "data set": (0.07, hostile_assets.data_set_cases),
     "mesh": (0.05, hostile_assets.mesh_cases),
-    "command line": (0.035, hostile_command_lines.command_line_cases),
-    "report": (0.004, hostile_reports.report_cases),
+    "command line": (0.02, hostile_command_lines.command_line_cases),
+    "report": (0.0005, hostile_reports.report_cases),
 }
 """Class -> its share, and its generator for a folder in which cases may write."""
 

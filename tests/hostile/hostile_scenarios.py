@@ -204,7 +204,7 @@ def _with_table(draw: st.DrawFn, folder: Path) -> Case:
 @st.composite
 def _with_structure(draw: st.DrawFn, folder: Path) -> Case:
     """Text whose structure is too deep, too wide or too long; large ones are rare."""
-    large = draw(st.integers(0, 60)) == 0
+    large = draw(st.integers(0, 300)) == 0
     damage = draw(
         st.sampled_from(("dotted key", "keys", "depth", "tables", "quoted dots", "inline", "comment", "text"))
     )
