@@ -17,7 +17,7 @@ from hypothesis.strategies import SearchStrategy
 from rpojax.scenario.loading import scenario_loader
 
 SHARES: dict[str, tuple[float, Callable[[Path], SearchStrategy[Case]]]] = {
-    "scenario": (0.296, hostile_scenarios.scenario_cases),
+    "scenario": (0.276, hostile_scenarios.scenario_cases),
     "override": (0.15, lambda _: hostile_scenarios.override_cases()),
     "case table": (0.0935, hostile_scenarios.table_cases),
     "orbit message": (0.08, hostile_scenarios.orbit_cases),
