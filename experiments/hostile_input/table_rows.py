@@ -43,6 +43,8 @@ def main() -> int:
     parser.add_argument("--tree", type=Path, default=Path(__file__).parents[2])
     parser.add_argument("--only", default="", help="classes that contain this text")
     found = parser.parse_args()
+    # A job in the background ignores SIGINT, and so would its children.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     print("| class | input | status | lines | ended | last line |")
     print("|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:

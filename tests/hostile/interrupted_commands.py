@@ -38,6 +38,8 @@ class Ended:
 
 def command(*words: str, stdout: int | None = subprocess.PIPE, **environment: str | None) -> subprocess.Popen[str]:
     """A command that begins, with variables changed, or removed where they are None."""
+    # A job in the background ignores SIGINT, and so would its children.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     own = {name: value for name, value in os.environ.items() if not name.startswith(("XLA_", "JAX_"))}
     own["PYTHONPATH"] = str(Path(rpojax.__file__).parents[1])
     changed = {name: value for name, value in {**own, **environment}.items() if value is not None}
