@@ -48,10 +48,10 @@ def main() -> int:
     print("| class | input | status | lines | ended | last line |")
     print("|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        for row in _rows(folder, found.tree):
+        folder, tree = Path(name), found.tree.resolve()
+        for row in _rows(folder, tree):
             if found.only in row.kind:
-                print(_run(row, found.tree, folder), flush=True)
+                print(_run(row, tree, folder), flush=True)
     return 0
 
 
@@ -96,6 +96,7 @@ def _rows(folder: Path, tree: Path) -> list[Row]:
     subprocess.run(
         [sys.executable, "-m", "rpojax", "campaign", "inspection", "--runs", "3", "--out", str(runs), *SHORT],
         env={**os.environ, "PYTHONPATH": str(tree)},
+        cwd=folder,  # Python looks for packages where it is started
         capture_output=True,
         check=False,
     )
