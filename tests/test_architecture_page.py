@@ -1,4 +1,4 @@
-"""docs/architecture.md names files and functions that exist."""
+"""docs/reference/architecture.md names files and functions that exist."""
 
 import ast
 import re
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from test_import_directions import PACKAGE
 
-PAGE = (Path(__file__).parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[1] / "docs" / "reference" / "architecture.md").read_text(encoding="utf-8")
 QUOTED = re.findall(r"`([^`\n]+)`", PAGE)
 PATHS = sorted({text for text in QUOTED if re.fullmatch(r"[a-z_0-9/]+(\.py|/)", text)})
 FUNCTIONS = sorted({text for text in QUOTED if re.fullmatch(r"[a-z_0-9]+\.[a-z_0-9]+", text)} - {"campaign.json"})

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 from element_sets import TLE
+from markdown_blocks import code_blocks
 
 import rpojax
 from rpojax import Stages
@@ -41,11 +42,14 @@ from rpojax.value_types import Section
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-SCENARIO_PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
-FOLDER_PAGE = (ROOT / "docs" / "campaign_folder.md").read_text(encoding="utf-8")
-CONVENTIONS_PAGE = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
-MODEL_PAGE = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
-FLIGHT_PAGE = (ROOT / "docs" / "flight_software.md").read_text(encoding="utf-8")
+SCENARIO_PAGE = (ROOT / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")
+FOLDER_PAGE = (ROOT / "docs" / "reference" / "campaign_folder.md").read_text(encoding="utf-8")
+CONVENTIONS_PAGE = (ROOT / "docs" / "reference" / "conventions.md").read_text(encoding="utf-8")
+RANDOM_NUMBERS_PAGE = (ROOT / "docs" / "theory" / "random_numbers.md").read_text(encoding="utf-8")
+COMMANDS_PAGE = (ROOT / "docs" / "reference" / "command_line.md").read_text(encoding="utf-8")
+PACKAGED_PAGE = (ROOT / "docs" / "reference" / "packaged_scenarios.md").read_text(encoding="utf-8")
+PYTHON_PAGE = (ROOT / "docs" / "how_to" / "python.md").read_text(encoding="utf-8")
+FLIGHT_PAGE = (ROOT / "docs" / "how_to" / "flight_software.md").read_text(encoding="utf-8")
 SCRIPT = ROOT / ".ci" / "run"
 
 MAIN_JOB = (
@@ -54,6 +58,7 @@ MAIN_JOB = (
 )
 TESTS = "python3 -m venv .venv && .venv/bin/pip install -q -e '.[dev]' && .venv/bin/python -m pytest -n 2"
 
+SUBPACKAGES = {path.name for path in (ROOT / "rpojax").iterdir() if path.is_dir()}
 FOLDERS = ("docs", "notebooks", "experiments", "benchmarks", "tests")
 PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in (ROOT / folder).rglob("*.md"))])
 
@@ -79,7 +84,7 @@ def quoted(text: str) -> list[str]:
 
 def blocks(text: str, language: str) -> list[str]:
     """Fenced blocks of a language."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+    return [block.text for block in code_blocks(text) if block.language == language]
 
 
 def sections_of_the_schema() -> dict[str, type[Section]]:
@@ -135,14 +140,14 @@ def anchors(page: Path) -> set[str]:
 
 @pytest.mark.parametrize("name", scenario_loader.packaged_names())
 def test_every_packaged_scenario_is_mentioned(name: str) -> None:
-    assert f"`{name}`" in README
+    assert f"`{name}`" in PACKAGED_PAGE
     assert f"`{name}`" in SCENARIO_PAGE
 
 
-def test_the_readme_lists_the_exit_statuses_that_the_command_line_has() -> None:
+def test_the_page_on_commands_lists_the_exit_statuses_that_the_command_line_has() -> None:
     from rpojax.cli import main
 
-    rows = [cell for cell in first_cells(section(README, "Command line")) if cell.isdigit()]
+    rows = [cell for cell in first_cells(section(COMMANDS_PAGE, "Exit status")) if cell.isdigit()]
     assert rows == ["0", "1", "2", "3", "4", "130", "143"]
     assert {1, *map(int, main.Status)} == {int(row) for row in rows}
     # The help of the command says the same numbers.
@@ -161,19 +166,26 @@ def test_every_verb_that_a_page_uses_is_one_of_the_command_line(page: Path) -> N
     assert verbs <= known | {"field", "detector"}
 
 
-def test_names_of_the_package_in_the_readme_exist() -> None:
-    code = "\n".join(blocks(README, "python"))
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_names_of_the_package_in_the_code_of_a_page_exist(page: Path) -> None:
+    code = "\n".join(blocks(page.read_text(encoding="utf-8"), "python"))
     ast.parse(code)
-    assert {name for name in re.findall(r"\brpojax\.(\w+)", code) if name not in rpojax.__all__} == set()
+    assert {
+        name for name in re.findall(r"\brpojax\.(\w+)", code) if name not in {*rpojax.__all__, *SUBPACKAGES}
+    } == set()
 
 
-def test_the_replaceable_parts_in_the_readme_are_those_of_the_flight_software() -> None:
-    named = quoted(section(README, "Your own controller or filter"))
+def test_the_replaceable_parts_on_the_page_for_python_are_those_of_the_flight_software() -> None:
+    named = quoted(section(PYTHON_PAGE, "Your own controller or filter"))
     assert set(Stages.__dataclass_fields__) <= set(named)
 
 
-def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
-    change, dispersion = blocks(README, "toml")
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 120
+
+
+def test_the_scenario_files_of_the_page_on_changes_are_accepted(tmp_path: Path) -> None:
+    change, dispersion = blocks((ROOT / "docs" / "how_to" / "change_a_scenario.md").read_text(encoding="utf-8"), "toml")
     path = tmp_path / "closer.toml"
     path.write_text(change)
     assert scenario_loader.load(path).name == "closer"
@@ -185,7 +197,7 @@ def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
 
 
 def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
-    [text] = blocks((ROOT / "docs" / "field.md").read_text(encoding="utf-8"), "toml")
+    [text] = blocks((ROOT / "docs" / "how_to" / "field.md").read_text(encoding="utf-8"), "toml")
     path = tmp_path / "kepler.toml"
     path.write_text(text)
     file = scenario_loader.load(path)
@@ -199,7 +211,7 @@ def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
 
     from rpojax.cli.commands import field
 
-    page = (ROOT / "docs" / "field.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how_to" / "field.md").read_text(encoding="utf-8")
     code = "\n".join([*blocks(page, ""), *quoted(page)])
     verbs = (field.train, field.evaluate, field.render)
     records = (field.MeshPlacement, field.FreshViews)
@@ -257,6 +269,14 @@ def test_the_scenario_page_says_how_many_runs_verify() -> None:
     assert runs == [runs_for_bound(probability, 1.0 - risk, rank) for rank in (1, 2, 3)]
 
 
+def test_the_page_on_statistics_says_how_many_runs_verify() -> None:
+    page = (ROOT / "docs" / "theory" / "statistics.md").read_text(encoding="utf-8")
+    rows = [list(map(float, line.strip("| ").split("|"))) for line in page.splitlines() if line.startswith("| 0.9")]
+    assert len(rows) == 3
+    for probability, risk, *runs in rows:
+        assert runs == [runs_for_bound(probability, 1.0 - risk, rank) for rank in (1, 2, 3)]
+
+
 @pytest.mark.parametrize(
     ("heading", "union"),
     [("`dispersions`", Dispersion), ("`design`", Design)],
@@ -303,8 +323,8 @@ def test_the_conventions_list_every_unit_suffix() -> None:
     assert {suffix for row in rows for suffix in quoted(row)} == set(key_units.SI_FACTORS)
 
 
-def test_the_model_page_lists_every_random_stream() -> None:
-    listed = [cell.strip("`") for cell in first_cells(section(MODEL_PAGE, "Randomness"))]
+def test_the_page_on_random_numbers_lists_every_random_stream() -> None:
+    listed = [cell.strip("`") for cell in first_cells(section(RANDOM_NUMBERS_PAGE, "Randomness"))]
     assert listed == [stream.name for stream in Stream]
 
 

@@ -1,4 +1,4 @@
-"""Draws the figures of docs/relative_motion.md, one for each kind of reference trajectory:
+"""Draws the figures of docs/theory/relative_motion.md, one for each kind of reference trajectory:
 
 python experiments/missions/draw_references.py --out docs/images/references
 """

@@ -3,7 +3,7 @@
     RMW_IMPLEMENTATION=rmw_cyclonedds_cpp ROS_DOMAIN_ID=0 python3 rclpy_node.py
 
 It needs ROS 2 Humble or later and the imports of example_node.py; messages and transport are those of ROS. The DDS
-settings for finding the simulator are in docs/ros2_live.md.
+settings for finding the simulator are in docs/how_to/ros2_live.md.
 """
 
 from collections.abc import Callable

@@ -82,7 +82,7 @@ def run_campaign(
         force: replace the folder if it holds a campaign
         devices: of this process, by default all
         stages: of the flight software, replaced ones included
-        metrics: functions of channels by the name of the metric (docs/plugins.md)
+        metrics: functions of channels by the name of the metric (docs/how_to/plugins.md)
         progress: show progress on stderr
         on_progress: shows the progress instead
         shard: simulates only its blocks, in a folder that other shards of the same campaign may have made

@@ -74,7 +74,8 @@ def show_results(
     from rpojax.report.page.campaign_summary import summarise
     from rpojax.report.worked_out import Notes
 
-    summary = Notes().part("The summary", summarise, result)
+    with busy("evaluating the results", quiet=as_json, announce=False):
+        summary = Notes().part("The summary", summarise, result)
     if as_json:
         path = report()
         place = {"directory": str(result.directory), "report": None if path is None else str(path)}
@@ -89,7 +90,7 @@ def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id:
     from rpojax.report.page.html_report import write_report
 
     with busy("writing the report", quiet=as_json):
-        return interruptible(lambda: write_report(result, run_id, film=film))
+        return interruptible(lambda: write_report(result, run_id, film=film, progress=False))
 
 
 def write_brief_report(result: "Campaign", as_json: bool, run_id: int | None = None) -> Path:

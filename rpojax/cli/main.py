@@ -16,6 +16,7 @@ each core unless XLA_FLAGS says how many. RPOJAX_BATCHING=jax batches runs by ja
 
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 
 import tyro
 
@@ -57,6 +58,7 @@ from rpojax.cli.standard_streams import (
     silence_output,
 )
 from rpojax.errors import RpojaxError, UnfinishedError
+from rpojax.runtime.sign_of_life import SignOfLife
 from rpojax.runtime.signal_handling import ending_signals
 from rpojax.runtime.warning_lines import silence_libraries
 from rpojax.version import __version__
@@ -89,7 +91,7 @@ COMMANDS: tuple[Callable[..., int], ...] = (
 VISION_COMMANDS: tuple[Callable[..., int], ...] = (detect, calibrate_camera_model)
 """Commands after those of the radiance field and the detector."""
 
-_ALLOW_PLUGIN = "--allow-plugin"
+_ALLOW_PLUGIN, _NO_CACHE = "--allow-plugin", "--no-cache"
 
 app = tyro.extras.SubcommandApp()
 for command in COMMANDS:
@@ -127,8 +129,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status(arguments: Sequence[str], as_json: bool) -> int:
     """Exit status of a command line; errors are printed."""
     try:
-        call = parse(app, _repeat_set_flag(_permit_plugin(arguments)), _NAMES, __doc__ or "")
-        status = call()
+        words = _repeat_set_flag(_permit_plugin(arguments))
+        with nullcontext() if as_json else SignOfLife(_say, "starting"):
+            status = parse(app, words, _NAMES, __doc__ or "")()
         flush_output()
         return status
     except BrokenPipeError:
@@ -154,12 +157,20 @@ def _status(arguments: Sequence[str], as_json: bool) -> int:
         return Status.BAD_INPUT
 
 
+def _say(text: str) -> None:
+    with suppress(OSError, ValueError):  # nobody reads it any more
+        print(f"rpojax: {text}", file=sys.stderr, flush=True)
+
+
 def _permit_plugin(arguments: Sequence[str]) -> list[str]:
     """The arguments without `--allow-plugin`, which lets the process execute the plugins of scenarios."""
     words = [word for word in arguments if word != _ALLOW_PLUGIN]
     if len(words) < len(arguments):
+        from rpojax.runtime.jax_environment import prepare_jax
         from rpojax.scenario.plugins import plugin_registry
 
+        # Plugins import JAX when the scenario is loaded, before the command prepares it.
+        prepare_jax(cache=_NO_CACHE not in words)
         plugin_registry.permit()
     return words
 

@@ -1,7 +1,7 @@
 """Replaceable stages of the flight software: the signature of each as a protocol, and the record that holds them.
 
 A stage is called with the named arguments of its protocol; a function declares those that it needs, by name, such as
-`def law(deviation, time)`. Examples: `docs/flight_software.md`.
+`def law(deviation, time)`. Examples: `docs/how_to/flight_software.md`.
 """
 
 from collections.abc import Callable, Mapping

@@ -56,9 +56,7 @@ def prepare_jax(cache: bool) -> None:
     """
     if "jax" in sys.modules:
         return
-    # XLA logs an alarm with advice to file a bug where a compilation takes minutes, as gradients of long runs do.
-    # Its errors are raised too, and progress is shown by this package.
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    hide_compiler_log()
     os.environ.setdefault("JAX_LOGGING_LEVEL", "CRITICAL")
     flags = os.environ.get("XLA_FLAGS", "")
     check_flags(flags)
@@ -69,6 +67,16 @@ def prepare_jax(cache: bool) -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+
+def hide_compiler_log() -> None:
+    """Keeps the log of XLA off the terminal, unless the user has set its level; without effect once JAX is imported.
+
+    It has an alarm with advice to file a bug where a compilation takes minutes, as gradients of long runs do. XLA's
+    errors are raised too, and progress is shown by this package.
+    """
+    if "jax" not in sys.modules:
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
 
 def set_loop_fusion_flag(rendered: bool) -> None:

@@ -302,6 +302,7 @@ class NavigationSection(Section):
     acceleration_noise_m_s2_sqrt_hz: NonNegative
     relative_acceleration_noise_m_s2_sqrt_hz: NonNegative
     burn_magnitude_sigma: NonNegative
+    burn_scale_sigma: NonNegative = 0.0
     burn_direction_sigma_deg: NonNegative
     gate_sigma: Positive
     confirm_tolerance_px_s: Positive

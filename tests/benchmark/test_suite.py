@@ -13,5 +13,5 @@ from rpojax.benchmark.vision_speed import VisionSpeed
 
 @pytest.mark.parametrize("record", [ClosedLoopSpeed, OrbitSpeed, FilterSpeed, VisionSpeed])
 def test_performance_page_explains_every_key(record: type) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "performance.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "about" / "performance.md").read_text(encoding="utf-8")
     assert {field.name for field in fields(record) if f"`{field.name}`" not in page} == set()

@@ -18,7 +18,7 @@ from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.dds_participant import Participant
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "ros2_live.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how_to" / "ros2_live.md").read_text(encoding="utf-8")
 NODES = ROOT / "experiments" / "ros2_interop"
 NODE, NAVIGATION = NODES / "example_node.py", NODES / "navigation_node.py"
 
@@ -111,6 +111,20 @@ def test_the_example_node_controls_a_run_without_losing_messages() -> None:
     assert found["metrics"]["pointing_error_p95_deg"] < 1.0  # half a minute of it before the target is well estimated
     received = json.loads(node.communicate(timeout=60)[0])["received"]
     assert {topic: found["sent"][topic] for topic in received} == received
+
+
+@pytest.mark.slow
+def test_a_run_with_a_plugin_has_its_metrics_and_says_what_it_does() -> None:
+    example = ROOT / "docs" / "examples" / "plugin" / "scenario.toml"
+    options = ("--external", "none", "--domain-id", "158", "--wait-s", "600", "--json", "--no-cache")
+    simulator = start("-m", "rpojax", "bridge", str(example), "--allow-plugin", "--set", "duration_s=120", *options)
+    read_until(simulator, "compiling, 4 s so far")
+    listener = Participant(158).subscriber(topics.RELATIVE_ESTIMATE)
+    found = summary(simulator)
+    assert found["completed"]
+    assert 0.0 < found["metrics"]["docking_angle_deg"] < 20.0
+    assert found["metrics"]["lidar_hit_fraction"] == 0.0  # the run begins beyond the reach of 40 m
+    del listener
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""What the package changes in its process is what docs/performance.md names, and `runtime/` alone changes it."""
+"""What the package changes in its process is what docs/about/performance.md names, and `runtime/` alone changes it."""
 
 import json
 import os
@@ -81,7 +81,7 @@ def test_prepared_process_has_a_device_per_core_and_a_cache(tmp_path: Path) -> N
     assert folder == str(tmp_path / "rpojax" / "jax")
     limits = {f"JAX_PERSISTENT_CACHE_MIN_{name}" for name in ("COMPILE_TIME_SECS", "ENTRY_SIZE_BYTES")}
     assert set(changed) == {"XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "JAX_LOGGING_LEVEL", *limits}
-    assert all(name in (PACKAGE.parent / "docs" / "performance.md").read_text() for name in changed)
+    assert all(name in (PACKAGE.parent / "docs" / "about" / "performance.md").read_text() for name in changed)
 
 
 def test_process_cannot_be_prepared_once_jax_is_imported() -> None:

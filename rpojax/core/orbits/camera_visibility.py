@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics.gradient_safe import normalize
+from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.core.orbits.eclipse import is_lit
 
 Vector = Float[Array, "3"]
@@ -19,4 +20,4 @@ def is_observable(
     angle, `sun_exclusion` the least angle between the line of sight and the Sun [rad].
     """
     cos_phase = jnp.sum(normalize(r_ST_N) * normalize(r_sun_N), axis=0)
-    return is_lit(r_TN_N, r_sun_N) & (cos_phase >= jnp.cos(phase_limit)) & (-cos_phase <= jnp.cos(sun_exclusion))
+    return is_lit(r_TN_N, r_sun_N) & (cos_phase >= cos_sin(phase_limit)[0]) & (-cos_phase <= cos_sin(sun_exclusion)[0])

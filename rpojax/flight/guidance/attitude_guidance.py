@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.flight.guidance import search_spiral, slew_profile, target_acquisition
@@ -114,7 +115,7 @@ def guide(
     ends = searching & (state.search_time + advance > duration)
     search_time = jnp.where(searching, jnp.where(ends, 1.0, state.search_time + advance), 0.0)
 
-    q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time, pace)
+    q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time, pace, time)
     if other is not None:
         q_target = jnp.where(other.is_wanted, other.q_BN, q_target)
         omega_target = jnp.where(other.is_wanted, other.omega_BN_B, omega_target)
@@ -150,10 +151,13 @@ def _target_attitude(
     searching: Flag,
     search_time: Scalar,
     pace: float,
+    time: Scalar,
 ) -> tuple[Float[Array, "4"], Vector]:
     """Attitude `q_BN` towards the estimated target, or on the search spiral around it, and its rate [rad/s] in B."""
-    q_look, omega_look = look_attitude(vehicle, estimate)
-    offset_K, rate_K = search_spiral.spiral_offset(pointing, search_time)
+    # They would be repeated in each component of the attitude.
+    (q_look, omega_look), (offset_K, rate_K) = fusion_barrier(
+        (look_attitude(vehicle, estimate), search_spiral.spiral_offset(pointing, search_time)), time
+    )
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
     q_search = quaternion.exp(-rotate(q_BK, offset_K))
     omega_search = rotate(q_search, omega_look) + rotate(q_BK, pace * rate_K)

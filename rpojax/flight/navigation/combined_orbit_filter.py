@@ -10,11 +10,12 @@ the sum of the two.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import runge_kutta
+from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation import burn_execution_error, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation import relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation.burn_errors import burn_execution_error, burn_scale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
@@ -80,9 +81,9 @@ def predict(
     factor on the tuning's sigma of burn magnitude, `third_body_acceleration_N` [m/s^2] that of the servicer by Sun and
     Moon.
     """
-    acceleration = delta_v_N / dt
-
     servicer, relative = estimate.servicer, estimate.relative
+    delta_v_N = (1.0 + relative.burn_scale.mean) * delta_v_N
+    acceleration = delta_v_N / dt
     reference = encke_reference.reference_orbit(
         EARTH_GRAVITY, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.orbit_low
     )
@@ -102,12 +103,18 @@ def predict(
     change_r, change_v, change_d, change_d_dot = runge_kutta.increment("rk4", derivative, mean, times, dt)
     r, v, orbit_low = reference.final_state(dt, change_r, change_v)
     d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
-    burn_covariance = burn_execution_error.burn_covariance(
-        delta_v_N, burn_delta_v, burn_sigma_inflation * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma
+    magnitude_sigma = burn_scale.new_magnitude_sigma(tuning, burn_sigma_inflation)
+    new = burn_execution_error.burn_covariance(delta_v_N, burn_delta_v, magnitude_sigma, tuning.burn_direction_sigma)
+    # The servicer's own estimate, which GPS keeps, takes all of the error as new.
+    whole = burn_execution_error.burn_covariance(
+        delta_v_N,
+        burn_delta_v,
+        gradient_safe.sqrt(magnitude_sigma**2 + tuning.burn_scale_sigma**2),
+        tuning.burn_direction_sigma,
     )
     return OrbitEstimate(
-        servicer=servicer_orbit_ekf.predict(tuning, servicer, r, v, orbit_low, burn_covariance, dt),
-        relative=relative_orbit_ekf.predict(tuning, relative, d, d_dot, servicer.r_SN_N, burn_covariance, dt),
+        servicer=servicer_orbit_ekf.predict(tuning, servicer, r, v, orbit_low, whole, dt),
+        relative=relative_orbit_ekf.predict(tuning, relative, d, d_dot, servicer.r_SN_N, new, dt, delta_v_N),
     )
 
 

@@ -28,7 +28,8 @@ class OrbitFilterTuning:
         attitude_sigma: () camera attitude noise per axis, 1 sigma [rad]
         acceleration_noise: () unmodelled absolute acceleration [m/s^2 per Hz^0.5]
         relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
-        burn_magnitude_sigma: () fraction of a burn's velocity change along it, 1 sigma [-]
+        burn_magnitude_sigma: () fraction of a burn's velocity change along it, new in each burn, 1 sigma [-]
+        burn_scale_sigma: () the same, lasting from burn to burn: thrust and mass, 1 sigma [-]
         burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
         gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
         confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [px/s]
@@ -62,6 +63,7 @@ class OrbitFilterTuning:
     acceleration_noise: Array
     relative_acceleration_noise: Array
     burn_magnitude_sigma: Array
+    burn_scale_sigma: Array
     burn_direction_sigma: Array
     gate_sigma: Array
     confirm_tolerance: Array

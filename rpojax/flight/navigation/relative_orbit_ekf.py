@@ -26,6 +26,8 @@ from rpojax.flight.navigation import (
     shape_errors,
 )
 from rpojax.flight.navigation.box_measurement_model import LinearisedBox, linearise_box
+from rpojax.flight.navigation.burn_errors import burn_scale
+from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateDecision, GateState
@@ -48,6 +50,7 @@ class RelativeEstimate:
         center_offset: (2,) of the box from the centre of mass, image right and down [m]
         covariance: (12, 12) in this order
         outline: how fast the outline changes, by which the errors of size and centre lose their correlation
+        burn_scale: lasting error of the burns' magnitude
     """
 
     r_TS_N: Array
@@ -57,6 +60,7 @@ class RelativeEstimate:
     center_offset: Array
     covariance: Array
     outline: OutlineCorrelation
+    burn_scale: BurnScale
 
 
 def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "6"]:
@@ -88,6 +92,7 @@ def initial(tuning: OrbitFilterTuning, r_TS_N: Vector, v_TS_N: Vector) -> Relati
             )
         ),
         outline=outline_correlation.initial(),
+        burn_scale=burn_scale.initial(tuning),
     )
 
 
@@ -99,8 +104,13 @@ def predict(
     r_SN_N: Vector,
     burn_covariance: Matrix,
     dt: float,
+    delta_v_N: Vector | None = None,
 ) -> RelativeEstimate:
-    """Estimate `dt` [s] later with its mean already propagated; `r_SN_N` [m] is the servicer's position before."""
+    """Estimate `dt` [s] later with its mean already propagated; `r_SN_N` [m] is the servicer's position before.
+
+    `burn_covariance` is that of the new errors of a burn of `delta_v_N` [m/s], whose magnitude has the lasting error,
+    too; without it lasting errors are part of `burn_covariance`.
+    """
     errors = shape_errors.shape_errors(
         tuning, outline_correlation.correlation_time(estimate.outline), estimate.scale[0], r_TS_N
     )
@@ -114,16 +124,21 @@ def predict(
     identity = jnp.eye(3, dtype=scale_decay.dtype)
     velocity_process_covariance = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
     gravity_gradient = two_body_gravity.gravity_gradient(r_SN_N)
+    lasting, added = estimate.burn_scale, None
+    if delta_v_N is not None:
+        lasting, added = burn_scale.propagated(lasting, gravity_gradient, decay, -delta_v_N, dt)
+    covariance = orbit_covariance.propagate(
+        estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt, added
+    )
     return replace(
         estimate,
         r_TS_N=r_TS_N,
         v_TS_N=v_TS_N,
         scale=scale_decay * estimate.scale,
         center_offset=center_decay * estimate.center_offset,
-        covariance=orbit_covariance.propagate(
-            estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt
-        ),
+        covariance=covariance,
         outline=outline_correlation.elapse(estimate.outline, dt),
+        burn_scale=lasting,
     )
 
 
@@ -198,7 +213,7 @@ def update(
     rejected = box.present & ~decision.accepted
     gate, recover = outlier_gate.update(tuning, gate, q_KN, box, rejected, decision.confirmed)
     jacobian_times_covariance = _jacobian_times_covariance(estimate.covariance, model)
-    result = kalman_update.update(
+    result, gains = kalman_update.update_with_gains(
         estimate.covariance,
         rows,
         jacobian_times_covariance,
@@ -206,7 +221,9 @@ def update(
         inflation_variance=recovery_variance(tuning, estimate.r_TS_N, recover),
     )
     outline = _updated_outline(tuning, focal_px, estimate, box, decision.accepted)
-    return corrected(estimate, result, outline), gate, result, decision.accepted, _expected_box(prior, box)
+    lasting = burn_scale.updated(estimate.burn_scale, rows, gains)
+    after = corrected(estimate, result, outline, lasting)
+    return after, gate, result, decision.accepted, _expected_box(prior, box)
 
 
 def rows_of_box(
@@ -262,7 +279,7 @@ def _prior_box(
     range_is_wide = box.present & box_position.is_range_wide(r_TS_N, estimate.covariance[:3, :3])
     reference = jnp.where(range_is_wide, box_position.position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
     model = linearise_box(tuning, focal_px, R_KN, reference, box, estimate.scale[0])
-    innovation_variance = _innovation_variance(estimate.covariance, process_variance, model)
+    innovation_variance = _innovation_variance(estimate.covariance, process_variance[8:10], model)
     variance = innovation_variance - model.variance
     # Compared with an untruncated box: the large noise of a truncated one would make any prior look certain enough.
     untruncated_variance = box_measurement_model.untruncated_bearing_variance(tuning, focal_px)
@@ -380,8 +397,10 @@ _ASPECT_NOISE_FACTOR = 4.5
 """Variance of the log aspect ratio over that of an edge in units of the size: 4 for a square, more for other shapes."""
 
 
-def corrected(estimate: RelativeEstimate, result: KalmanUpdate, outline: OutlineCorrelation) -> RelativeEstimate:
-    """Estimate with the correction of an update."""
+def corrected(
+    estimate: RelativeEstimate, result: KalmanUpdate, outline: OutlineCorrelation, lasting: BurnScale
+) -> RelativeEstimate:
+    """Estimate with the correction of an update, with the `lasting` error of burns after it."""
     x = result.deviation
     return RelativeEstimate(
         r_TS_N=estimate.r_TS_N + x[:3],
@@ -391,6 +410,7 @@ def corrected(estimate: RelativeEstimate, result: KalmanUpdate, outline: Outline
         center_offset=estimate.center_offset + x[10:12],
         covariance=result.covariance[:12, :12],
         outline=outline,
+        burn_scale=lasting,
     )
 
 
@@ -421,11 +441,21 @@ def _jacobian_times_covariance(P: Float[Array, "12 12"], model: LinearisedBox) -
 
 
 def _innovation_variance(
-    P: Float[Array, "12 12"], process_variance: Float[Array, "12"], model: LinearisedBox
+    P: Float[Array, "12 12"], bearing_process_variance: Float[Array, "2"], model: LinearisedBox
 ) -> Vector:
-    """Variance of the box residuals, with process variance added to the covariance."""
-    H = _jacobian(model)
-    return jnp.sum((_jacobian_times_covariance(P, model) + process_variance[None, :] * H) * H, axis=1) + model.variance
+    """Variance of the box residuals, with process variance added to that of the bearing bias.
+
+    Of each row of the Jacobian it adds up position, slow errors and their covariance: the others are zero.
+    """
+    G, d = model.position_jacobian, model.inverse_depth
+    GP = G[:, :1] * P[:1, :3] + G[:, 1:2] * P[1:2, :3] + G[:, 2:] * P[2:3, :3]
+    with_errors = jnp.concatenate([P[8:10, :3] + d * P[10:12, :3], P[6:7, :3] + P[7:8, :3]], axis=0)
+    bearing = [
+        P[bias, bias] + bearing_process_variance[axis] + d * (2.0 * P[bias, center] + d * P[center, center])
+        for axis, (bias, center) in enumerate(((8, 10), (9, 11)))
+    ]
+    size = P[6, 6] + 2.0 * P[6, 7] + P[7, 7]
+    return jnp.sum((GP + 2.0 * with_errors) * G, axis=1) + jnp.stack([*bearing, size]) + model.variance
 
 
 def _iterated_position(
@@ -464,7 +494,9 @@ def widen(estimate: RelativeEstimate, search_failed: Bool[Array, ""]) -> Relativ
     """Estimate with twice the variance of position and velocity if the target is not where it should be."""
     factor = jnp.where(search_failed, jnp.sqrt(_WIDENING), 1.0)
     factors = jnp.concatenate([jnp.full(6, factor), jnp.ones(6, dtype=factor.dtype)])
-    return replace(estimate, covariance=estimate.covariance * (factors[:, None] * factors[None, :]))
+    lasting = replace(estimate.burn_scale, covariance=factors * estimate.burn_scale.covariance)
+    widened = estimate.covariance * (factors[:, None] * factors[None, :])
+    return replace(estimate, covariance=widened, burn_scale=lasting)
 
 
 _WIDENING = 2.0

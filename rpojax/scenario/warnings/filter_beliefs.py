@@ -67,9 +67,11 @@ def _error_beliefs(reach: DispersedReach) -> Iterator[Belief]:
     pointing = np.hypot(_constant(reach, "camera.misalignment_deg"), _constant(reach, "star_tracker.misalignment_deg"))
     key = "navigation.bearing_bias_sigma_deg"
     yield key, "camera and star_tracker.misalignment_deg", float(pointing), float(reach.middle(key))
-    magnitude = np.hypot(reach.high("thruster.magnitude_noise"), _constant(reach, "thruster.force_scale", 1.0))
-    key = "navigation.burn_magnitude_sigma"
-    yield key, "thruster.magnitude_noise and force_scale", float(magnitude), float(reach.middle(key))
+    lasting, noise = _constant(reach, "thruster.force_scale", 1.0), reach.high("thruster.magnitude_noise")
+    key, of_scale = "navigation.burn_magnitude_sigma", "navigation.burn_scale_sigma"
+    # Either takes the lasting error: as new in each burn, or as a state.
+    believed = np.hypot(reach.middle(key), reach.middle(of_scale))
+    yield key, "thruster.magnitude_noise and force_scale", float(np.hypot(noise, lasting)), float(believed)
     direction = np.hypot(reach.high("thruster.direction_noise_deg"), _constant(reach, "thruster.misalignment_deg"))
     key = "navigation.burn_direction_sigma_deg"
     yield key, "thruster.direction_noise_deg and misalignment_deg", float(direction), float(reach.middle(key))

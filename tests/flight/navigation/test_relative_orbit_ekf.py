@@ -11,6 +11,7 @@ from numpy_reference import SEEDS, axis_angle_quaternion, random_covariance, ran
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import box_measurement_model, outlier_gate, outline_correlation, relative_orbit_ekf
+from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
@@ -89,12 +90,14 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
     rng = np.random.default_rng(seed)
     flight = params.flight
     sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
-    P = random_covariance(rng, sigma)
     q_KN = random_unit(rng, 4)
     R_KN = rotation_matrix(q_KN)
     r_TS_N = R_KN.T @ (rng.uniform(20.0, 60.0) * unit(np.array([*rng.uniform(-0.05, 0.05, 2), 1.0])))
     v_TS_N, scale, bias = 0.02 * rng.normal(size=3), 0.1 * rng.normal(size=2), 5e-4 * rng.normal(size=2)
     center = 5e-3 * rng.normal(size=2)
+    lasting_sigma = 0.015
+    with_lasting = random_covariance(rng, np.append(sigma, lasting_sigma))
+    P, c, variance = with_lasting[:12, :12], with_lasting[:12, 12], with_lasting[12, 12]
     before = RelativeEstimate(
         r_TS_N=r_TS_N,
         v_TS_N=v_TS_N,
@@ -103,6 +106,7 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         center_offset=center,
         covariance=P,
         outline=outline_correlation.initial(),
+        burn_scale=BurnScale(mean=jnp.asarray(0.01), variance=variance, covariance=c),
     )
     depth = (R_KN @ r_TS_N)[2]
     ideal = rendezvous_scene.box(flight, R_KN, r_TS_N)
@@ -132,6 +136,13 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         np.testing.assert_allclose(change, part, atol=TEXTBOOK * np.max(np.abs(x)), err_msg=name)
     units = np.outer(sigma, sigma)
     np.testing.assert_allclose(np.asarray(after.covariance) / units, (P - K @ S @ K.T) / units, atol=TEXTBOOK)
+    # The lasting error of burns is a thirteenth state, which boxes do not measure.
+    gain = np.linalg.solve(S, H @ c)
+    lasting = after.burn_scale
+    np.testing.assert_allclose(lasting.mean - 0.01, gain @ residual, atol=TEXTBOOK * np.max(np.abs(x)))
+    np.testing.assert_allclose(lasting.variance / lasting_sigma**2, (variance - gain @ S @ gain) / lasting_sigma**2)
+    expected_c = (c - K @ S @ gain) / sigma / lasting_sigma
+    np.testing.assert_allclose(np.asarray(lasting.covariance) / sigma / lasting_sigma, expected_c, atol=TEXTBOOK)
     np.testing.assert_allclose(result.innovation[0], residual[0], atol=1e-12)
     np.testing.assert_allclose(result.innovation_variance[0], S[0, 0], rtol=1e-9)
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.core.pytree import replace
 from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.flight.navigation import outline_correlation
+from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
@@ -101,6 +102,7 @@ def test_the_covariance_of_the_hill_frame_agrees_with_sampled_orbits() -> None:
             center_offset=jnp.zeros(2),
             covariance=jnp.zeros((12, 12)).at[:6, :6].set(P),
             outline=outline_correlation.initial(),
+            burn_scale=BurnScale(mean=jnp.zeros(()), variance=jnp.zeros(()), covariance=jnp.zeros(12)),
         ),
     )
     found = odometry.target_frame_estimate(orbit)

@@ -10,7 +10,7 @@ from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
 from rpojax.interop.ros2.run_bag import ImageStorage
 from rpojax.interop.ros2.topics import ALL_TOPICS, LATCHED_QOS, STREAM_QOS
 
-PAGE = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "how_to" / "ros2.md").read_text(encoding="utf-8")
 
 
 def rows(heading: str) -> list[list[str]]:

@@ -54,7 +54,7 @@ def end_range_m(range_m, time_s):
 
 
 def test_the_page_shows_the_files_of_the_example() -> None:
-    page = (ROOT / "docs" / "plugins.md").read_text()
+    page = (ROOT / "docs" / "how_to" / "plugins.md").read_text()
     shown = dict(re.findall(r"^```(toml|python)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[:2])
     assert shown == {"toml": (EXAMPLE / "scenario.toml").read_text(), "python": (EXAMPLE / "mine.py").read_text()}
     assert len(shown["python"].splitlines()) < 60

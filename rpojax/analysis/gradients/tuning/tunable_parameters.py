@@ -41,6 +41,7 @@ GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordina
         "navigation.acceleration_noise_m_s2_sqrt_hz": LogCoordinate(),
         "navigation.relative_acceleration_noise_m_s2_sqrt_hz": LogCoordinate(),
         "navigation.burn_magnitude_sigma": LogCoordinate(),
+        "navigation.burn_scale_sigma": LogCoordinate(),
         "navigation.burn_direction_sigma_deg": LogCoordinate(),
     },
     "gate": {"navigation.gate_sigma": LogitCoordinate(1.5, 12.0)},

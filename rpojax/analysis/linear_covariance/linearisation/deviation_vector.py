@@ -23,9 +23,9 @@ _STATES = (
     "truth.delta_v sensor_errors.gps_bias_N sensor_errors.gyro_bias_B burn_error.magnitude burn_error.direction "
     "flight.orbit.servicer.r_SN_N flight.orbit.servicer.v_SN_N flight.orbit.servicer.gps_error_N "
     "flight.orbit.relative.r_TS_N flight.orbit.relative.v_TS_N flight.orbit.relative.scale "
-    "flight.orbit.relative.bearing_bias flight.orbit.relative.center_offset flight.attitude.q_BN "
-    "flight.attitude.omega_BN_B flight.attitude.bias_B flight.attitude.gyro_B flight.pointing.reference.q_EN "
-    "flight.pointing.reference.omega_EN_E flight.pointing.reference.remainder"
+    "flight.orbit.relative.bearing_bias flight.orbit.relative.center_offset flight.orbit.relative.burn_scale.mean "
+    "flight.attitude.q_BN flight.attitude.omega_BN_B flight.attitude.bias_B flight.attitude.gyro_B "
+    "flight.pointing.reference.q_EN flight.pointing.reference.omega_EN_E flight.pointing.reference.remainder"
 )
 PENDING_BURN = "pending"
 """A decided burn that is still to come: deviation of its velocity change (3) and of its size (1)."""

@@ -1,0 +1,59 @@
+"""Settings of the documentation site. The source folder is the repository, so that pages link to code and experiments:
+
+sphinx-build -W --keep-going -c docs . out/site
+"""
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
+
+from rpojax.version import __version__  # noqa: E402
+
+project = "rpojax"
+author = "The rpojax developers"
+copyright = "The rpojax developers, Apache-2.0"
+version = release = __version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_design",
+    "site_extensions.gallery",
+    "site_extensions.generated_pages",
+    "site_extensions.mathml",
+    "site_extensions.source_pages",
+]
+root_doc = "docs/index"
+include_patterns = [
+    "docs/**.md",
+    "experiments/*/README.md",
+    "benchmarks/README.md",
+    "notebooks/*.ipynb",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+]
+exclude_patterns = ["out", "results", "build", "dist", ".venv*", ".git", "**/.ipynb_checkpoints"]
+
+gallery_files = "docs/made"  # folder that make_gallery.py wrote; empty for a site without them
+
+nb_execution_mode = "off"  # notebooks are committed with their results; tests/test_notebooks.py executes them
+myst_enable_extensions = ["dollarmath", "deflist", "attrs_inline", "colon_fence"]
+myst_heading_anchors = 4
+
+html_theme = "furo"
+html_title = f"rpojax {release}"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
+html_copy_source = False
+html_show_sphinx = False
+
+default_role = "code"  # single backquotes in docstrings are code
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+napoleon_google_docstring = True
+napoleon_use_rtype = False
+napoleon_use_ivar = True  # attributes of a record are listed once

@@ -1,0 +1,1 @@
+"""Extensions of Sphinx with which the site takes its reference from the code."""

@@ -1,0 +1,127 @@
+"""Keys of a scenario: form, default and packaged value from the schema, meaning from the page on scenario files."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+_PAGE = Path(__file__).parents[1] / "reference" / "scenario.md"
+_LISTS = {"dispersions", "phases", "requirements", "servicers", "design"}
+
+
+def extended(name: str) -> str | None:
+    """Packaged scenario that a packaged one extends; None if it is complete by itself."""
+    text = (resources.files("rpojax.scenario.packaged") / f"{name}.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text).get("extends")
+
+
+def lines() -> Iterator[str]:
+    """Markdown: one section with a table for each section of the schema."""
+    from rpojax.scenario.loading import scenario_loader
+    from rpojax.scenario.schema import ScenarioFile
+    from rpojax.value_types import Section
+
+    schema = ScenarioFile.model_json_schema()
+    file = scenario_loader.load("inspection")
+    packaged = file.model_dump()
+    meanings = _meanings(_PAGE.read_text(encoding="utf-8"))
+    top = [name for name, field in schema["properties"].items() if "$ref" not in str(field) and name not in _LISTS]
+    yield from _table("Top level", "", top, schema["properties"], packaged, meanings.get("Top level", {}), file)
+    for name, entry in sorted(schema["properties"].items(), key=lambda each: each[0] not in packaged):
+        definition = _definition(entry, schema)
+        if name in _LISTS or definition is None:
+            continue
+        values = packaged.get(name) or {}
+        assert isinstance(values, dict)
+        keys = definition["properties"]
+        section = getattr(file, name, None)
+        text = definition.get("description", "") if isinstance(section, Section) or section is None else ""
+        yield from _table(f"`{name}`", text, list(keys), keys, values, meanings.get(name, {}), file, name)
+
+
+def _definition(entry: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any] | None:
+    options = [entry, *entry.get("anyOf", []), *entry.get("allOf", [])]
+    found = next((option["$ref"] for option in options if "$ref" in option), None)
+    return schema["$defs"][found.rpartition("/")[2]] if found else None
+
+
+def _table(
+    heading: str,
+    text: str,
+    names: list[str],
+    keys: dict[str, Any],
+    values: dict[str, Any],
+    meanings: dict[str, str],
+    file: Any,
+    section: str = "",
+) -> Iterator[str]:
+    words = ", ".join(f"! {section}.{name}" if section else f"! {name}" for name in names)
+    yield from (
+        f"```{{index}} {words}",
+        "```",
+        "",
+        f"## {heading}",
+        "",
+        text,
+        "",
+        "| key | form | in `inspection` | varies | meaning |",
+        "|---|---|---|---|---|",
+    )
+    for name in names:
+        key = f"{section}.{name}" if section else name
+        shown = _value(values.get(name), keys[name])
+        yield f"| `{key}` | {_form(keys[name])} | {shown} | {_varies(file, key)} | {meanings.get(name, '')} |"
+    yield ""
+
+
+def _varies(file: Any, key: str) -> str:
+    from rpojax.scenario.parameter_keys import nominal_of_key
+
+    return "yes" if "." in key and nominal_of_key(file, key) is not None else ""
+
+
+def _value(value: Any, entry: dict[str, Any]) -> str:
+    if value is None:
+        value = entry.get("default")
+    text = "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+    return f"`{text}`" if 0 < len(text) <= 40 else "" if not text else f"`{text[:36]} ...`"
+
+
+def _form(entry: dict[str, Any]) -> str:
+    options = [option for option in entry.get("anyOf", [entry]) if option.get("type") != "null"]
+    return " or ".join(_one_form(option) for option in options).replace("|", r"\|")
+
+
+def _one_form(entry: dict[str, Any]) -> str:
+    if "enum" in entry or "const" in entry:
+        choices = entry.get("enum", [entry.get("const")])
+        return ", ".join(f"`{choice}`" for choice in choices) if len(choices) < 9 else f"one of {len(choices)} names"
+    if "$ref" in entry:
+        return "table"
+    kind = {"number": "number", "integer": "whole number", "string": "text", "boolean": "`true` or `false`"}
+    if entry.get("type") == "array":
+        low, high = entry.get("minItems", 0), entry.get("maxItems")
+        count = f"{low}" if low == high else f"{low} to {high}" if high else f"{low} or more" if low else "list of"
+        return f"{count} x ({_form(entry.get('items', {}))})"
+    bounds = [
+        f"{sign} {entry[name]:g}"
+        for name, sign in (("exclusiveMinimum", ">"), ("minimum", "≥"), ("exclusiveMaximum", "<"), ("maximum", "≤"))
+        if name in entry
+    ]
+    return " ".join([kind.get(entry.get("type", ""), "table"), ", ".join(bounds)]).strip()
+
+
+def _meanings(page: str) -> dict[str, dict[str, str]]:
+    """Section -> key -> meaning, from the tables of the page on scenario files, with links as plain text."""
+    found: dict[str, dict[str, str]] = {}
+    for part in re.split(r"^## ", page, flags=re.MULTILINE)[1:]:
+        heading, _, body = part.partition("\n")
+        for name in re.findall(r"`([^`]+)`", heading) or [heading.strip()]:
+            rows = [line.strip("|").split("|") for line in body.splitlines() if line.startswith("| `")]
+            for row in rows:
+                for key in re.findall(r"`([^`]+)`", row[0]):
+                    text = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", row[-1].strip())
+                    found.setdefault(name, {})[key] = text
+    return found

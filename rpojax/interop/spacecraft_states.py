@@ -1,0 +1,158 @@
+"""States of every spacecraft at every tick of a run, in double precision, for files of other tools."""
+
+import datetime
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from rpojax.campaign import single_run
+from rpojax.campaign.rerun import check_run_id
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.core.pytree import pytree
+from rpojax.errors import ScenarioError
+from rpojax.flight.stages import Stages
+from rpojax.interop.run_replay import ReplayedRun
+from rpojax.physics.plant_state import Truth
+from rpojax.scenario.params import Params
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import Scenario
+from rpojax.scenario.team.members import member_names
+from rpojax.simulation.telemetry import Telemetry
+from rpojax.version import __version__
+
+TARGET = "target"
+SERVICER = "servicer"
+"""Name of a servicer that is no member of a team."""
+
+
+@pytree
+class BothStates:
+    """States of both spacecraft at a tick, in N.
+
+    Attributes:
+        r_TN_N: (3,) position of the target [m]
+        v_TN_N: (3,) velocity of the target [m/s]
+        r_ST_N: (3,) position of the servicer from the target [m]
+        v_ST_N: (3,) velocity of the servicer from the target [m/s]
+        q_TN: (4,) attitude of the target
+        q_BN: (4,) attitude of the servicer
+    """
+
+    r_TN_N: Array
+    v_TN_N: Array
+    r_ST_N: Array
+    v_ST_N: Array
+    q_TN: Array
+    q_BN: Array
+
+
+def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: Telemetry) -> BothStates:
+    """States of both spacecraft at the beginning of a tick."""
+    del stages, scenario, params
+    return _of_truth(telemetry.truth)
+
+
+def _of_truth(truth: Truth) -> BothStates:
+    return BothStates(
+        r_TN_N=truth.r_TN_N,
+        v_TN_N=truth.v_TN_N,
+        r_ST_N=truth.r_ST_N,
+        v_ST_N=truth.v_ST_N,
+        q_TN=truth.q_TN,
+        q_BN=truth.q_BN,
+    )
+
+
+@dataclass(frozen=True)
+class SpacecraftStates:
+    """States of one spacecraft over time.
+
+    Attributes:
+        spacecraft: its name: `servicer`, that of a member of a team, or `target`
+        epoch_utc: start of the run
+        time_s: (ticks,) since then [s]
+        position_m: (ticks, 3) in N
+        velocity_m_s: (ticks, 3) in N
+        q: (ticks, 4) scalar first, from N to the body
+        about: lines on where they come from
+    """
+
+    spacecraft: str
+    epoch_utc: datetime.datetime
+    time_s: np.ndarray
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    q: np.ndarray
+    about: tuple[str, ...]
+
+    @property
+    def epochs(self) -> list[str]:
+        """Time of each tick in UTC, to the microsecond."""
+        moments = (self.epoch_utc + datetime.timedelta(microseconds=round(each * 1e6)) for each in self.time_s.tolist())
+        return [moment.isoformat(timespec="microseconds") for moment in moments]
+
+
+def spacecraft_names(file: ScenarioFile) -> tuple[str, ...]:
+    """Names of the servicers of a scenario, and `target`.
+
+    Raises:
+        ScenarioError: a servicer has the name of the target.
+    """
+    servicers = member_names(file) or (SERVICER,)
+    if TARGET in servicers:
+        raise ScenarioError("servicers.name", TARGET, "another name, for a file of each spacecraft")
+    return (*servicers, TARGET)
+
+
+def initial_states(campaign: Campaign, run_id: int) -> list[SpacecraftStates]:
+    """States of every servicer and of the target at the start of a run of a campaign, without simulating it.
+
+    Raises:
+        RpojaxError: there is no such run.
+    """
+    check_run_id(campaign, run_id)
+    file, options = campaign.file.model_copy(update={"precision": "double"}), campaign.configuration.options
+    arguments = (file, options.seed, run_id, options.design_range)
+    if file.servicers:
+        _, team, state = single_run.initialise_team_run(*arguments)
+        truths = [jax.tree.map(lambda value, at=at: value[..., at], state.servicers.truth) for at in range(team.count)]
+    else:
+        truths = [single_run.initialise_run(*arguments)[2].truth]
+    values = [jax.tree.map(lambda value: np.asarray(value)[None], _of_truth(truth)) for truth in truths]
+    return _each(values, np.zeros(1), file, _about(campaign, run_id))
+
+
+def replayed_states(runs: Sequence[ReplayedRun[BothStates]], campaign: Campaign) -> list[SpacecraftStates]:
+    """States of every servicer and of the target of a replayed run of a campaign."""
+    return _each([run.values for run in runs], runs[0].time_s, runs[0].file, _about(campaign, runs[0].run_id))
+
+
+def _each(
+    values: Sequence[BothStates], time_s: np.ndarray, file: ScenarioFile, about: tuple[str, ...]
+) -> list[SpacecraftStates]:
+    target = values[0]
+    of_target = (np.asarray(target.r_TN_N), np.asarray(target.v_TN_N), np.asarray(target.q_TN))
+    of_servicers = [(of_target[0] + own.r_ST_N, of_target[1] + own.v_ST_N, np.asarray(own.q_BN)) for own in values]
+    epoch, names = utc_epoch(file), spacecraft_names(file)
+    return [
+        SpacecraftStates(name, epoch, time_s, *states, about)
+        for name, states in zip(names, [*of_servicers, of_target], strict=True)
+    ]
+
+
+def utc_epoch(file: ScenarioFile) -> datetime.datetime:
+    """Start of the runs of a scenario in UTC."""
+    moment = datetime.datetime.fromisoformat(file.epoch_utc)
+    return moment if moment.tzinfo is None else moment.astimezone(datetime.UTC).replace(tzinfo=None)
+
+
+def _about(campaign: Campaign, run_id: int) -> tuple[str, ...]:
+    digest = campaign.configuration.scenario_hash[:16]
+    name = "".join(letter if " " <= letter <= "~" else "?" for letter in campaign.file.name)[:60]
+    return (
+        f"Simulated by rpojax {__version__}: run {run_id} of seed {campaign.configuration.options.seed}",
+        f"Scenario {name}, hash {digest}",
+    )
