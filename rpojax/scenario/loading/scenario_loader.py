@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -158,7 +159,7 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
         # Some Windows editors write a byte order mark first.
         text = read_bytes(path, FileKind.SCENARIO).decode("utf-8-sig")
     except (FileError, UnicodeDecodeError) as error:
-        if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not path.is_dir()):
+        if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not os.path.isdir(path)):
             raise ScenarioError("scenario", f"{source} ({error.found})", error.expected) from None
         near = did_you_mean(str(source), packaged_names())
         expected = f"{', '.join(packaged_names())} or a readable TOML file{near}"
