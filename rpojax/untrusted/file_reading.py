@@ -94,6 +94,14 @@ def is_regular(path: Path) -> bool:
         return False
 
 
+def is_folder(path: Path) -> bool:
+    """Whether a path leads to a folder; false for what cannot be a path."""
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except (OSError, ValueError):
+        return False
+
+
 def absolute_path(path: Path) -> Path:
     """The path from the root, links resolved; one that cannot be a path, or whose links go in a circle, as it is."""
     try:

@@ -2,7 +2,6 @@
 
 import copy
 import functools
-import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -23,7 +22,7 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.team_checks import check_team
 from rpojax.scenario.trained import trained_files
 from rpojax.scenario.trained.coverage_surface import SURFACES
-from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
+from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, is_folder, read_bytes
 from rpojax.untrusted.structure_limits import StructureError
 from rpojax.untrusted.toml_reading import parse_toml
 
@@ -159,7 +158,7 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
         # Some Windows editors write a byte order mark first.
         text = read_bytes(path, FileKind.SCENARIO).decode("utf-8-sig")
     except (FileError, UnicodeDecodeError) as error:
-        if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not os.path.isdir(path)):
+        if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not is_folder(path)):
             raise ScenarioError("scenario", f"{source} ({error.found})", error.expected) from None
         near = did_you_mean(str(source), packaged_names())
         expected = f"{', '.join(packaged_names())} or a readable TOML file{near}"
