@@ -72,7 +72,7 @@ def write_brief(campaign: CampaignResults, run_id: int | None = None) -> Path:
     drawn: dict[str, Chart] = {name: chart for name, chart in charts.charts.items() if name in wanted}
     data = {"charts": drawn, "detail": runs.detail, "scene": runs.scene}
     page = page_templates.render("brief.html", data, values)
-    return write_atomically(campaign.directory / FILE_NAME, page.encode())
+    return write_atomically(campaign.directory / FILE_NAME, page.encode("utf-8", "backslashreplace"))
 
 
 def _values(
