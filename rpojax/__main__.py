@@ -2,6 +2,16 @@
 
 import sys
 
-from rpojax.cli.main import main
+from rpojax.runtime import signal_handling
 
-sys.exit(main())
+
+def main() -> int:
+    """Runs the command line of the process and returns the exit status; signals count from the first moment on."""
+    signal_handling.end_at_signals()
+    from rpojax.cli.main import main as run
+
+    return signal_handling.leave_if_signalled(run())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

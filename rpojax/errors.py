@@ -2,6 +2,10 @@
 
 from typing import Self
 
+from rpojax.printable_text import cut, printable, shown_value
+
+_LONGEST_KEY = 120
+
 
 class RpojaxError(Exception):
     """Base of all errors that a user can cause and correct.
@@ -12,6 +16,9 @@ class RpojaxError(Exception):
     """
 
     arguments: tuple[str, ...] = ()
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(printable(message))
 
     @classmethod
     def of_argument(cls, names: str, problem: str) -> Self:
@@ -25,16 +32,23 @@ class ScenarioError(RpojaxError):
     """A scenario, or an override of it, is invalid."""
 
     def __init__(self, key: str, found: object, expected: str, is_argument: bool = False) -> None:
-        super().__init__(f"{key}: found {found!r}, expected {expected}")
+        super().__init__(f"{cut(key, _LONGEST_KEY)}: found {shown_value(found)}, expected {expected}")
         self.key = key
         self.arguments = (key,) if is_argument else ()
+
+    @classmethod
+    def of_structure(cls, source: str, error: RpojaxError) -> Self:
+        """Error about a text of which `error` says what was found and expected."""
+        found = cls(source, "", "")
+        found.args = (printable(f"{cut(source, _LONGEST_KEY)}: {error}"),)
+        return found
 
 
 class UnknownKeyError(ScenarioError):
     """A scenario has an unknown key."""
 
     def __init__(self, key: str, hint: str) -> None:
-        RpojaxError.__init__(self, f"{key}: unknown key{hint}")
+        RpojaxError.__init__(self, f"{cut(key, _LONGEST_KEY)}: unknown key{hint}")
         self.key = key
 
 

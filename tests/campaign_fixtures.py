@@ -12,6 +12,7 @@ from shared_compilation import shared_programs
 
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.seal import record_seal
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
@@ -49,10 +50,10 @@ def arrays() -> Callable[[Path], dict[str, np.ndarray]]:
 
 @pytest.fixture
 def edit_info() -> Callable[..., None]:
-    """Function that changes entries of a folder's campaign.json."""
+    """Function that changes entries of a folder's campaign.json, and seals it anew."""
 
     def edit(directory: Path, **entries: Any) -> None:
         path = directory / "campaign.json"
-        path.write_text(json.dumps(json.loads(path.read_text()) | entries))
+        path.write_text(json.dumps(record_seal.sealed(json.loads(path.read_text()) | entries)))
 
     return edit

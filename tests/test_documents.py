@@ -148,7 +148,7 @@ def test_the_page_on_commands_lists_the_exit_statuses_that_the_command_line_has(
     from rpojax.cli import main
 
     rows = [cell for cell in first_cells(section(COMMANDS_PAGE, "Exit status")) if cell.isdigit()]
-    assert rows == ["0", "1", "2", "3", "4", "130"]
+    assert rows == ["0", "1", "2", "3", "4", "130", "143"]
     assert {1, *map(int, main.Status)} == {int(row) for row in rows}
     # The help of the command says the same numbers.
     described = re.search(r"Exit status: (.*?)\n\n", main.__doc__ or "", re.DOTALL)

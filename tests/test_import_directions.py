@@ -13,6 +13,8 @@ FLOORS = {
     "errors": 0,
     "version": 0,
     "optional_packages": 0,
+    "printable_text": 0,
+    "untrusted": 0,
     "value_types": 0,
     "runtime": 0,
     "core": 1,

@@ -177,13 +177,14 @@ def resume_campaign(
     executed.
 
     Raises:
-        RpojaxError: the folder is no campaign, or `stages` are not those with which it began.
+        RpojaxError: the folder is no campaign or was changed, or `stages` are not those with which it began.
         UnfinishedError: the results cannot be written.
     """
     if metrics:
         plugin_registry.add(Plugin(metrics=metrics))
     campaign = Campaign(directory, allow_plugin=allow_plugin)
     stale_files.remove_stale_files(campaign.directory)
+    campaign.verify()
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     if blocks:
         found = plugin_registry.stages_of(campaign.file, stages)

@@ -1,6 +1,5 @@
 """Output of commands that simulate campaigns: tables, report, exit status, and the hint after an interrupt."""
 
-import json
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpojax.cli import console
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
+from rpojax.cli.interruptible_work import interruptible
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.runtime.progress_bar import busy
 
@@ -72,9 +72,10 @@ def show_results(
 ) -> None:
     """Prints the results as tables, or as JSON; tables come before the report is written."""
     from rpojax.report.page.campaign_summary import summarise
+    from rpojax.report.worked_out import Notes
 
     with busy("evaluating the results", quiet=as_json, announce=False):
-        summary = summarise(result)
+        summary = Notes().part("The summary", summarise, result)
     if as_json:
         path = report()
         place = {"directory": str(result.directory), "report": None if path is None else str(path)}
@@ -89,7 +90,7 @@ def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id:
     from rpojax.report.page.html_report import write_report
 
     with busy("writing the report", quiet=as_json):
-        return write_report(result, run_id, film=film, progress=False)
+        return interruptible(lambda: write_report(result, run_id, film=film, progress=False))
 
 
 def write_brief_report(result: "Campaign", as_json: bool, run_id: int | None = None) -> Path:
@@ -97,16 +98,14 @@ def write_brief_report(result: "Campaign", as_json: bool, run_id: int | None = N
     from rpojax.report.page.brief_page import write_brief
 
     with busy("writing the brief report", quiet=as_json):
-        return write_brief(result, run_id)
+        return interruptible(lambda: write_brief(result, run_id))
 
 
 def has_whole_report(result: "Campaign") -> bool:
-    """Whether a complete report on all runs exists; an interrupted or earlier one does not count."""
-    try:
-        content = json.loads((result.directory / "report.json").read_text(encoding="utf-8"))
-        return content["runs"]["missing"] == 0 and report_of(result) is not None
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
+    """Whether a complete report on all runs exists as it was written; one that was changed does not count."""
+    from rpojax.report.page import written_report
+
+    return written_report.is_as_written(result.directory, result.configuration.seal)
 
 
 def report_of(result: "Campaign") -> Path | None:

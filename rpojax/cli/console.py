@@ -1,6 +1,5 @@
 """Tables and lines that commands print on stdout, and warnings on stderr."""
 
-import json
 import shlex
 import sys
 from collections.abc import Mapping
@@ -142,8 +141,3 @@ def show_rare_requirements(file: "ScenarioFile", source: str, out: Path, quiet: 
                 f"{runs:,} plain runs without a violation; instead, after the campaign: {command}",
                 file=sys.stderr,
             )
-
-
-def print_json(content: object) -> None:
-    """Prints JSON on stdout."""
-    print(json.dumps(content, indent=2, allow_nan=False))

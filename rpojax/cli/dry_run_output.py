@@ -1,7 +1,6 @@
 """Output of `rpojax campaign --dry-run`: what would be drawn, and the resources it would take."""
 
 import datetime
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +9,7 @@ from tyro.conf import arg
 
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.cli.output_paths import claim
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import busy
 
@@ -71,7 +71,7 @@ def show(
     if dry_run.plan is not None:
         write_atomically(dry_run.plan, plans.csv_text(plan).encode())
     if as_json:
-        print(json.dumps(plans.as_json(plan), indent=2, allow_nan=False))
+        print_json(plans.as_json(plan))
     else:
         print("\n".join(_lines(plan, dry_run.plan)))
 

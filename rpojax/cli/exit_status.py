@@ -11,3 +11,4 @@ class Status(enum.IntEnum):
     SOME_FAILED = 3
     UNFINISHED = 4
     INTERRUPTED = 130
+    TERMINATED = 143

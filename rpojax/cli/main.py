@@ -5,7 +5,7 @@ SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML fil
 Exit status: 0 done, and all runs completed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
 finished, but some of its runs failed, or some pictures could not be used, or an estimated probability is not to be
 trusted; 4 the campaign is unfinished: its disk is full, or blocks were given up after three workers died of them; 130
-interrupted. After 4 and 130 finished blocks are stored, and `rpojax resume` continues.
+interrupted; 143 terminated. After 4, 130 and 143 finished blocks are stored, and `rpojax resume` continues.
 
 A scenario may name a plugin, a Python file with metrics, sensors or flight software. It is code, and is executed only
 with the option --allow-plugin, which every command takes.
@@ -14,14 +14,13 @@ Environment: compiled programs are kept in the user's cache folder unless RPOJAX
 each core unless XLA_FLAGS says how many. RPOJAX_BATCHING=jax batches runs by jax.vmap, which is slower.
 """
 
-import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 
 import tyro
-from tyro.conf import FlagCreatePairsOff, SuppressFixed
 
+from rpojax.cli.command_parsing import add_command, parse
 from rpojax.cli.commands import detector, field
 from rpojax.cli.commands.bench import bench
 from rpojax.cli.commands.bridge import bridge
@@ -46,11 +45,22 @@ from rpojax.cli.commands.status import status
 from rpojax.cli.commands.tune import tune
 from rpojax.cli.commands.validate import validate
 from rpojax.cli.commands.worst_case import worst_case
+from rpojax.cli.environment_faults import environment_fault
 from rpojax.cli.error_text import error_text
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import abandon_worker
+from rpojax.cli.standard_streams import (
+    OutputFailure,
+    flush_output,
+    prepare_streams,
+    print_problem,
+    printable_streams,
+    silence_output,
+)
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.runtime.sign_of_life import SignOfLife
+from rpojax.runtime.signal_handling import ending_signals
+from rpojax.runtime.warning_lines import silence_libraries
 from rpojax.version import __version__
 
 COMMANDS: tuple[Callable[..., int], ...] = (
@@ -85,39 +95,66 @@ _ALLOW_PLUGIN, _NO_CACHE = "--allow-plugin", "--no-cache"
 
 app = tyro.extras.SubcommandApp()
 for command in COMMANDS:
-    app.command(name=command.__name__.replace("_", "-"))(command)
+    add_command(app, command)
 app.command(field.app, name="field", help="Train, evaluate and show radiance fields of targets.")
 app.command(detector.app, name="detector", help="Make data for the detector, train it and evaluate it.")
 for command in VISION_COMMANDS:
-    app.command(name=command.__name__.replace("_", "-"))(command)
+    add_command(app, command)
+
+_NAMES: dict[str, Sequence[str]] = {
+    **{command.__name__.replace("_", "-"): () for command in (*COMMANDS, *VISION_COMMANDS)},
+    "field": [command.__name__ for command in field.COMMANDS],
+    "detector": [command.__name__ for command in detector.COMMANDS],
+}
+"""Command -> its own commands."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line `argv` (default: that of the process) and returns the exit status."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    prepare_streams()
     if arguments[:1] == ["--version"]:
         print(f"rpojax {__version__}")
         return Status.DONE
+    silence_libraries()
+    with ending_signals() as received, printable_streams():
+        try:
+            return _status(arguments, "--json" in arguments)
+        except KeyboardInterrupt as interrupt:
+            print_problem("", f"{received.word}; {str(interrupt) or 'nothing was written'}", "--json" in arguments)
+            abandon_worker(received.status)
+            return received.status
+
+
+def _status(arguments: Sequence[str], as_json: bool) -> int:
+    """Exit status of a command line; errors are printed."""
     try:
         words = _repeat_set_flag(_permit_plugin(arguments))
-        with nullcontext() if "--json" in words else SignOfLife(_say, "starting"):
-            status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff, SuppressFixed))
-        sys.stdout.flush()
+        with nullcontext() if as_json else SignOfLife(_say, "starting"):
+            status = parse(app, words, _NAMES, __doc__ or "")()
+        flush_output()
         return status
     except BrokenPipeError:
-        # The reader, such as `head`, closed the pipe; flushing what is buffered at exit would fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        silence_output()  # the reader, such as `head`, closed the pipe
         return Status.DONE
+    except OutputFailure as error:
+        silence_output()
+        print_problem("error", error_text(error), as_json=False)
+        return Status.BAD_INPUT
     except UnfinishedError as error:
-        print(f"rpojax: unfinished: {error_text(error)}", file=sys.stderr)
+        print_problem("unfinished", error_text(error), as_json)
         return Status.UNFINISHED
     except RpojaxError as error:
-        print(f"rpojax: error: {error_text(error)}", file=sys.stderr)
+        print_problem("error", error_text(error), as_json)
         return Status.BAD_INPUT
-    except KeyboardInterrupt as interrupt:
-        print(f"rpojax: interrupted; {str(interrupt) or 'nothing was written'}", file=sys.stderr)
-        abandon_worker()
-        return Status.INTERRUPTED
+    except Exception as error:
+        fault = environment_fault(error)
+        if fault is None:
+            raise
+        if isinstance(fault, OutputFailure):
+            silence_output()
+        print_problem("error", error_text(fault), as_json)
+        return Status.BAD_INPUT
 
 
 def _say(text: str) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Set
 from pathlib import Path
 
 from rpojax.errors import RpojaxError
+from rpojax.runtime.xla_flags import check_flags
 
 _DEVICE_FLAG = "--xla_force_host_platform_device_count"
 
@@ -49,11 +50,16 @@ def prepare_jax(cache: bool) -> None:
     """Sets what JAX reads when it is imported: one host device per core and, with `cache`, the cache folders.
 
     Without effect if JAX is imported already. Variables that the user has set are not changed.
+
+    Raises:
+        RpojaxError: XLA does not know a flag in XLA_FLAGS.
     """
     if "jax" in sys.modules:
         return
     hide_compiler_log()
+    os.environ.setdefault("JAX_LOGGING_LEVEL", "CRITICAL")
     flags = os.environ.get("XLA_FLAGS", "")
+    check_flags(flags)
     if _DEVICE_FLAG not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={available_cores()}".strip()
     folder = _cache_folder() if cache and os.environ.get("RPOJAX_CACHE") != "off" else None

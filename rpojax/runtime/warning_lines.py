@@ -1,9 +1,18 @@
 """Warnings of one category as plain lines on stderr, for commands."""
 
+import logging
 import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+
+def silence_libraries() -> None:
+    """Ignores warnings and logs of libraries, which are for programmers, unless the user asks Python for warnings."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+        # Without any handler Python prints logs on stderr.
+        logging.getLogger().addHandler(logging.NullHandler())
 
 
 @contextmanager

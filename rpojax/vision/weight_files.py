@@ -1,6 +1,5 @@
 """Weight files: safetensors with a model card, checked for names, shapes, types and size before use."""
 
-import json
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -8,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.errors import RpojaxError
-
-SIZE_LIMIT = 64 * 1024 * 1024
+from rpojax.untrusted.file_reading import FileError, FileKind, check_regular
+from rpojax.untrusted.json_reading import parse_json
+from rpojax.untrusted.structure_limits import StructureError
 
 
 class WeightsError(RpojaxError):
@@ -40,20 +40,21 @@ def read_tensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     from safetensors import SafetensorError, safe_open
 
     try:
-        size = path.stat().st_size
-        if size > SIZE_LIMIT:
-            raise WeightsError(f"{path}: found {size} bytes, expected at most {SIZE_LIMIT}")
+        check_regular(path, FileKind.WEIGHTS)
         with safe_open(path, framework="numpy") as content:
             return {name: content.get_tensor(name) for name in content.keys()}, dict(content.metadata() or {})  # noqa: SIM118
-    except (OSError, SafetensorError, ValueError, TypeError, KeyError) as error:
+    except FileError as error:
+        raise WeightsError(f"{path}: cannot be read ({error.found}), expected {error.expected}") from None
+    # Types of tensors that NumPy does not know raise errors of many kinds.
+    except (OSError, SafetensorError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise WeightsError(f"{path}: cannot be read ({_one_line(error)}), expected weights in safetensors") from None
 
 
 def read_model_card(source: Path, metadata: Mapping[str, str]) -> dict[str, object]:
     """Model card of a file; raises `WeightsError` if it is no JSON object."""
     try:
-        card = json.loads(metadata.get("card", "{}"))
-    except ValueError:
+        card = parse_json(metadata.get("card", "{}"))
+    except StructureError:
         raise WeightsError(f"{source}: found a card that is no JSON, expected an object") from None
     if not isinstance(card, dict):
         raise WeightsError(f"{source}: found a card that is a {type(card).__name__}, expected an object")

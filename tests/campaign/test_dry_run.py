@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from rewritten_campaigns import rewrite_campaign
 
 from rpojax.campaign import dry_run, experiment_design, single_run
 from rpojax.campaign.options.campaign_options import CampaignOptions
@@ -152,14 +153,14 @@ def test_planned_values_are_drawn_and_used(mission: ScenarioFile, tmp_path: Path
 
 
 def test_resume_with_another_design_is_refused(
-    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edit_info: Any
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rpojax.campaign.run_and_resume.simulate_missing_blocks", lambda *_: None)
     file = case(mission, "latin_hypercube")
     begun = run_campaign(file, 3, tmp_path / "runs", block_size=1, devices=ONE_DEVICE)
     resume_campaign(begun.directory)
     recorded = begun.info["design"]
-    edit_info(begun.directory, design=recorded | {"sha256": "0" * 64})
+    rewrite_campaign(begun.directory, design=recorded | {"sha256": "0" * 64})
     with pytest.raises(ResultError, match=r"^campaign.json: found another design"):
         resume_campaign(begun.directory)
 

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from command_line_calls import Call, Outcome
 from isolated_plugins import forgotten_plugins
+from rewritten_campaigns import rewrite_campaign
 from shared_compilation import shared_programs
 
 import rpojax
@@ -49,17 +50,6 @@ def programs() -> Iterator[None]:
 def contents(directory: Path) -> dict[str, bytes]:
     """Every file of a folder, by its path in it."""
     return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
-
-
-@pytest.fixture
-def edit_info() -> Callable[..., None]:
-    """Changer of entries of a folder's campaign.json."""
-
-    def edit(directory: Path, **entries: Any) -> None:
-        path = directory / "campaign.json"
-        path.write_text(json.dumps(json.loads(path.read_text()) | entries))
-
-    return edit
 
 
 # Happy paths
@@ -182,14 +172,34 @@ def test_the_reports_command_flies_a_run_again_to_the_last_bit_without_the_overr
 
 
 @pytest.mark.parametrize("name", ["b[/x]", "[red]alarm", r"$\foo$"])
-def test_a_name_is_shown_as_it_is_written(
-    call: Call, finished: Path, tmp_path: Path, edit_info: Callable[..., None], name: str
-) -> None:
+def test_a_name_is_shown_as_it_is_written(call: Call, finished: Path, tmp_path: Path, name: str) -> None:
     copy = shutil.copytree(finished, tmp_path / "copy")
-    edit_info(copy, name=name)
+    rewrite_campaign(copy, name=name)
     result = call("report", copy)
     assert result.status == 0
     assert f"{name}, 3 runs" in result.out
+
+
+def test_requirements_are_changed_with_a_record_that_the_report_shows(
+    call: Call, finished: Path, tmp_path: Path
+) -> None:
+    copy = shutil.copytree(finished, tmp_path / "copy")
+    file = tmp_path / "requirements.toml"
+    settings = (
+        'metric = "min_range_m"',
+        'bound = "at least"',
+        "limit = 1.0",
+        "probability = 0.5",
+        "consumer_risk = 0.2",
+    )
+    file.write_text("\n".join(["[[requirements]]", *settings]))
+    assert call("report", copy, "--reason", "none").status == 2
+    result = call("report", copy, "--requirements", file, "--reason", "a smaller bar", "--no-film", "--json")
+    assert result.status == 0
+    [found] = result.json["requirements"]
+    assert (found["metric"], found["verdict"]) == ("min_range_m", "verified")
+    assert "a smaller bar" in (copy / "report.html").read_text()
+    assert call("resume", copy, "--json").json["requirements"] == [found]
 
 
 def test_the_table_shows_the_bad_side_and_an_unfinished_campaign(call: Call, finished: Path, tmp_path: Path) -> None:
@@ -267,7 +277,7 @@ def test_an_interrupt_keeps_finished_blocks_and_resume_does_the_rest(
         patch.setattr(atomic_files, "write_json", interrupt)
         result = call(*words)
     assert result.status == 130
-    assert result.out == ""
+    assert result.json["error"].startswith("interrupted; 1 of 3 blocks are kept")
     assert f"1 of 3 blocks are kept; go on with: rpojax resume '{out}'" in result.err
     assert not (out / "report.html").exists()
 
@@ -281,9 +291,7 @@ def test_an_interrupt_keeps_finished_blocks_and_resume_does_the_rest(
             np.testing.assert_array_equal(getattr(mended, group)[name], values, err_msg=name)
 
 
-def test_a_run_flown_again_is_compared_with_what_was_recorded(
-    call: Call, finished: Path, tmp_path: Path, edit_info: Callable[..., None]
-) -> None:
+def test_a_run_flown_again_is_compared_with_what_was_recorded(call: Call, finished: Path, tmp_path: Path) -> None:
     result = call("rerun", finished, "--run-id", 1, "--out", tmp_path / "again", "--json")
     assert result.status == 0
     assert result.json["rerun"] == {"recorded": True, "different": []}
@@ -296,7 +304,7 @@ def test_a_run_flown_again_is_compared_with_what_was_recorded(
 
     # Another seed's runs are not those that were recorded.
     copy = Path(shutil.copytree(finished, tmp_path / "copy"))
-    edit_info(copy, seed=5)
+    rewrite_campaign(copy, seed=5)
     other = call("rerun", copy, "--run-id", 1, "--out", tmp_path / "other", "--no-film")
     assert "metrics are not those of the campaign, such as " in other.err
     assert call("rerun", finished, "--run-id", 3, "--out", tmp_path / "none").status == 2

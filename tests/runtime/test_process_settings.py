@@ -80,7 +80,7 @@ def test_prepared_process_has_a_device_per_core_and_a_cache(tmp_path: Path) -> N
     assert devices == len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     assert folder == str(tmp_path / "rpojax" / "jax")
     limits = {f"JAX_PERSISTENT_CACHE_MIN_{name}" for name in ("COMPILE_TIME_SECS", "ENTRY_SIZE_BYTES")}
-    assert set(changed) == {"XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", *limits}
+    assert set(changed) == {"XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "JAX_LOGGING_LEVEL", *limits}
     assert all(name in (PACKAGE.parent / "docs" / "about" / "performance.md").read_text() for name in changed)
 
 

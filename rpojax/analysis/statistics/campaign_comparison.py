@@ -149,5 +149,5 @@ def _check_paired(first: Campaign, second: Campaign) -> None:
 
 def _requirements(first: Campaign, second: Campaign) -> list[RequirementSection]:
     """Requirements of either campaign, each once."""
-    listed = [*first.file.requirements, *second.file.requirements]
+    listed = [*first.requirements, *second.requirements]
     return [each for index, each in enumerate(listed) if each not in listed[:index]]

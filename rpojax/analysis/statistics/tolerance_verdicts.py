@@ -29,14 +29,15 @@ class Verdict(StrEnum):
     MORE_RUNS = "needs more runs"
     NOT_INDEPENDENT = "not independent: no verdict"
     UNFINISHED = "unfinished: no verdict"
+    UNSEALED = "unsealed: no verdict"
 
 
 @dataclass(frozen=True)
 class RequirementEvaluation:
     """A requirement evaluated on the runs of a campaign.
 
-    Where runs are not independent, or some are missing, what rests on independence is None: missing runs may well be
-    the bad ones. Values are in the metric's unit.
+    Where runs are not independent, some are missing, or nothing says that they are as they were written, what rests on
+    that is None: missing runs may well be the bad ones. Values are in the metric's unit.
 
     Attributes:
         requirement: that was evaluated
@@ -106,10 +107,12 @@ def evaluate_requirement(
     independent: bool,
     missing: int = 0,
     counted: np.ndarray | None = None,
+    sealed: bool = True,
 ) -> RequirementEvaluation:
     """Evaluates a requirement by the metric's `values` (n,), NaN where undefined, of runs with `run_ids` (n,).
 
-    While `missing` requested runs are not done there is no verdict. Flags `counted` (n,) of `counts`; by default all.
+    While `missing` requested runs are not done there is no verdict, and none of a folder that is not `sealed`. Flags
+    `counted` (n,) of `counts`; by default all.
     """
     not_counted = 0 if counted is None else int(np.sum(~counted))
     if counted is not None:
@@ -117,11 +120,11 @@ def evaluate_requirement(
     severity = _severity(requirement, values)
     violating = severity > _sign(requirement) * requirement.limit
     count, runs = int(violating.sum()), len(values)
-    conclusive = independent and not missing
+    conclusive = independent and not missing and sealed
     allowed = allowed_failures(runs, requirement.probability, requirement.consumer_risk) if conclusive else None
     rank = None if allowed is None else runs - allowed
     at_rank = None if rank is None else _value(requirement, np.sort(severity)[rank - 1])
-    verdict, interval = Verdict.UNFINISHED if independent else Verdict.NOT_INDEPENDENT, None
+    verdict, interval = _without_verdict(independent, sealed), None
     if conclusive:
         interval = success_bounds(count, runs, requirement.consumer_risk)
         verdict = _verdict(requirement, count, allowed, interval[1])
@@ -143,6 +146,12 @@ def evaluate_requirement(
         risk_reached=consumer_risk_reached(count, runs, requirement.probability) if conclusive else None,
         violating_ids=_worst_first(severity, violating, run_ids),
     )
+
+
+def _without_verdict(independent: bool, sealed: bool) -> Verdict:
+    if not sealed:
+        return Verdict.UNSEALED
+    return Verdict.UNFINISHED if independent else Verdict.NOT_INDEPENDENT
 
 
 def _verdict(requirement: RequirementSection, count: int, allowed: int | None, highest: float) -> Verdict:

@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.errors import ResultError, UnfinishedError
+from rpojax.untrusted import json_reading
+from rpojax.untrusted.file_reading import FileError, FileKind
+from rpojax.untrusted.structure_limits import StructureError
 
 _COUNTER = itertools.count()
 _DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -103,18 +106,16 @@ def write_json(path: Path, content: Any) -> None:
     write(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n", sync=True)
 
 
-def read_json(path: Path, expected: str, largest: int) -> Any:
-    """Content of a JSON file of at most `largest` bytes; `expected` describes it in errors.
+def read_json(path: Path, expected: str, kind: FileKind) -> Any:
+    """Content of a JSON file of a kind; `expected` describes it in errors.
 
     Raises:
-        ResultError: there is none, or it is larger, or no JSON.
+        ResultError: there is none, or it is no JSON within the limits on size and structure.
     """
     try:
-        with path.open("rb") as stream:
-            content = stream.read(largest + 1)
-        if len(content) > largest:
-            raise ResultError(f"{path}: found more than {largest} bytes, expected {expected}")
-        return json.loads(content)
-    except (OSError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise ResultError(f"{path}: found no readable {path.name} ({reason:.120}), expected {expected}") from None
+        return json_reading.read_json(path, kind)
+    except FileError as error:
+        reason = error.found
+    except StructureError as error:
+        reason = str(error).partition(", expected")[0].removeprefix("found ")
+    raise ResultError(f"{path}: found no readable {path.name} ({reason}), expected {expected}")

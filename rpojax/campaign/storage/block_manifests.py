@@ -13,10 +13,11 @@ from typing import Any
 from rpojax.campaign.preflight import MAX_RUN_ID
 from rpojax.campaign.storage import atomic_files, safe_paths
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
+from rpojax.campaign.storage.seal import record_seal
 from rpojax.errors import ResultError
+from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
-_LARGEST_BYTES = 1_000_000
-_NAME = re.compile(r"\d{6}")
+_NAME = re.compile(r"\d{6}", re.ASCII)
 _RESUME_HINT = "(without the file, a resume runs the block again)"
 
 
@@ -38,6 +39,7 @@ class Manifest:
         attempts: how often it was begun
         device: description of the devices that computed it
         versions: versions of the packages that computed it
+        campaign_seal: seal of its `campaign.json`, None if that has none
     """
 
     campaign: str
@@ -53,6 +55,11 @@ class Manifest:
     attempts: int
     device: str
     versions: dict[str, str]
+    campaign_seal: str | None = None
+
+
+_ENTRIES = [field for field in fields(Manifest) if field.name != record_seal.CAMPAIGN_SEAL]
+"""Entries of every manifest; those with a seal are checked before."""
 
 
 def manifest_path(directory: Path, block: int) -> Path:
@@ -69,7 +76,10 @@ def write(directory: Path, block: int, manifest: Manifest) -> None:
     """
     path = manifest_path(directory, block)
     safe_paths.make_folder(directory, path.parent)
-    atomic_files.write_json(path, asdict(manifest))
+    record = asdict(manifest)
+    if manifest.campaign_seal is None:
+        del record[record_seal.CAMPAIGN_SEAL]
+    atomic_files.write_json(path, record if manifest.campaign_seal is None else record_seal.sealed(record))
     _attempts_path(directory, block).unlink(missing_ok=True)
 
 
@@ -101,12 +111,14 @@ def read(directory: Path, configuration: CampaignConfiguration, block: int) -> M
     path = manifest_path(directory, block)
     safe_paths.check_no_links(directory, path)
     expected = f"the manifest of a finished block {_RESUME_HINT}"
-    content = atomic_files.read_json(path, expected, _LARGEST_BYTES)
-    for field in fields(Manifest):
+    content = atomic_files.read_json(path, expected, FileKind.MANIFEST)
+    if isinstance(content, dict):
+        record_seal.check_belongs(path, content, configuration.seal, f" {_RESUME_HINT}")
+    for field in _ENTRIES:
         value = content.get(field.name) if isinstance(content, dict) else None
         if not _is_valid_entry(field.name, value):
             raise ResultError(f"{path}: found {value!r:.60} for {field.name!r}, expected {expected}")
-    found = Manifest(**{field.name: content[field.name] for field in fields(Manifest)})
+    found = Manifest(**{field.name: content[field.name] for field in _ENTRIES}, campaign_seal=configuration.seal)
     if found.campaign != configuration.id:
         expected_id = f"{configuration.id:.40}"
         raise ResultError(f"{path}: found campaign {found.campaign:.40}, expected {expected_id} {_RESUME_HINT}")
@@ -209,8 +221,8 @@ def count_attempts(directory: Path, block: int) -> int:
     path = _attempts_path(directory, block)
     safe_paths.check_no_links(directory, path)
     try:
-        return path.read_bytes().count(b"\n")
-    except OSError:
+        return read_bytes(path, FileKind.MANIFEST).count(b"\n")
+    except FileError:
         return 0
 
 

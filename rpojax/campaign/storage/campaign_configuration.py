@@ -9,13 +9,16 @@ from typing import Any
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.preflight import MAX_BLOCKS, MAX_RUN_ID, MAX_SEED
 from rpojax.campaign.storage import atomic_files, safe_paths
+from rpojax.campaign.storage.seal import record_seal
 from rpojax.errors import ResultError, RpojaxError
+from rpojax.untrusted.file_reading import FileKind
 
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 """Version of the layout of a campaign folder."""
+UNSEALED_FORMAT = 3
+"""Version of folders without a seal, which are read and completed, but get no verdicts."""
 FILE_NAME = "campaign.json"
 
-_LARGEST_BYTES = 64_000_000
 _REQUIRED_ENTRIES: dict[str, type] = {
     "name": str,
     "description": str,
@@ -73,6 +76,8 @@ class CampaignConfiguration:
         created: time of creation
         rerun_of: in the folder of a rerun, `first_run` and `runs` of the original campaign
         plugin: description of the scenario's plugin, from which results can be read without its code
+        format_version: of the layout of the folder
+        seal: of the `campaign.json` that was read; None in one that has none, and in a configuration that was not read
     """
 
     name: str
@@ -90,6 +95,8 @@ class CampaignConfiguration:
     created: str
     rerun_of: dict[str, int] | None = None
     plugin: dict[str, Any] | None = None
+    format_version: int = FORMAT_VERSION
+    seal: str | None = field(default=None, compare=False)
 
     @property
     def block_size(self) -> int:
@@ -107,13 +114,13 @@ class CampaignConfiguration:
         return min(self.block_size, self.options.runs - block * self.block_size)
 
     def to_record(self) -> dict[str, Any]:
-        """Content of `campaign.json`, in the types of JSON."""
+        """Content of `campaign.json` without its seal, in the types of JSON."""
         options = self.options.to_record()
         report, design = options.pop("report"), options.pop("design")
         digest = {} if self.design_sha256 is None else {"sha256": self.design_sha256}
         batching = {} if self.batching is None else {"batching": self.batching}
         record = {
-            "format": FORMAT_VERSION,
+            "format": self.format_version,
             "name": self.name,
             "description": self.description,
             "scenario": self.scenario,
@@ -155,21 +162,27 @@ class CampaignConfiguration:
             created=record.get("created", ""),
             rerun_of=record.get("rerun_of"),
             plugin=record.get("plugin") if isinstance(record.get("plugin"), dict) else None,
+            format_version=record["format"],
+            seal=record.get(record_seal.SEAL),
         )
 
 
 def read(directory: Path) -> CampaignConfiguration:
-    """Configuration of a folder's `campaign.json`, with types and ranges checked.
+    """Configuration of a folder's `campaign.json`, with seal, types and ranges checked.
 
     Raises:
-        ResultError: the folder is no campaign, or not one that this version reads.
+        ResultError: the folder is no campaign, or not one that this version reads, or the file was changed.
     """
     path = directory / FILE_NAME
     safe_paths.check_no_links(directory, path)
-    content = atomic_files.read_json(path, "a campaign folder", _LARGEST_BYTES)
+    content = atomic_files.read_json(path, "a campaign folder", FileKind.CAMPAIGN_JSON)
     found = content.get("format") if isinstance(content, dict) else None
-    if found != FORMAT_VERSION:
-        raise ResultError(f"{directory}: found format {found!r:.60}, expected {FORMAT_VERSION}")
+    if found not in (FORMAT_VERSION, UNSEALED_FORMAT) or isinstance(found, bool | float):
+        raise ResultError(f"{directory}: found format {found!r:.60}, expected {UNSEALED_FORMAT} or {FORMAT_VERSION}")
+    if found == FORMAT_VERSION:
+        record_seal.check_seal(path, content)
+    elif record_seal.SEAL in content:
+        raise ResultError(f"{path}: found a seal, expected none in format {UNSEALED_FORMAT}")
     for key, form in _REQUIRED_ENTRIES.items():
         if not _is_valid_entry(key, content.get(key), form):
             raise ResultError(

@@ -11,13 +11,14 @@
 | `results.zarr/surface` | facets of the target, of a scenario with coverage |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
 | `manifest/000000.json` | one per finished block, written last; a resume runs the blocks without one |
+| `requirements/000001.json` | changes of the requirements after the campaign, one file each |
 | `manifest/000000.attempts` | one per unfinished block that was begun: a line for every attempt |
 | `report.html`, `report.json`, `figures/` | the report |
 """
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,19 +28,22 @@ import numpy as np
 from rpojax.campaign.storage import (
     block_manifests,
     campaign_configuration,
+    folder_creation,
     labelled_results,
     provenance,
-    zarr_encoding,
-    zarr_reader,
 )
+from rpojax.campaign.storage.arrays import zarr_encoding, zarr_reader
+from rpojax.campaign.storage.arrays.zarr_encoding import NOT_RECORDED
+from rpojax.campaign.storage.arrays.zarr_writer import ZarrWriter
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
-from rpojax.campaign.storage.zarr_encoding import NOT_RECORDED
-from rpojax.campaign.storage.zarr_writer import ZarrWriter
+from rpojax.campaign.storage.seal import requirement_changes
+from rpojax.campaign.storage.seal.record_seal import array_binding
+from rpojax.campaign.storage.seal.requirement_changes import RequirementChange
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.schema import RequirementSection, ScenarioFile
 from rpojax.simulation.metrics.phase_records import PhaseTransition, listed_transitions
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent, listed_events
@@ -79,9 +83,10 @@ class Campaign:
         directory: the folder
         configuration: content of `campaign.json`
         failed_blocks: blocks that executors of this process gave up -> reason
+        requirement_changes: changes of the requirements after the campaign, in their order
 
     Raises:
-        ResultError: the folder is no campaign, or not one that this version reads.
+        ResultError: the folder is no campaign, or not one that this version reads, or its identity was changed.
     """
 
     def __init__(self, directory: Path | str, *, allow_plugin: bool = False) -> None:
@@ -93,16 +98,39 @@ class Campaign:
         self.failed_blocks: dict[int, str] = {}
         self._manifests: dict[int, Manifest] = {}
         self._read_cache: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
-        self._writer = ZarrWriter(self.directory, self.configuration.options.runs, self.configuration.block_size)
+        options, seal = self.configuration.options, self.configuration.seal
+        self._writer = ZarrWriter(self.directory, options.runs, self.configuration.block_size, seal)
+        self.requirement_changes: list[RequirementChange] = requirement_changes.read_changes(self.directory, seal)
 
     @property
     def info(self) -> dict[str, Any]:
-        """Content of `campaign.json`, and as `timing` the computation time of the finished blocks."""
+        """Content of `campaign.json` with the requirements that hold now, whether it is sealed, and timing.
+
+        `timing` is the computation time of the finished blocks, `requirement_changes` what was changed after them.
+        """
         timing = block_manifests.timing(
             list(self.manifests.values()), float(self.configuration.scenario.get("duration_s", 0.0))
         )
-        record = self.configuration.to_record()
+        record = self.configuration.to_record() | {"sealed": self.is_sealed, "seal": self.configuration.seal}
+        if self.requirement_changes:
+            record["scenario"] = {**record["scenario"], "requirements": self.requirement_changes[-1].requirements}
+            record["requirement_changes"] = [asdict(change) for change in self.requirement_changes]
         return record | {"timing": timing} if timing else record
+
+    @property
+    def is_sealed(self) -> bool:
+        """Whether digests bind identity, blocks and histories; older folders get figures without verdicts."""
+        return self.configuration.seal is not None
+
+    @cached_property
+    def requirements(self) -> list[RequirementSection]:
+        """Requirements that hold now: those of the scenario, or of the last change."""
+        return self.judged_file.requirements
+
+    @cached_property
+    def judged_file(self) -> ScenarioFile:
+        """The scenario of the runs with the requirements that hold now."""
+        return scenario_loader.validate(self.info["scenario"]) if self.requirement_changes else self.file
 
     @cached_property
     def file(self) -> ScenarioFile:
@@ -160,14 +188,22 @@ class Campaign:
             completed=int((failure == 0).sum()),
             failed=reasons.total(),
             reasons=dict(sorted(reasons.items())),
-            sha256={group: zarr_encoding.digest(arrays) for group, arrays in sorted(groups.items())},
+            sha256={
+                group: zarr_encoding.digest(arrays, self._binding(group, block))
+                for group, arrays in sorted(groups.items())
+            },
             began_s=timing.began_s,
             wall_s=timing.wall_s,
             compile_s=timing.compile_s,
             attempts=max(1, block_manifests.count_attempts(self.directory, block)),
             device=timing.device,
             versions=provenance.package_versions(),
+            campaign_seal=self.configuration.seal,
         )
+
+    def _binding(self, group: str, block: int) -> str:
+        first = self.configuration.options.first_run + block * self.configuration.block_size
+        return array_binding(self.configuration.seal, group, first, self.configuration.runs_in_block(block))
 
     def _check_not_replaced(self) -> None:
         """Refuses to write if another campaign has replaced this one in its folder."""
@@ -202,6 +238,20 @@ class Campaign:
                 values.setflags(write=False)
             self._read_cache[group] = (len(finished), arrays)
         return dict(arrays)
+
+    def verify(self) -> None:
+        """Reads everything that the folder holds, and compares it with the digests recorded when it was written.
+
+        Raises:
+            ResultError: naming what was changed.
+        """
+        finished = self.manifests
+        for group in sorted({name for entry in finished.values() for name in entry.sha256}):
+            zarr_reader.read_group(self.directory, self.configuration, group, finished)
+        for run_id in self.history_ids:
+            zarr_reader.read_history(self.directory, self.configuration, run_id)
+        zarr_reader.read_surface(self.directory, self.configuration)
+        folder_creation.check_scenario_copy(self.directory, self.configuration)
 
     def _check_status(self, status: Mapping[str, np.ndarray], finished: Iterable[Manifest]) -> None:
         """Refuses a status array that disagrees with the counts of the manifests."""
@@ -326,7 +376,7 @@ class Campaign:
         Raises:
             ResultError: they cannot be read.
         """
-        return zarr_reader.read_surface(self.directory)
+        return zarr_reader.read_surface(self.directory, self.configuration)
 
     @property
     def trace_time_s(self) -> np.ndarray:
@@ -353,7 +403,7 @@ class Campaign:
         """
         if run_id not in (stored := self.history_ids):
             raise ResultError(f"run {run_id}: found no history, expected one of {stored}")
-        history = zarr_reader.read_history(self.directory, run_id)
+        history = zarr_reader.read_history(self.directory, self.configuration, run_id)
         return history if servicer is None or not self.servicer_names else of_servicer(history, servicer)
 
     def to_xarray(self) -> "xarray.Dataset":

@@ -2,14 +2,22 @@
 
 import os
 import shutil
+import tomllib
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import tomli_w
 
 from rpojax.campaign import preflight
-from rpojax.campaign.storage import atomic_files, campaign_configuration, stale_files
-from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
-from rpojax.errors import OutputError, UnfinishedError
+from rpojax.campaign.storage import atomic_files, campaign_configuration, safe_paths, stale_files
+from rpojax.campaign.storage.campaign_configuration import FORMAT_VERSION, CampaignConfiguration
+from rpojax.campaign.storage.seal import record_seal
+from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
+from rpojax.untrusted.file_reading import FileKind, read_bytes
+from rpojax.untrusted.toml_reading import parse_toml
+
+_SCENARIO_NAME = "scenario.toml"
 
 
 def create_folder(directory: Path, configuration: CampaignConfiguration, force: bool) -> None:
@@ -38,6 +46,24 @@ def join_folder(directory: Path, configuration: CampaignConfiguration) -> None:
     campaign_configuration.check_compatible(directory, campaign_configuration.read(directory), configuration)
 
 
+def check_scenario_copy(directory: Path, configuration: CampaignConfiguration) -> None:
+    """Refuses a `scenario.toml` that says another thing than `campaign.json`; one that is missing is no harm.
+
+    Raises:
+        ResultError: it differs, or cannot be read.
+    """
+    path = directory / _SCENARIO_NAME
+    safe_paths.check_no_links(directory, path)
+    if not path.exists():
+        return
+    try:
+        found = parse_toml(read_bytes(path, FileKind.SCENARIO).decode())
+    except (RpojaxError, UnicodeDecodeError) as error:
+        raise ResultError(f"{path}: found no readable scenario ({error}), expected that of campaign.json") from None
+    if found != tomllib.loads(tomli_w.dumps(configuration.scenario)):
+        raise ResultError(f"{path}: found another scenario, expected that of campaign.json")
+
+
 def _move_into_place(directory: Path, configuration: CampaignConfiguration, force: bool) -> bool:
     """Makes the folder under a temporary name and renames it; false if another process was faster."""
     place = Path(os.path.realpath(directory))
@@ -46,8 +72,8 @@ def _move_into_place(directory: Path, configuration: CampaignConfiguration, forc
         for stale in stale_files.stale_folders(place):
             shutil.rmtree(stale, ignore_errors=True)
         made.mkdir(parents=True)
-        atomic_files.write(made / "scenario.toml", tomli_w.dumps(configuration.scenario).encode())
-        atomic_files.write_json(made / campaign_configuration.FILE_NAME, configuration.to_record())
+        atomic_files.write(made / _SCENARIO_NAME, tomli_w.dumps(configuration.scenario).encode())
+        atomic_files.write_json(made / campaign_configuration.FILE_NAME, record_seal.sealed(_new_record(configuration)))
         if force and place.exists():
             _remove_folder(place)
         return _try_rename(made, place)
@@ -58,6 +84,11 @@ def _move_into_place(directory: Path, configuration: CampaignConfiguration, forc
         ) from None
     finally:
         shutil.rmtree(made, ignore_errors=True)
+
+
+def _new_record(configuration: CampaignConfiguration) -> dict[str, Any]:
+    """Content of a new `campaign.json`, in the present format also for a rerun of an older campaign."""
+    return replace(configuration, format_version=FORMAT_VERSION).to_record()
 
 
 def _try_rename(made: Path, place: Path) -> bool:

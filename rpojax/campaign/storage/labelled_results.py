@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.campaign.storage.array_units import array_units
+from rpojax.campaign.storage.arrays.array_units import array_units
+from rpojax.campaign.storage.arrays.zarr_encoding import dimension_names
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
-from rpojax.campaign.storage.zarr_encoding import dimension_names
 from rpojax.optional_packages import require_package
 
 if TYPE_CHECKING:

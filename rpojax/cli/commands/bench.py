@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, Overrides, Source, load
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import environment_without_loop_fusion, prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import busy

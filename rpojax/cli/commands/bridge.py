@@ -9,8 +9,8 @@ from tyro.conf import arg
 
 from rpojax.campaign import preflight
 from rpojax.cli.arguments import FLAT, Overrides, Seed, Session, Source, load
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
+from rpojax.cli.standard_streams import print_json
 from rpojax.interop.cosimulation.live_settings import LiveSettings
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 

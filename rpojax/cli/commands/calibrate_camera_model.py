@@ -1,6 +1,5 @@
 """The command `rpojax calibrate-camera-model`: fits the statistical camera to the rendered one."""
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +8,7 @@ from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, Overrides, Source
 from rpojax.cli.output_paths import claim
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import busy, item_progress
 
@@ -66,7 +66,10 @@ def calibrate_camera_model(
     }
     statistical_camera_file.save_statistics(statistics, out, card)
     shown = {"file": str(out), **{name: value for name, value in card.items() if name not in _NOT_PRINTED}}
-    print(json.dumps(shown, indent=2) if as_json else "\n".join(f"{name}: {value}" for name, value in shown.items()))
+    if as_json:
+        print_json(shown)
+    else:
+        print("\n".join(f"{name}: {value}" for name, value in shown.items()))
     return 0
 
 

@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 
 from rpojax.cli import output_paths
 from rpojax.cli.arguments import AsJson, Force
-from rpojax.cli.console import print_json
+from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress_bar import busy
 

@@ -1,6 +1,5 @@
 """The command `rpojax detect`: boxes of spacecraft in pictures."""
 
-import json
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
+from rpojax.cli.standard_streams import print_json, print_problem
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.sign_of_life import SignOfLife
 
@@ -60,7 +60,7 @@ def detect(
             try:
                 image = image_files.read_image(path)
             except image_files.ImageFileError as error:
-                print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
+                print_problem("error", str(error), as_json=False)
                 continue
             found = detect_multiscale(params, image, threshold)
             results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
@@ -69,7 +69,7 @@ def detect(
             if not as_json:
                 _print_boxes(results[-1])
     if as_json:
-        print(json.dumps(results, indent=2, allow_nan=False))
+        print_json(results)
     return 0 if len(results) == len(images) else 3 if results else 2
 
 

@@ -1,13 +1,14 @@
 """The commands of `rpojax detector`: synthetic data, training, evaluation."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional, arg
 
+from rpojax.cli.command_parsing import add_command
 from rpojax.cli.output_paths import claim, claim_folder, resumable
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress_bar import item_progress
@@ -27,10 +28,7 @@ Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged
 _TRAINING, _VALIDATION = "training", "validation"
 _HELD_OUT_SHARE = 0.28
 
-app = tyro.extras.SubcommandApp()
 
-
-@app.command
 def data(
     *,
     out: Annotated[Path, arg(metavar="DIR", help="Folder to make, with the folders training and validation.")],
@@ -81,7 +79,6 @@ def data(
     return 0
 
 
-@app.command
 def train(
     dataset: Source,
     *,
@@ -161,7 +158,6 @@ def _recipes(
     }
 
 
-@app.command
 def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = False) -> int:
     """Evaluate a detector on pictures with boxes: average precision, accuracy of boxes, false alarms."""
     from rpojax.training.detector import evaluate_detector
@@ -205,7 +201,7 @@ def _preview(dataset: "DetectionDataset", path: Path) -> None:
 
 def _print_result(content: dict[str, Any], as_json: bool) -> None:
     if as_json:
-        print(json.dumps(content, indent=2, allow_nan=False))
+        print_json(content)
         return
     for name, value in content.items():
         if isinstance(value, dict):
@@ -214,3 +210,10 @@ def _print_result(content: dict[str, Any], as_json: bool) -> None:
                 print(f"  {key}: {entry}")
         else:
             print(f"{name}: {value}")
+
+
+COMMANDS = (data, train, evaluate)
+"""Commands of `detector`."""
+app = tyro.extras.SubcommandApp()
+for command in COMMANDS:
+    add_command(app, command)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, Folder, NoCache
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import with_progress
+from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress_bar import ProgressCallback
 

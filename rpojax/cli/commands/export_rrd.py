@@ -8,9 +8,9 @@ from tyro.conf import arg
 
 from rpojax.cli import replay
 from rpojax.cli.arguments import AsJson, Folder, NoCache
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress_bar import item_progress

@@ -1,6 +1,5 @@
 """The commands of `rpojax field`: train, evaluate and render a radiance field."""
 
-import json
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -13,7 +12,9 @@ import tyro
 from tyro.conf import Positional, arg
 
 from rpojax.cli.arguments import FLAT
+from rpojax.cli.command_parsing import add_command
 from rpojax.cli.output_paths import claim, resumable
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import item_progress
 
@@ -64,10 +65,7 @@ class FreshViews:
 _LEAST_ALPHA = 0.02
 _SHEET_LIMIT, _FILM_LIMIT = 64, 1000
 
-app = tyro.extras.SubcommandApp()
 
-
-@app.command
 def train(
     mesh: Positional[Mesh],
     placement: Annotated[MeshPlacement, FLAT],
@@ -121,7 +119,6 @@ def train(
     return 0
 
 
-@app.command
 def evaluate(
     placement: Annotated[MeshPlacement, FLAT],
     fresh: Annotated[FreshViews, FLAT],
@@ -147,7 +144,6 @@ def evaluate(
     return 0
 
 
-@app.command
 def render(
     field: Given = None,
     *,
@@ -314,7 +310,14 @@ def _counted(pictures: "Iterator[np.ndarray]", total: int, watch: Callable[..., 
 
 def _print_result(content: dict[str, Any], as_json: bool) -> None:
     if as_json:
-        print(json.dumps(content, indent=2, allow_nan=False))
+        print_json(content)
         return
     for name, value in content.items():
         print(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")
+
+
+COMMANDS = (train, evaluate, render)
+"""Commands of `field`."""
+app = tyro.extras.SubcommandApp()
+for command in COMMANDS:
+    add_command(app, command)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, load
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
+from rpojax.cli.standard_streams import print_json
 from rpojax.runtime import blas_threads
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import busy

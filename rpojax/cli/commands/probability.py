@@ -7,9 +7,9 @@ from tyro.conf import arg
 
 from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder, resumable
+from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import run_progress
 

@@ -31,6 +31,7 @@ def resume(
     set_loop_fusion_flag(rendered=found.file.camera.model == "rendered")
     if run_and_resume.is_complete(found):
         stale_files.remove_stale_files(found.directory)
+        found.verify()
         if found.configuration.options.report and not has_whole_report(found):
             return conclude(found, report=True, as_json=session.as_json)
         show_results(found, lambda: report_of(found), session.as_json)

@@ -4,8 +4,8 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
+from rpojax.cli.standard_streams import print_json
 
 
 def schema(*, partial: Annotated[bool, arg(help="Of a file that extends another: no key is required.")] = False) -> int:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import UseAppendAction, arg
 
 from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
+from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 if TYPE_CHECKING:

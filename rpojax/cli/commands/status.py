@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from rpojax.cli import console
 from rpojax.cli.arguments import AsJson, Folder
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
+from rpojax.cli.standard_streams import print_json
 
 if TYPE_CHECKING:
     pass

@@ -9,9 +9,9 @@ from tyro.conf import UseAppendAction, arg
 
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.cli.arguments import FLAT, Overrides, Session, Source, load
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim, resumable
+from rpojax.cli.standard_streams import print_json
 from rpojax.errors import OutputError
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 

@@ -8,9 +8,9 @@ from tyro.conf import arg
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
 from rpojax.campaign.storage.atomic_outputs import check_replaceable
 from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
-from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder
+from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"

@@ -7,7 +7,7 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
-from rpojax.campaign.storage.array_units import array_units
+from rpojax.campaign.storage.arrays.array_units import array_units
 from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue

@@ -23,6 +23,7 @@ from rpojax.report.sections import (
     safety_section,
 )
 from rpojax.report.sections.dispersion_section import drawn_distributions
+from rpojax.report.worked_out import Notes
 
 FILE_NAME: Final = "brief.html"
 _MOST_REQUIREMENTS, _MOST_METRICS, _MOST_CAVEATS, _MOST_WORST, _MOST_TILES = 10, 14, 6, 6, 12
@@ -55,17 +56,23 @@ def write_brief(campaign: CampaignResults, run_id: int | None = None) -> Path:
     Raises:
         ResultError: the campaign has one run, or no history of `run_id` is stored.
     """
-    content = report_content(campaign, drawn_distributions(campaign))
+    notes = Notes()
+    content = report_content(campaign, notes.part("Dispersions", drawn_distributions, campaign), notes)
     if is_single_run(content):
         raise ResultError(f"{campaign.directory}: found one run, expected a campaign of several for a brief report")
-    charts = page_charts(campaign, content)
-    runs = detail_values(campaign, content, choose_run(campaign, run_id))
-    values = _values(campaign, content, charts, runs)
+    charts = page_charts(campaign, content, notes)
+    runs = notes.derived(
+        "Runs in detail",
+        lambda: detail_values(campaign, content, choose_run(campaign, run_id)),
+        detail_values(campaign, content, None),
+    )
+    content["limits"] = list(dict.fromkeys([*notes.sentences, *content["limits"]]))
+    values = notes.part("The page", lambda results: _values(results, content, charts, runs), campaign)
     wanted = {figure.chart for figure in values["leading"]}
     drawn: dict[str, Chart] = {name: chart for name, chart in charts.charts.items() if name in wanted}
     data = {"charts": drawn, "detail": runs.detail, "scene": runs.scene}
     page = page_templates.render("brief.html", data, values)
-    return write_atomically(campaign.directory / FILE_NAME, page.encode())
+    return write_atomically(campaign.directory / FILE_NAME, page.encode("utf-8", "backslashreplace"))
 
 
 def _values(

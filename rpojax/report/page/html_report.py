@@ -26,9 +26,11 @@ from rpojax.report.page.template_values import (
     run_detail_values,
     table_values,
 )
+from rpojax.report.page.written_report import JSON_NAME, PAGE_NAME, with_digests
 from rpojax.report.sections import identity_section
 from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_distributions
 from rpojax.report.team import team_section
+from rpojax.report.worked_out import Notes
 from rpojax.runtime.progress_bar import busy
 
 
@@ -54,17 +56,29 @@ def write_report(
 
 def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:
     shown_run = choose_run(campaign, run_id)
-    drawn = drawn_distributions(campaign)
-    content = report_content(campaign, drawn)
+    notes = Notes()
+    drawn = notes.part("Dispersions", drawn_distributions, campaign)
+    content = report_content(campaign, drawn, notes)
     _refuse_symlink(campaign.directory / "figures")
-    detail = _run_detail(campaign, shown_run, film)
-    pictures = PageFigures(coverage_section.write_figure(campaign), team_section.write_figure(campaign, shown_run))
-    if is_single_run(content):
-        page = render_run_page(campaign, content, detail)
-    else:
-        page = _render_page(campaign, content, drawn, detail, pictures)
-    write_json(campaign.directory / "report.json", content)
-    return write_atomically(campaign.directory / "report.html", page.encode())
+    no_detail = RunDetail(None, "", {}, {}, CameraSheet(None, "They could not be made."))
+    detail = notes.derived("The run in detail", lambda: _run_detail(campaign, shown_run, film), no_detail)
+    pictures = notes.derived(
+        "Pictures",
+        lambda: PageFigures(coverage_section.write_figure(campaign), team_section.write_figure(campaign, shown_run)),
+        PageFigures(None, None),
+    )
+
+    def rendered(results: CampaignResults) -> str:
+        if is_single_run(content):
+            return render_run_page(results, content, detail)
+        return _render_page(results, content, drawn, detail, pictures, notes)
+
+    page = notes.part("The page", rendered, campaign)
+    content["limits"] = [*(each for each in notes.sentences if each not in content["limits"]), *content["limits"]]
+    written = page.encode("utf-8", "backslashreplace")
+    seal = campaign.info.get("seal")
+    write_json(campaign.directory / JSON_NAME, with_digests(content, campaign.directory, written, seal))
+    return write_atomically(campaign.directory / PAGE_NAME, written)
 
 
 def _run_detail(campaign: CampaignResults, shown_run: int | None, film: bool) -> RunDetail:
@@ -93,9 +107,14 @@ def _render_page(
     drawn: list[DrawnDistribution],
     detail: RunDetail,
     pictures: PageFigures,
+    notes: Notes,
 ) -> str:
-    charts = page_charts(campaign, content)
-    runs: DetailValues = detail_values(campaign, content, detail.run_id)
+    charts = page_charts(campaign, content, notes)
+    runs: DetailValues = notes.derived(
+        "Runs in detail",
+        lambda: detail_values(campaign, content, detail.run_id),
+        detail_values(campaign, content, None),
+    )
     data = {"charts": charts.charts, "explorer": charts.explorer, "detail": runs.detail, "scene": runs.scene}
     values = {
         "name": campaign.info.get("name", "campaign"),
@@ -107,11 +126,11 @@ def _render_page(
         "warnings": content["warnings"],
         "independent": content["design"]["independent"],
         "scenario": identity_section.scenario_lines(campaign),
-        "limits": content["limits"],
+        "limits": list(dict.fromkeys([*notes.sentences, *content["limits"]])),
         "dispersions": drawn,
         **first_screen_values(campaign, content, charts),
         **charts.template_values,
-        **table_values(campaign, content),
+        **table_values(campaign, content, notes),
         **run_detail_values(campaign, content, detail),
         **runs.template_values,
         **figure_values(pictures),

@@ -38,6 +38,7 @@ from rpojax.report.sections import (
     worst_runs_section,
 )
 from rpojax.report.team import team_tables
+from rpojax.report.worked_out import Notes
 
 _PALETTE_COLOURS = 64
 _CAPTIONS = {
@@ -91,18 +92,22 @@ class PageCharts:
     template_values: dict[str, Any]
 
 
-def page_charts(campaign: CampaignResults, content: Mapping[str, Any]) -> PageCharts:
-    """Charts of all sections."""
-    envelopes = envelope_section.envelope_charts(campaign, content["requirements"])
-    averages = consistency_section.charts(campaign)
-    histograms = distribution_section.histogram_entries(campaign, content)
-    convergence = {} if content["convergence"] is None else convergence_section.charts(content["convergence"])
-    explorer = scatter_explorer(campaign, content["requirements"])
+def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: Notes) -> PageCharts:
+    """Charts of all sections; those that numbers do not allow are left out, with a note."""
+    required = content["requirements"]
+    envelopes = notes.derived("Envelopes", lambda: envelope_section.envelope_charts(campaign, required), {})
+    averages = notes.derived("Averages of consistency", lambda: consistency_section.charts(campaign), {})
+    histograms = notes.derived("Histograms", lambda: distribution_section.histogram_entries(campaign, content), [])
+    progress = content["convergence"]
+    convergence = (
+        {} if progress is None else notes.derived("Convergence", lambda: convergence_section.charts(progress), {})
+    )
+    explorer = notes.derived("The scatter plot", lambda: scatter_explorer(campaign, required), None)
     charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in envelopes.items()}
     charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
     charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in histograms if entry["chart"] is not None}
     charts |= {f"convergence-{name}": chart for name, (_, chart) in convergence.items()}
-    shares = phase_timeline.chart(campaign)
+    shares = notes.part("Shares of phases", phase_timeline.chart, campaign)
     charts |= {} if shares is None else {"phase-shares": shares}
     charts |= {f"sensitivity-{entry['metric']}": sensitivity_section.chart(entry) for entry in content["sensitivity"]}
     template_values = {
@@ -127,14 +132,14 @@ def first_screen_values(campaign: CampaignResults, content: Mapping[str, Any], c
     }
 
 
-def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables and tiles of all sections."""
+def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: Notes) -> dict[str, Any]:
+    """Tables and tiles of all sections; those that numbers do not allow are empty, with a note."""
     consistency = content["consistency"]
     return {
         "identity": identity_section.identity_lines(campaign, content),
         "requirements": requirement_verdict_section.rows(content["requirements"]),
         "tiles": headline_section.headline_tiles(content),
-        "metric_rows": metrics_section.metric_rows(campaign, content),
+        "metric_rows": notes.derived("Metrics", lambda: metrics_section.metric_rows(campaign, content), []),
         "safety": safety_section.rows(content["safety"]),
         "rare_failures": probability_page.section(content["rare_failures"]),
         "entries": content["safety"]["entries"]["run_ids"],
@@ -159,7 +164,10 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
             )
             for cause in content["failure_causes"]
         ],
-        "faults": {"rows": fault_section.fault_rows(campaign), "headings": fault_section.headings()},
+        "faults": {
+            "rows": notes.part("Faults", fault_section.fault_rows, campaign),
+            "headings": fault_section.headings(),
+        },
         "worst": worst_runs_section.rows(content["worst_runs"]),
     }
 

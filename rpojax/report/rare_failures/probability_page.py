@@ -33,7 +33,7 @@ def write_page(content: Mapping[str, Any], directory: Path) -> Path:
         OutputError: it cannot be written.
     """
     page = _environment().get_template("page.html").render(name=content["scenario"], **_values(content))
-    return write_atomically(directory / PAGE_NAME, page.encode())
+    return write_atomically(directory / PAGE_NAME, page.encode("utf-8", "backslashreplace"))
 
 
 def _values(content: Mapping[str, Any]) -> dict[str, Any]:

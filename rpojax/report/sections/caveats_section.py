@@ -14,7 +14,7 @@ from rpojax.report.run_independence import design_phrase, runs_are_independent
 def caveat_sentences(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[str]:
     """Sentences on the limits of the results; `summary` is that of the campaign."""
     scenario, runs = campaign.info.get("scenario", {}), summary["runs"]
-    sentences = [_camera_caveat(scenario.get("camera"))]
+    sentences = [*_seal_caveats(campaign), _camera_caveat(scenario.get("camera"))]
     if "duration_s" in scenario:
         duration = format_number(float(scenario["duration_s"]))
         sentences.append(f"Each run lasts {duration} s; nothing is said about later times.")
@@ -80,6 +80,26 @@ def _undefined_metrics_caveats(campaign: CampaignResults) -> list[str]:
             f"Undefined in some of the {int(ended.sum())} runs that reached their end: {named}. That is no failure "
             "where there was nothing to measure, but the bounds take the worse case: none is given that would be such "
             "a run."
+        )
+    return sentences
+
+
+def _seal_caveats(campaign: CampaignResults) -> list[str]:
+    """Sentences on a folder without a seal, and on requirements that were changed after the campaign."""
+    sentences = []
+    if not campaign.info.get("sealed", True):
+        sentences.append(
+            "The folder is unsealed: it was made before digests bound scenario, runs and results together, so nothing "
+            "shows whether its identity or its requirements were changed. Figures are given, verdicts are not."
+        )
+    for change in campaign.info.get("requirement_changes", []):
+        listed = "; ".join(
+            f"{each.get('metric')} {each.get('bound')} {each.get('limit')} with probability {each.get('probability')}"
+            for each in change["requirements"]
+        )
+        sentences.append(
+            f"Requirements were changed after the campaign on {change['changed']} ({change['reason']}). Since then "
+            f"they are: {listed or 'none'}."
         )
     return sentences
 

@@ -22,6 +22,7 @@ def identity_lines(campaign: CampaignResults, summary: Mapping[str, Any]) -> lis
     missing = f", {runs['missing']} missing" if runs["missing"] else ""
     lines = [
         ("Scenario hash", info.get("scenario_hash")),
+        ("Seal", "unsealed" if not info.get("sealed", True) else info.get("seal")),
         ("Master seed", info.get("seed")),
         ("Runs", f"{counts}{kinds}{missing}"),
         ("Replaced stages", _replaced_stages_text(info.get("stages") or {})),

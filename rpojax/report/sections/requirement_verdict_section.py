@@ -88,8 +88,9 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
     values = np.asarray(campaign.metrics.get(requirement.metric_name, ()), dtype=np.float64)
     is_conditional = len(values) > 0 and (requirement.outcome is not None or requirement.phase is not None)
     counted = counts(requirement, campaign.metrics, campaign.outcomes) if is_conditional else None
+    sealed = bool(campaign.info.get("sealed", True))
     found = evaluate_requirement(
-        requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted
+        requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted, sealed
     )
     return {
         "text": _requirement_phrase(requirement),

@@ -1,5 +1,6 @@
 """Sensitivity of the key metrics to the dispersed inputs, by rank correlation and HSIC."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -28,7 +29,14 @@ def content(campaign: CampaignResults) -> list[dict[str, Any]]:
     inputs = {key: values for key, values in rankable_scalars(campaign).items() if np.isfinite(values).all()}
     rankings = {name: rank_inputs(inputs, campaign.metrics[name]) for name in select_key_metrics(campaign)}
     independent = runs_are_independent(campaign)
-    return [_entry(name, ranking, independent) for name, ranking in rankings.items() if ranking.inputs]
+    return [_entry(name, ranking, independent) for name, ranking in rankings.items() if _is_ranked(ranking)]
+
+
+def _is_ranked(ranking: InputRanking) -> bool:
+    """Whether there are inputs, all with finite measures: extreme numbers may leave none."""
+    return bool(ranking.inputs) and all(
+        math.isfinite(one.spearman) and math.isfinite(one.hsic) for one in ranking.inputs
+    )
 
 
 def chart(entry: Mapping[str, Any]) -> Chart:

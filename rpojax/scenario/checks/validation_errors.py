@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.scenario.checks import former_keys
+from rpojax.scenario.checks.nearest_key import nearest_key
 from rpojax.scenario.schema import ScenarioFile
 
 
@@ -24,7 +25,7 @@ def first_error(error: ValidationError) -> ScenarioError:
     if fault["type"] == "extra_forbidden":
         if present := former_keys.replacement(key):
             return ScenarioError(key, fault["input"], present)
-        return UnknownKeyError(key, _similar_key(fault["loc"]))
+        return UnknownKeyError(key, _similar_key(key, fault["loc"]))
     if fault["type"] == "missing":
         return ScenarioError(key, "nothing", "a value for this key")
     if fault["type"] == "union_tag_invalid" and fault["loc"][0] == "phases":
@@ -50,9 +51,11 @@ def _is_of_world(location: tuple[int | str, ...]) -> bool:
     return location[0] == "servicers" and len(location) == 3 and location[2] in ScenarioFile.model_fields
 
 
-def _similar_key(location: tuple[int | str, ...]) -> str:
-    """Hint at a known key of the same section with a similar name."""
+def _similar_key(key: str, location: tuple[int | str, ...]) -> str:
+    """Hint at the nearest known key; in a list of tables, at a key of the same table."""
     fields, *path = ScenarioFile.model_fields, *location
+    if not any(isinstance(part, int) for part in location):
+        return nearest_key(key)
     if path[0] == "servicers" and len(path) > 3:
         path = path[2:]
     if len(path) > 1 and path[0] in fields:

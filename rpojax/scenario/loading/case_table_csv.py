@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 
 from rpojax.errors import ScenarioError
+from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
-MAX_BYTES = 64_000_000
 MAX_CELLS = 1_000_000
 MAX_COLUMNS = 1000
 
@@ -41,15 +41,9 @@ def read_columns(path: Path) -> Columns:
 
 def _text(path: Path) -> str:
     try:
-        if not path.is_file():
-            raise ScenarioError("design.file", str(path), "a CSV file")
-        with path.open("rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-        if len(content) > MAX_BYTES:
-            raise ScenarioError("design.file", str(path), f"a file of at most {MAX_BYTES} bytes")
-        return content.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = f"{path} ({type(error).__name__})"
+        return read_bytes(path, FileKind.CASE_TABLE).decode("utf-8-sig")
+    except (FileError, UnicodeDecodeError) as error:
+        reason = f"{path} ({error.found if isinstance(error, FileError) else 'no text in UTF-8'})"
         raise ScenarioError("design.file", reason, "a readable CSV file in UTF-8") from None
 
 

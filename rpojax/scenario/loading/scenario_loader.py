@@ -2,7 +2,6 @@
 
 import copy
 import functools
-import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -12,7 +11,7 @@ from pydantic import ValidationError
 
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.checks.consistency_checks import check_consistency
-from rpojax.scenario.checks.validation_errors import first_error
+from rpojax.scenario.checks.validation_errors import did_you_mean, first_error
 from rpojax.scenario.loading import case_table_csv, format_migration
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
 from rpojax.scenario.loading.table_merging import apply_override, merge
@@ -23,6 +22,9 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.team_checks import check_team
 from rpojax.scenario.trained import trained_files
 from rpojax.scenario.trained.coverage_surface import SURFACES
+from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, is_folder, read_bytes
+from rpojax.untrusted.structure_limits import StructureError
+from rpojax.untrusted.toml_reading import parse_toml
 
 _MAX_EXTENDS_DEPTH = 8
 
@@ -132,9 +134,9 @@ def _read_files(source: str | Path, depth: int = 0) -> list[dict[str, Any]]:
         raise ScenarioError("extends", str(source), "a chain of scenarios that ends")
     text, folder = _read_text(source)
     try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(str(source), str(error), "a valid TOML file") from None
+        tables = parse_toml(text)
+    except StructureError as error:
+        raise ScenarioError.of_structure(str(source), error) from None
     _resolve_paths(tables, folder)
     base = tables.pop("extends", None)
     if base is None:
@@ -154,10 +156,14 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
     path = Path(source)
     try:
         # Some Windows editors write a byte order mark first.
-        return path.read_text(encoding="utf-8-sig"), path.parent
-    except (OSError, UnicodeDecodeError):
-        expected = f"a packaged scenario ({', '.join(packaged_names())}) or a readable TOML file"
+        text = read_bytes(path, FileKind.SCENARIO).decode("utf-8-sig")
+    except (FileError, UnicodeDecodeError) as error:
+        if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not is_folder(path)):
+            raise ScenarioError("scenario", f"{source} ({error.found})", error.expected) from None
+        near = did_you_mean(str(source), packaged_names())
+        expected = f"{', '.join(packaged_names())} or a readable TOML file{near}"
         raise ScenarioError("scenario", str(source), expected) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n"), path.parent
 
 
 def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
@@ -167,15 +173,15 @@ def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
     start = tables.get("start")
     for key in ("target", "servicer"):
         if isinstance(start, dict) and isinstance(name := start.get(key), str):
-            start[key] = str((folder / name).resolve())
+            start[key] = str(absolute_path(folder / name))
     imaging = tables.get("imaging")
     for key in trained_files.PACKAGED_FILES:
         name = imaging.get(key) if isinstance(imaging, dict) else None
         if isinstance(name, str) and name != trained_files.PACKAGED and isinstance(imaging, dict):
-            imaging[key] = str((folder / name).resolve())
+            imaging[key] = str(absolute_path(folder / name))
     coverage = tables.get("coverage")
     if isinstance(coverage, dict) and isinstance(name := coverage.get("surface"), str) and name not in SURFACES:
-        coverage["surface"] = str((folder / name).resolve())
+        coverage["surface"] = str(absolute_path(folder / name))
     design = tables.get("design")
     if isinstance(design, dict) and isinstance(design.get("file"), str) and design["file"]:
         design["file"] = str(folder.absolute() / design["file"])

@@ -1,14 +1,16 @@
 """Nested tables of scenario files: a file merged into its base, and `KEY=VALUE` overrides."""
 
 import functools
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks import former_keys
+from rpojax.scenario.checks.nearest_key import nearest_key
 from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
+from rpojax.untrusted.structure_limits import StructureError
+from rpojax.untrusted.toml_reading import MOST_KEY_PARTS, parse_toml
 
 _OPTIONAL_SECTIONS = ("initial.handover", "mission", "link", "team", "gps_differences", "link_range")
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
@@ -75,12 +77,9 @@ def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
     """
     key, equals, text = override.partition("=")
     key, text = key.strip(), text.strip()
-    if not equals or not key or not text:
+    if not equals or not key or not text or key.count(".") >= MOST_KEY_PARTS:
         raise ScenarioError("overrides", override, "KEY=VALUE, such as navigation.gate_sigma=4", is_argument=True)
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text
+    value = _override_value(override, text)
     *path, leaf = key.split(".")
     if path and path[0] == "dispersions":
         _override_dispersion(tables, key.partition(".")[2], value)
@@ -95,6 +94,19 @@ def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
     else:
         _set_existing(tables, key, path, leaf, value)
     return functools.reduce(lambda inner, name: {name: inner}, reversed(path), {leaf: value})
+
+
+def _override_value(override: str, text: str) -> Any:
+    """Value of an override: one in TOML, or the text itself if it is one line and no TOML."""
+    try:
+        found = parse_toml(f"value = {text}")
+    except StructureError:
+        if "\n" in text or "\r" in text:
+            raise ScenarioError("overrides", override, "KEY=VALUE in one line", is_argument=True) from None
+        return text
+    if len(found) > 1:
+        raise ScenarioError("overrides", override, "one KEY=VALUE, no line after it", is_argument=True)
+    return found["value"]
 
 
 def _set_of_named(tables: dict[str, Any], key: str, path: list[str], leaf: str, value: Any) -> None:
@@ -120,8 +132,7 @@ def _set_existing(tables: dict[str, Any], key: str, path: list[str], leaf: str, 
     if not isinstance(table, dict) or leaf not in table:
         if present := former_keys.replacement(key):
             raise ScenarioError(key, value, present, is_argument=True)
-        hint = did_you_mean(leaf, list(table)) if isinstance(table, dict) else ""
-        raise ScenarioError("overrides", key, f"a key of the scenario{hint}", is_argument=True)
+        raise ScenarioError("overrides", key, f"a key of the scenario{nearest_key(key)}", is_argument=True)
     table[leaf] = value
 
 

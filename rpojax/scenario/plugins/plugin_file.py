@@ -4,18 +4,16 @@ import hashlib
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Final
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.plugins.plugin import Plugin
-
-_LARGEST_BYTES: Final = 1_000_000
+from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
 
 
 def absolute_reference(reference: str, folder: Path) -> str:
     """Reference with the path of its file resolved from `folder`."""
     path, colon, function = reference.rpartition(":")
-    return f"{(folder / path).resolve()}:{function}" if colon and path else reference
+    return f"{absolute_path(folder / path)}:{function}" if colon and path else reference
 
 
 def load(reference: str) -> tuple[str, Plugin]:
@@ -46,13 +44,9 @@ def load(reference: str) -> tuple[str, Plugin]:
 
 def _read(path: Path) -> bytes:
     try:
-        with path.open("rb") as stream:
-            source = stream.read(_LARGEST_BYTES + 1)
-    except OSError as error:
-        raise ScenarioError("plugin", str(path), f"a readable Python file ({error.strerror})") from None
-    if len(source) > _LARGEST_BYTES:
-        raise ScenarioError("plugin", f"more than {_LARGEST_BYTES} bytes in {path}", "a Python file")
-    return source
+        return read_bytes(path, FileKind.PLUGIN)
+    except FileError as error:
+        raise ScenarioError("plugin", f"{path} ({error.found})", error.expected) from None
 
 
 def _execute(path: Path, source: bytes, name: str) -> ModuleType:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.trained.trained_files import PACKAGED, file_digest
+from rpojax.untrusted.file_reading import is_regular
 
 HULL = "hull"
 """Value of `coverage.surface` that selects the convex hull of `target.hull_m`."""
@@ -28,7 +29,7 @@ def mesh_path(tables: Mapping[str, Any]) -> Path | None:
     if not coverage.get("enabled") or name in SURFACES:
         return None
     path = Path(name)
-    if not path.is_file():
+    if not is_regular(path):
         raise ScenarioError("coverage.surface", name, f"'{PACKAGED}', '{HULL}' or the path of a mesh file")
     return path
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpojax.errors import ScenarioError
+from rpojax.untrusted.file_reading import FileKind, is_regular, read_bytes
 
 if TYPE_CHECKING:
     from rpojax.sensors.rendered_camera import Networks
@@ -37,7 +38,7 @@ def file_path(tables: Mapping[str, Any], key: str) -> Path:
 
     name = tables["imaging"][key]
     path = weight_files.packaged_file(PACKAGED_FILES[key]) if name == PACKAGED else Path(name)
-    if not path.is_file():
+    if not is_regular(path):
         raise ScenarioError(f"imaging.{key}", name, f"'{PACKAGED}' or the path of a file")
     return path
 
@@ -48,8 +49,12 @@ def required_digests(tables: Mapping[str, Any]) -> dict[str, str]:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """SHA-256 of a file of weights or of a mesh.
+
+    Raises:
+        FileError: it cannot be read, or is too large.
+    """
+    return hashlib.sha256(read_bytes(path, FileKind.WEIGHTS)).hexdigest()
 
 
 def networks_for_model(tables: Mapping[str, Any]) -> "Networks | None":

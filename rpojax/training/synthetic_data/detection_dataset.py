@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,9 @@ from rpojax.training.synthetic_data.composites import SIZE_PX, random_composite
 from rpojax.training.synthetic_data.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
+from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
+from rpojax.untrusted.json_reading import read_json
+from rpojax.vision.imaging.image_files import check_size
 
 CATEGORY = "spacecraft"
 ANNOTATIONS = "annotations.json"
@@ -96,8 +99,8 @@ def write_dataset(
 def is_complete(folder: Path, provenance: str) -> bool:
     """Whether a folder holds a complete data set of the given provenance."""
     try:
-        return bool(json.loads((folder / ANNOTATIONS).read_text(encoding="utf-8"))["info"]["made"] == provenance)
-    except (OSError, ValueError, KeyError, TypeError):
+        return bool(read_json(folder / ANNOTATIONS, FileKind.ANNOTATIONS)["info"]["made"] == provenance)
+    except (RpojaxError, KeyError, TypeError):
         return False
 
 
@@ -136,7 +139,8 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     images, boxes = images[:limit], boxes[:limit]
     arrays, scaled = [], []
     for entry, found in zip(images, boxes, strict=True):
-        array, scale = _read_square_image(folder / entry["file_name"], (entry["width"], entry["height"]), size_px)
+        place = _inside(folder, entry["file_name"])
+        array, scale = _read_square_image(place, (entry["width"], entry["height"]), size_px)
         arrays.append(array)
         scaled.append((found * scale).astype(np.float32))
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
@@ -147,9 +151,9 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
 def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
     """Entries of the images of an annotations file, and their boxes (n, 4)."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "no JSON"
+        content = read_json(path, FileKind.ANNOTATIONS)
+    except RpojaxError as error:
+        reason = error.found if isinstance(error, FileError) else str(error)
         raise DatasetError(f"{path}: cannot be read ({reason}), expected annotations in COCO's format") from None
     try:
         images = [
@@ -169,23 +173,52 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
         for note in content["annotations"]:
             if note.get("iscrowd"):
                 raise ValueError(f"a crowd in image {note['image_id']}, where each spacecraft has its box")
-            left, top, width, height = map(float, note["bbox"])
-            if not (width > 0.0 and height > 0.0) or not np.isfinite([left, top, width, height]).all():
-                raise ValueError(f"bbox {note['bbox']}")
+            left, top, width, height = _box(note["bbox"], by_number[note["image_id"]])
             by_image[note["image_id"]].append([left, top, left + width, top + height])
             by_number[note["image_id"]]["craft"] = note.get("craft")
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DatasetError(f"{path}: found a fault at {error}, expected images and annotations as in COCO") from None
     if not images:
         raise DatasetError(f"{path}: found no images, expected at least one")
     return images, [np.array(by_image[entry["id"]]).reshape(-1, 4) for entry in images]
 
 
+def _box(values: Any, image: Mapping[str, Any]) -> tuple[float, float, float, float]:
+    """Left, top, width and height of a box, which overlaps its image and reaches beyond it by at most its size.
+
+    Raises:
+        ValueError: it is no such box.
+    """
+    left, top, width, height = map(float, values)
+    spans = ((left, width, image["width"]), (top, height, image["height"]))
+    if not all(size > 0.0 and -most <= low < most and 0.0 < low + size <= 2.0 * most for low, size, most in spans):
+        raise ValueError(f"bbox {values} of an image of {image['width']} x {image['height']} px")
+    return left, top, width, height
+
+
+def _inside(folder: Path, name: str) -> Path:
+    """Path of an image in a data set.
+
+    Raises:
+        DatasetError: it leads out of the folder.
+    """
+    place = absolute_path(folder / name)
+    if Path(name).is_absolute() or not place.is_relative_to(absolute_path(folder)):
+        raise DatasetError(f"{folder / ANNOTATIONS}: found file_name {name!r}, expected a path inside the data set")
+    return folder / name
+
+
 def _read_square_image(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.ndarray, float]:
     """Square image (p, p, 3) of codes, and the scale of its boxes."""
     import cv2
 
-    found = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
+    try:
+        content = read_bytes(path, FileKind.PICTURE)
+        check_size(path, content)
+        found = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    except (RpojaxError, cv2.error) as error:
+        reason = str(error) if isinstance(error, RpojaxError) else "it cannot be decoded"
+        raise DatasetError(f"{path}: cannot be read ({reason}), expected an image that the annotations name") from None
     if found is None:
         raise DatasetError(f"{path}: cannot be read, expected an image that the annotations name")
     height, width = found.shape[:2]

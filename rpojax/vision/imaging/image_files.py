@@ -1,5 +1,6 @@
 """Image files of a user: JPEG and PNG of any size and depth."""
 
+import io
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rpojax.errors import RpojaxError
+from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -32,25 +34,52 @@ def read_image(path: Path) -> np.ndarray:
         with warnings.catch_warnings():
             # `PIXEL_LIMIT` replaces the limit of Pillow, which only warns.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
+            with Image.open(io.BytesIO(read_bytes(path, FileKind.PICTURE))) as image:
                 _check(path, image)
                 return _codes(image)
     except UnidentifiedImageError:
-        found = "an empty file" if path.stat().st_size == 0 else "something else"
-        raise ImageFileError(f"{path}: found {found}, expected a JPEG or PNG image") from None
+        raise ImageFileError(f"{path}: found {_other(path)}, expected a JPEG or PNG image") from None
+    except FileError as error:
+        raise ImageFileError(f"{path}: cannot be read ({error.found}), expected a JPEG or PNG image") from None
     except Image.DecompressionBombError:
         raise ImageFileError(f"{path}: found too many pixels, expected at most {PIXEL_LIMIT}") from None
-    except (OSError, SyntaxError, ValueError, EOFError) as error:
+    except ImageFileError:
+        raise
+    # Damaged pictures raise errors of many kinds in the decoders.
+    except Exception as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise ImageFileError(f"{path}: cannot be read ({reason}), expected a JPEG or PNG image") from None
+
+
+def _other(path: Path) -> str:
+    return "an empty file" if path.stat().st_size == 0 else "something else"
+
+
+def check_size(path: Path, content: bytes) -> None:
+    """Raises `ImageFileError` if an image of any format has more than `PIXEL_LIMIT` pixels; decodes nothing."""
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(content)) as image:
+                _check_pixels(path, image)
+    except ImageFileError:
+        raise
+    except Exception:
+        raise ImageFileError(f"{path}: found no image, expected one of at most {PIXEL_LIMIT} pixels") from None
+
+
+def _check_pixels(path: Path, image: "Image") -> None:
+    if image.width * image.height > PIXEL_LIMIT:
+        found = f"{image.width} x {image.height} px"
+        raise ImageFileError(f"{path}: found {found}, expected at most {PIXEL_LIMIT} pixels")
 
 
 def _check(path: Path, image: "Image") -> None:
     if image.format not in _FORMATS:
         raise ImageFileError(f"{path}: found {image.format}, expected a JPEG or PNG image")
-    if image.width * image.height > PIXEL_LIMIT:
-        found = f"{image.width} x {image.height} px"
-        raise ImageFileError(f"{path}: found {found}, expected at most {PIXEL_LIMIT} pixels")
+    _check_pixels(path, image)
     frames = getattr(image, "n_frames", 1)
     if frames > 1 and image.format != "MPO":
         raise ImageFileError(f"{path}: found {frames} frames, expected a single image")

@@ -9,6 +9,7 @@ import pytest
 
 from rpojax.campaign.storage import atomic_files
 from rpojax.errors import ResultError, UnfinishedError
+from rpojax.untrusted.file_reading import FileKind
 
 
 def test_file_is_replaced_as_a_whole_and_no_partial_file_remains(tmp_path: Path) -> None:
@@ -39,14 +40,14 @@ def test_invalid_json_is_an_error_of_one_line(tmp_path: Path, text: str) -> None
     path = tmp_path / "some.json"
     path.write_text(text, errors="surrogatepass")
     with pytest.raises(ResultError, match=r"some\.json: found no readable some\.json") as caught:
-        atomic_files.read_json(path, "a test", 1_000_000)
+        atomic_files.read_json(path, "a test", FileKind.PROGRESS)
     assert "\n" not in str(caught.value)
 
 
 def test_too_large_file_is_not_read(tmp_path: Path) -> None:
-    (tmp_path / "some.json").write_text(" " * 101)
-    with pytest.raises(ResultError, match="found more than 100 bytes"):
-        atomic_files.read_json(tmp_path / "some.json", "a test", 100)
+    (tmp_path / "some.json").write_text(" " * (FileKind.MANIFEST.most_bytes + 1))
+    with pytest.raises(ResultError, match="more than 1000000 bytes"):
+        atomic_files.read_json(tmp_path / "some.json", "a test", FileKind.MANIFEST)
 
 
 def test_json_is_replaced_as_a_whole_or_not_at_all(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_manifest_of_another_campaign_is_refused(mission: ScenarioFile, tmp_path
     one.write_block(0, synthetic_block(0), synthetic_timing())
     (other.directory / "manifest").mkdir()
     shutil.copy(one.directory / "manifest" / "000000.json", other.directory / "manifest")
-    with pytest.raises(ResultError, match="found campaign"):
+    with pytest.raises(ResultError, match=r"seal of another campaign\.json"):
         _ = other.manifests
 
 

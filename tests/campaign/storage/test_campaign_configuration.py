@@ -63,7 +63,7 @@ def test_options_are_read_back_from_the_folder(tmp_path: Path, mission: Scenario
     folder_creation.create_folder(tmp_path / "runs", written, force=False)
     assert campaign_configuration.read(tmp_path / "runs") == written
     content = json.loads((tmp_path / "runs" / "campaign.json").read_text())
-    assert Campaign(tmp_path / "runs").info == content
+    assert Campaign(tmp_path / "runs").info == content | {"sealed": True}
     assert content["histories"]["rule"] == options.histories.rule
     assert {name: content[name] for name in ("seed", "runs", "first_run", "block_size", "report")} == {
         name: getattr(options, name) for name in ("seed", "runs", "first_run", "block_size", "report")
@@ -74,8 +74,10 @@ def test_a_folder_of_an_earlier_version_is_read(empty: Campaign) -> None:
     path = empty.directory / "campaign.json"
     content = json.loads(path.read_text())
     later = ("batching", "dtype", "device", "created")
-    path.write_text(json.dumps({key: value for key, value in content.items() if key not in later}))
+    older = {key: value for key, value in content.items() if key not in (*later, "seal")} | {"format": 3}
+    path.write_text(json.dumps(older))
     found = campaign_configuration.read(empty.directory)
     assert found.options == empty.configuration.options
     assert (found.dtype, found.device, found.created) == ("", "", "")
     assert (found.design_sha256, found.batching) == (None, None)
+    assert not Campaign(empty.directory).is_sealed

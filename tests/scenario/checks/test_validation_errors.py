@@ -18,7 +18,11 @@ def tables(inspection_file: ScenarioFile) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("section", "misspelt", "meant"),
-    [("servicer", "mas_kg", "mass_kg"), ("navigation", "gate_sigmas", "gate_sigma"), (None, "servicr", "servicer")],
+    [
+        ("servicer", "mas_kg", "servicer.mass_kg"),
+        ("navigation", "gate_sigmas", "navigation.gate_sigma"),
+        (None, "servicr", "servicer"),
+    ],
 )
 def test_the_error_of_a_misspelt_key_suggests_the_right_one(
     tables: dict[str, Any], section: str | None, misspelt: str, meant: str

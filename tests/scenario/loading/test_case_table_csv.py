@@ -11,6 +11,7 @@ from scenario_variants import write_with_table
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading import case_table_csv, scenario_loader
+from rpojax.untrusted.file_reading import FileKind
 
 
 @pytest.mark.parametrize(
@@ -56,18 +57,19 @@ def test_a_table_too_large_or_unreadable_is_refused(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(case_table_csv, "MAX_CELLS", 3)
     with pytest.raises(ScenarioError, match="at most 1000 columns and 3 values"):
         scenario_loader.load(path)
-    monkeypatch.setattr(case_table_csv, "MAX_BYTES", 5)
-    with pytest.raises(ScenarioError, match="at most 5 bytes"):
-        scenario_loader.load(path)
     monkeypatch.undo()
+    with (tmp_path / "runs.csv").open("ab") as stream:
+        stream.truncate(FileKind.CASE_TABLE.most_bytes + 1)
+    with pytest.raises(ScenarioError, match="more than 64000000 bytes"):
+        scenario_loader.load(path)
     (tmp_path / "runs.csv").write_bytes(b"gps.noise_m\n\xff\n")
     with pytest.raises(ScenarioError, match="UTF-8"):
         scenario_loader.load(path)
     (tmp_path / "runs.csv").unlink()
-    with pytest.raises(ScenarioError, match=r"^design.file.*expected a CSV file"):
+    with pytest.raises(ScenarioError, match=r"^design.file.*expected a readable CSV file"):
         scenario_loader.load(path)
     os.mkfifo(tmp_path / "runs.csv")
-    with pytest.raises(ScenarioError, match=r"^design.file.*expected a CSV file"):
+    with pytest.raises(ScenarioError, match=r"^design.file.*expected a readable CSV file"):
         scenario_loader.load(path)
 
 

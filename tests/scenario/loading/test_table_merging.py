@@ -38,7 +38,7 @@ def test_an_override_changes_its_key_only(inspection_file: ScenarioFile) -> None
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("servicer.mas_kg=30.0", ("'mass_kg'",)),
+        ("servicer.mas_kg=30.0", ("'servicer.mass_kg'",)),
         ("servicer.shoe_size=43.0", ("a key of the scenario",)),
         ("sevicer.mass_kg=30.0", ("a key of the scenario",)),
         ("servicer.mass_kg.unit=30.0", ("a key of the scenario",)),

@@ -2,15 +2,14 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import jax
 import numpy as np
 
 from rpojax.campaign.storage import atomic_files
 from rpojax.errors import ResultError
-
-_MAX_FILE_BYTES: Final = 50_000_000
+from rpojax.untrusted.file_reading import FileKind
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def load_state(progress_file: Path, initial: DescentState, identity: dict[str, A
     Raises:
         ResultError: the file holds none, or that of a tuning with another identity.
     """
-    content = atomic_files.read_json(progress_file, "the progress of a tuning", _MAX_FILE_BYTES)
+    content = atomic_files.read_json(progress_file, "the progress of a tuning", FileKind.PROGRESS)
     another = f"{progress_file}: found the progress of another tuning, expected that of this one"
     try:
         if content["of"] != identity:

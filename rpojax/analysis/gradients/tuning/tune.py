@@ -100,7 +100,7 @@ class Tuning:
         )
         tables = self.scenario.model_dump(mode="json", exclude_none=True)
         write_json(report, self.to_dict())
-        write_atomically(path, (header + tomli_w.dumps(tables)).encode())
+        write_atomically(path, (header + tomli_w.dumps(tables)).encode("utf-8", "backslashreplace"))
 
 
 def tune(

@@ -16,9 +16,9 @@ from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
 from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction
 from rpojax.campaign.storage import atomic_files, safe_paths
 from rpojax.errors import OutputError, ResultError
+from rpojax.untrusted.file_reading import FileKind
 
 CONFIGURATION_NAME, RESULT_NAME, BATCHES_NAME = "estimate.json", "probability.json", "evaluations"
-_LARGEST_BYTES = 200_000_000
 _MOST_POINTS = 4096
 """Points of one file."""
 
@@ -86,7 +86,7 @@ class EstimateFolder:
         """
         path = self.directory / name
         safe_paths.check_no_links(self.directory, path)
-        content = atomic_files.read_json(path, "a file of an estimate", _LARGEST_BYTES)
+        content = atomic_files.read_json(path, "a file of an estimate", FileKind.PROGRESS)
         if not isinstance(content, dict) or content.pop("sha256", None) != _digest(content):
             raise ResultError(f"{path}: found content that does not match its digest, expected the file as written")
         return content

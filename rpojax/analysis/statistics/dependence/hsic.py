@@ -14,6 +14,8 @@ _KERNEL_TOLERANCE = 1e-3
 _FIRST_PERMUTATIONS = 200
 _PROMISING_P = 0.1
 """Inputs with a smaller p-value from the first permutations get as many as the correction needs."""
+_LARGEST = 1e100
+"""Values beyond it, or differences below its inverse, are scaled."""
 _WIDTH_RUNS = 200
 """From about so many runs on, the width of a kernel is taken from a part of them."""
 
@@ -44,6 +46,7 @@ def kernel_factor(values: np.ndarray, tolerance: float = 1e-12) -> np.ndarray:
     Pivoted Cholesky (Fine and Scheinberg, 2001): the kernel of one quantity has few eigenvalues that matter, so r is
     about 10 where n is a thousand.
     """
+    values = _in_range(values)
     exponent = -0.5 / _kernel_width(values) ** 2
     left = np.ones(len(values))
     columns: list[np.ndarray] = []
@@ -57,6 +60,16 @@ def kernel_factor(values: np.ndarray, tolerance: float = 1e-12) -> np.ndarray:
         left = np.maximum(left - np.square(column), 0.0)
     factor = np.stack(columns, axis=1)
     return factor - factor.mean(axis=0)
+
+
+def _in_range(values: np.ndarray) -> np.ndarray:
+    """Values of which squares can be formed: the kernel depends on ratios of differences alone, which scaling keeps."""
+    values = np.asarray(values, dtype=np.float64)
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if largest > _LARGEST:
+        values = values / largest
+    spread = float(np.ptp(values))
+    return (values - values[0]) / spread if 0.0 < spread < 1.0 / _LARGEST else values
 
 
 def _kernel_width(values: np.ndarray) -> float:

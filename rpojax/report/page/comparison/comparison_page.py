@@ -38,7 +38,7 @@ def write_comparison(
         "parts": [_part(found, names[0], names[number]) for number, found in enumerate(comparisons, start=1)],
     }
     page = page_templates.render("comparison.html", {"charts": charts}, values)
-    return write_atomically(path, page.encode())
+    return write_atomically(path, page.encode("utf-8", "backslashreplace"))
 
 
 def check_count(campaigns: int) -> None:

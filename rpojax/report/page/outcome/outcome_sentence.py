@@ -8,6 +8,8 @@ from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.page.outcome.verdict_tiles import passive_safety_count
 
+_WITHOUT_VERDICT = (Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
+
 
 def outcome_sentence(content: Mapping[str, Any]) -> str:
     """Requirements verified of how many, in how many runs, weakest margin, passive safety and failed runs."""
@@ -22,6 +24,11 @@ def outcome_sentence(content: Mapping[str, Any]) -> str:
         parts.append(f"{runs['failed']} of {runs['completed'] + runs['failed']} runs failed")
     else:
         parts.append("no run failed")
+    provenance = content.get("provenance", {})
+    if not provenance.get("sealed", True):
+        parts.append("the folder is unsealed, so there are figures and no verdicts")
+    if changes := provenance.get("requirement_changes"):
+        parts.append(f"requirements were changed after the campaign ({len(changes)} times, see limits of use)")
     text = "; ".join(parts)
     return text[:1].upper() + text[1:] + "."
 
@@ -57,7 +64,7 @@ def _requirements(requirements: Sequence[Mapping[str, Any]], runs: int) -> str:
     rest = (
         (verdicts.count(Verdict.NOT_VERIFIED), "not verified"),
         (more, "needs more runs" if more == 1 else "need more runs"),
-        (verdicts.count(Verdict.NOT_INDEPENDENT) + verdicts.count(Verdict.UNFINISHED), "without a verdict"),
+        (sum(verdicts.count(each) for each in _WITHOUT_VERDICT), "without a verdict"),
     )
     named = ", ".join(f"{number} {word}" for number, word in rest if number)
     return f"{text} ({named})" if named else text

@@ -1,6 +1,7 @@
 """Start of a scenario from files: epoch, orbit of the target and relative state of the servicer, and what was read."""
 
 import hashlib
+import math
 import xml.etree.ElementTree as ElementTree
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,8 +10,8 @@ from typing import Any, Final
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.starts import ephemeris_message, mean_elements
 from rpojax.scenario.loading.starts.orbit_states import OrbitState, orbit_section, relative_state
+from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
-_LARGEST_BYTES: Final = 64_000_000
 _LARGEST_XML_BYTES: Final = 1_000_000
 
 
@@ -68,14 +69,19 @@ def _record(who: str, state: OrbitState, digest: str) -> dict[str, Any]:
 def _read(path: Path, epoch: datetime | None, key: str) -> tuple[OrbitState, str]:
     """State of a file at an epoch, by default its own, and the file's SHA-256."""
     try:
-        with path.open("rb") as stream:
-            content = stream.read(_LARGEST_BYTES + 1)
-        if len(content) > _LARGEST_BYTES:
-            raise ScenarioError(key, str(path), f"a file of at most {_LARGEST_BYTES} bytes")
+        content = read_bytes(path, FileKind.ORBIT_MESSAGE)
         text = content.decode("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(key, f"{path} ({type(error).__name__})", "a readable OEM, OMM or element set") from None
-    return _state(text, epoch, key, path), hashlib.sha256(content).hexdigest()
+    except (FileError, UnicodeDecodeError) as error:
+        found = error.found if isinstance(error, FileError) else "no text in UTF-8"
+        raise ScenarioError(key, f"{path} ({found})", "a readable OEM, OMM or element set") from None
+    try:
+        found = _state(text, epoch, key, path)
+        if not all(map(math.isfinite, orbit_section(found).values())):
+            raise ValueError
+        return found, hashlib.sha256(content).hexdigest()
+    except (ArithmeticError, ValueError, RecursionError) as error:
+        found = f"{path} ({type(error).__name__})"
+        raise ScenarioError(key, found, "states from which an orbit can be computed") from None
 
 
 def _state(text: str, epoch: datetime | None, key: str, path: Path) -> OrbitState:

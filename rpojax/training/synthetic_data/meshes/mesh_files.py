@@ -1,6 +1,7 @@
 """Meshes of a user from glb, obj, ply and stl files, with their materials."""
 
 import dataclasses
+import io
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,10 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.optional_packages import require_package
+from rpojax.training.synthetic_data.meshes.mesh_folder import MeshFolder
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET, packaged_target
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
+from rpojax.untrusted.file_reading import FileError, FileKind, is_regular, read_bytes
 
 METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
@@ -40,7 +43,7 @@ def load_mesh(source: str | Path, units: str | None = None, center: bool = False
             )
         return packaged_target()
     path = Path(source)
-    if not path.is_file():
+    if not is_regular(path):
         raise MeshError(
             f"{path}: no such file, expected a mesh ({', '.join(SUFFIXES)}) or the name {PACKAGED_TARGET!r}"
         )
@@ -49,7 +52,7 @@ def load_mesh(source: str | Path, units: str | None = None, center: bool = False
     if units is not None and units not in METRES_PER_UNIT:
         raise MeshError.of_argument("units", f"found {units!r}, expected one of {', '.join(METRES_PER_UNIT)}")
     require_package("trimesh")
-    parts = list(_read_parts(path, METRES_PER_UNIT[units or "m"]))
+    parts = _all_parts(path, METRES_PER_UNIT[units or "m"])
     if not parts:
         raise MeshError(f"{path}: found no triangles, expected a mesh with a surface")
     mesh = TargetMesh(path.stem, tuple(parts))
@@ -78,15 +81,22 @@ def _check_size(path: Path, mesh: TargetMesh, units: str | None) -> None:
         )
 
 
+def _all_parts(path: Path, scale: float) -> list[MeshPart]:
+    """Parts of a file.
+
+    Raises:
+        MeshError: it cannot be read, or its triangles do not fit its vertices.
+    """
+    try:
+        return list(_read_parts(path, scale))
+    except (ValueError, IndexError, TypeError) as error:
+        raise MeshError(f"{path}: cannot be read as a mesh ({type(error).__name__}: {error})") from None
+
+
 def _read_parts(path: Path, scale: float) -> Iterable[MeshPart]:
     """Parts of a file, without faces of zero area."""
     trimesh = require_package("trimesh")
-    try:
-        scene = trimesh.load_scene(path)
-        geometries = scene.dump()
-    except Exception as error:
-        raise MeshError(f"{path}: cannot be read as a mesh ({type(error).__name__}: {error})") from None
-    for geometry in geometries:
+    for geometry in _geometries(path):
         if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
             continue
         vertices = np.asarray(geometry.vertices, dtype=np.float64) * scale
@@ -101,6 +111,31 @@ def _read_parts(path: Path, scale: float) -> Iterable[MeshPart]:
         for material, uv, own in _materials(geometry.visual, faces, np.flatnonzero(area > 0.0)):
             used, inverse = np.unique(own, return_inverse=True)
             yield MeshPart(vertices[used], inverse.reshape(-1, 3), material, None if uv is None else uv[used])
+
+
+def _geometries(path: Path) -> list[Any]:
+    """Geometries of a file, all of whose coordinates are finite; materials and textures are read from its folder.
+
+    Raises:
+        MeshError: it cannot be read, or has a coordinate that is not finite.
+    """
+    trimesh = require_package("trimesh")
+    try:
+        content, resolver = read_bytes(path, FileKind.MESH), MeshFolder(path.parent)
+        kind = path.suffix.lower().removeprefix(".")
+        # The first reading keeps what the second one, which merges vertices, would drop without a word.
+        raw = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
+        unlike = [each for each in raw.geometry.values() if not np.isfinite(np.asarray(each.vertices)).all()]
+        scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver)
+        geometries = list(scene.dump())
+    except FileError as error:
+        raise MeshError(str(error)) from None
+    # The readers of meshes raise errors of many kinds.
+    except Exception as error:
+        raise MeshError(f"{path}: cannot be read as a mesh ({type(error).__name__}: {error})") from None
+    if unlike:
+        raise MeshError(f"{path}: found a vertex that is not finite, expected finite coordinates")
+    return geometries
 
 
 def _materials(

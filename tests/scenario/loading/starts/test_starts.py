@@ -288,7 +288,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, text:
 
 
 def test_a_missing_file_and_a_time_outside_of_the_message_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"start.target: found '.*none.oem \(FileNotFoundError\)'"):
+    with pytest.raises(ScenarioError, match=r"start.target: found '.*none.oem \(no such file or directory\)'"):
         rpojax.load(write_scenario(tmp_path, 'target = "none.oem"'))
     times = np.arange(0.0, 100.0, 20.0)
     (tmp_path / "t.oem").write_text(oem_of("target", *circular(times, 0.0), times))

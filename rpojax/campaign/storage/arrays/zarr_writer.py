@@ -5,21 +5,24 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.campaign.storage import atomic_files, safe_paths, zarr_encoding
-from rpojax.campaign.storage.array_units import array_units
-from rpojax.campaign.storage.zarr_encoding import ArrayEncoder, ArrayLayout
+from rpojax.campaign.storage import atomic_files, safe_paths
+from rpojax.campaign.storage.arrays import zarr_encoding
+from rpojax.campaign.storage.arrays.array_units import array_units
+from rpojax.campaign.storage.arrays.zarr_encoding import ArrayEncoder, ArrayLayout
+from rpojax.campaign.storage.seal.record_seal import array_binding
 
 
 class ZarrWriter:
-    """Writes the Zarr group of a campaign of `runs` runs in blocks of `block_size`.
+    """Writes the Zarr group of a campaign of `runs` runs in blocks of `block_size`, with the `seal` of the campaign.
 
     Several processes may write to one group: metadata and the rows of a block have the same bytes from each of them.
     """
 
-    def __init__(self, directory: Path, runs: int, block_size: int) -> None:
+    def __init__(self, directory: Path, runs: int, block_size: int, seal: str | None = None) -> None:
         self.directory = directory
         self.runs = runs
         self.block_size = block_size
+        self.seal = seal
         self._encoder = ArrayEncoder()
         self._written_metadata: set[Path] = set()
 
@@ -41,7 +44,7 @@ class ZarrWriter:
         Raises:
             UnfinishedError: they cannot be written.
         """
-        self._write_whole_group(Path("histories", str(run_id)), channels)
+        self._write_whole_group(Path("histories", str(run_id)), channels, array_binding(self.seal, "histories", run_id))
 
     def write_surface(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Writes the facets of the target, once; the metadata of their group are written last.
@@ -51,16 +54,17 @@ class ZarrWriter:
         """
         path = Path("surface")
         if not (self.directory / "results.zarr" / path / "zarr.json").is_file():
-            self._write_whole_group(path, arrays)
+            self._write_whole_group(path, arrays, array_binding(self.seal, "surface", 0, self.runs))
 
-    def _write_whole_group(self, path: Path, channels: Mapping[str, np.ndarray]) -> None:
+    def _write_whole_group(self, path: Path, channels: Mapping[str, np.ndarray], binding: str) -> None:
         self._write_group_metadata(path.parent)
         samples = len(channels["time_s"]) if "time_s" in channels else -1
         for name, values in channels.items():
             layout = zarr_encoding.history_layout(name, values, values.ndim > 0 and len(values) == samples)
             self._written_metadata.discard(path / name)
             self._write_array(path / name, layout, 0, values)
-        self._write_file(path / "zarr.json", zarr_encoding.group_metadata({"sha256": zarr_encoding.digest(channels)}))
+        digest = zarr_encoding.digest(channels, binding)
+        self._write_file(path / "zarr.json", zarr_encoding.group_metadata({"sha256": digest}))
 
     def _write_array(self, path: Path, layout: ArrayLayout, block: int, values: np.ndarray) -> None:
         if path not in self._written_metadata:

@@ -35,7 +35,7 @@ for block in itertools.cycle(blocks) if sys.argv[2] == "repeatedly" else reverse
 
 def start_writer(directory: Path, how: str) -> subprocess.Popen[str]:
     """Process that writes the missing blocks, repeatedly or once in reverse order, and prints the number of each."""
-    code = WRITER.format(tests=str(Path(__file__).parents[2]))
+    code = WRITER.format(tests=str(Path(__file__).parents[3]))
     path = {"PYTHONPATH": str(Path(rpojax.__file__).parents[1])}
     words = [sys.executable, "-c", code, str(directory), how]
     return subprocess.Popen(words, env=os.environ | path, stdout=subprocess.PIPE, text=True)

@@ -137,9 +137,9 @@ def group_metadata(attributes: Mapping[str, Any] | None = None) -> bytes:
     return json.dumps(content, indent=2).encode()
 
 
-def digest(arrays: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 of names, types, shapes and values."""
-    total = hashlib.sha256()
+def digest(arrays: Mapping[str, np.ndarray], binding: str = "") -> str:
+    """SHA-256 of names, types, shapes and values, and of what binds them to their place in a campaign."""
+    total = hashlib.sha256(binding.encode())
     for name in sorted(arrays):
         values = np.asarray(arrays[name])
         total.update(f"{name} {values.dtype.str} {values.shape}\n".encode())

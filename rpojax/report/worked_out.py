@@ -1,0 +1,83 @@
+"""Parts of a report that cannot be worked out from extreme numbers: the report says so, and the rest is written.
+
+A campaign may record any finite number. Where squares or ratios of them leave the range of floating-point numbers, a
+part of the report is made as if nothing were recorded, and a note is kept.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rpojax.report.campaign_results import CampaignResults
+
+Part = TypeVar("Part")
+_OF_NUMBERS = (ArithmeticError, ValueError, TypeError, IndexError, np.linalg.LinAlgError)
+
+
+class WithoutNumbers:
+    """Results of a campaign in which no metric, trace, draw or history is defined; all else is as it was."""
+
+    def __init__(self, campaign: CampaignResults) -> None:
+        self._campaign = campaign
+
+    def __getattr__(self, name: str) -> Any:
+        """What has no numbers is that of the campaign."""
+        return getattr(self._campaign, name)
+
+    @property
+    def metrics(self) -> Mapping[str, np.ndarray]:
+        """Metric -> (runs,) without a value."""
+        return {name: np.full(np.shape(values), np.nan) for name, values in self._campaign.metrics.items()}
+
+    @property
+    def traces(self) -> Mapping[str, np.ndarray]:
+        """Channel -> (runs, samples) without a value."""
+        return {name: np.full(np.shape(values), np.nan) for name, values in self._campaign.traces.items()}
+
+    @property
+    def drawn(self) -> Mapping[str, np.ndarray]:
+        """No draws."""
+        return {}
+
+    @property
+    def history_ids(self) -> list[int]:
+        """No histories."""
+        return []
+
+
+class Notes:
+    """Sentences on parts that could not be worked out, each once.
+
+    Attributes:
+        sentences: in the order in which they arose
+    """
+
+    def __init__(self) -> None:
+        self.sentences: list[str] = []
+
+    def part(self, title: str, work: Callable[[CampaignResults], Part], campaign: CampaignResults) -> Part:
+        """Part of a report, made of a campaign; without its numbers, with a note, where they do not allow it.
+
+        Errors of the package, such as of a damaged folder, are raised.
+        """
+        try:
+            return work(campaign)
+        except _OF_NUMBERS as error:
+            found = work(WithoutNumbers(campaign))  # type: ignore[arg-type]
+            self._note(title, error)
+            return found
+
+    def derived(self, title: str, work: Callable[[], Part], otherwise: Part) -> Part:
+        """Part of a report that is made of others; `otherwise`, with a note, where their numbers do not allow it."""
+        try:
+            return work()
+        except _OF_NUMBERS as error:
+            self._note(title, error)
+            return otherwise
+
+    def _note(self, title: str, error: Exception) -> None:
+        sentence = f"{title} could not be worked out: numbers of this campaign are too large or too small for it"
+        sentence += f" ({type(error).__name__})."
+        if sentence not in self.sentences:
+            self.sentences.append(sentence)
