@@ -125,6 +125,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'rpojax' has no attribute {name!r}")
+    jax_environment = importlib.import_module("rpojax.runtime.jax_environment")
+    jax_environment.hide_compiler_log()
     return getattr(importlib.import_module(f"rpojax.{_MODULE_OF[name]}"), name)
 
 

@@ -10,6 +10,7 @@ EXTRAS = {
     "trimesh": "raytrace",
     "mpl_toolkits": "raytrace",
     "xarray": "xarray",
+    "pandas": "xarray",
     "distributed": "dask",
     "rosbags": "ros",
     "cyclonedds": "ros",

@@ -3,7 +3,10 @@
 import ast
 import inspect
 import json
+import os
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -24,6 +27,7 @@ NAMES = {
 SHOW_PROGRESS = (
     *("run_campaign", "resume_campaign"),
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
+    *("simulate", "write_report", "estimate_probability", "export"),
 )
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -67,6 +71,15 @@ def test_a_public_name_has_a_docstring_and_types(name: str) -> None:
 @pytest.mark.parametrize("name", SHOW_PROGRESS)
 def test_a_long_call_shows_progress_unless_told_not_to(name: str) -> None:
     assert inspect.signature(getattr(rpojax, name)).parameters["progress"].default is True
+
+
+@pytest.mark.parametrize(("set_before", "found"), [(None, "3"), ("0", "0")])
+def test_the_alarm_of_the_compiler_stays_off_the_terminal_of_a_program(set_before: str | None, found: str) -> None:
+    code = "import os, rpojax; rpojax.run_campaign; print(os.environ['TF_CPP_MIN_LOG_LEVEL'])"
+    environment = {name: value for name, value in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
+    environment |= {} if set_before is None else {"TF_CPP_MIN_LOG_LEVEL": set_before}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == found
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

@@ -15,9 +15,9 @@ from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
 import rpojax
-from rpojax.interop import run_replay
-from rpojax.interop.ccsds import flown_states, message_export
-from rpojax.interop.ccsds.flown_states import FlownStates
+from rpojax.interop import czml_document, run_replay, spacecraft_states
+from rpojax.interop.ccsds import message_export
+from rpojax.interop.spacecraft_states import SpacecraftStates
 
 TABLES = ("metrics", "draws", "traces", "history")
 
@@ -30,20 +30,23 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     campaign = rpojax.Campaign(arguments.campaign)
-    run = run_replay.replay(campaign, arguments.run_id, flown_states.observe_tick)
-    states = flown_states.flown_states(run, campaign)
+    run = run_replay.replay(campaign, arguments.run_id, spacecraft_states.observe_tick)
+    states = spacecraft_states.replayed_states([run], campaign)
     found: dict[str, Any] = {"ticks": run.ticks}
     for kind in message_export.MESSAGE_KINDS:
         paths = message_export.write_messages(states, kind, arguments.out / f"run.{kind}")
         for path, each in zip(paths, states, strict=True):
             found[path.name] = MESSAGES[kind](path, each) | {"bytes": path.stat().st_size}
+    scene = arguments.out / "run.czml"
+    scene.write_text(czml_document.czml(states, czml_document.shapes_of([run])))
+    found[scene.name] = czml_differences(scene, states) | {"bytes": scene.stat().st_size}
     for form in ("csv", "parquet", "mat", "npz"):
         rpojax.export(campaign, arguments.out / f"r.{form}", form, TABLES, run_id=arguments.run_id, force=True)
         found[form] = {"range_difference_m": range_difference(form, arguments.out, campaign, arguments.run_id)}
     print(json.dumps(found, indent=2))
 
 
-def oem_differences(path: Path, states: FlownStates) -> dict[str, float]:
+def oem_differences(path: Path, states: SpacecraftStates) -> dict[str, float]:
     """By the library `oem`."""
     from oem import OrbitEphemerisMessage
 
@@ -56,7 +59,7 @@ def oem_differences(path: Path, states: FlownStates) -> dict[str, float]:
     }
 
 
-def aem_differences(path: Path, states: FlownStates) -> dict[str, float]:
+def aem_differences(path: Path, states: SpacecraftStates) -> dict[str, float]:
     """By the library `ccsds-ndm`, and SciPy's rotations."""
     from ccsds_ndm.ndm_io import NdmIo
 
@@ -67,7 +70,7 @@ def aem_differences(path: Path, states: FlownStates) -> dict[str, float]:
     return {"angle_rad": float((read * flown).magnitude().max())}
 
 
-def opm_differences(path: Path, states: FlownStates) -> dict[str, float]:
+def opm_differences(path: Path, states: SpacecraftStates) -> dict[str, float]:
     """By the library `ccsds-ndm`."""
     from ccsds_ndm.ndm_io import NdmIo
 
@@ -75,6 +78,22 @@ def opm_differences(path: Path, states: FlownStates) -> dict[str, float]:
     vector = message.body.segment.data.state_vector
     position = 1e3 * np.array([float(each.value) for each in (vector.x, vector.y, vector.z)])
     return {"position_m": float(np.abs(position - states.position_m[0]).max())}
+
+
+def czml_differences(path: Path, states: list[SpacecraftStates]) -> dict[str, float]:
+    """By the library `czml3`; attitudes are those between the spacecraft, which do not depend on the Earth's."""
+    from czml3 import Packet
+
+    packets = {each["id"]: Packet(**each) for each in json.loads(path.read_text())}
+    differences, read, simulated = [], [], []
+    for each in states:
+        packet: Any = packets[each.spacecraft]
+        rows = np.reshape(packet.position.cartesian.values, (-1, 4))
+        differences.append(np.abs(rows[:, 1:] - each.position_m).max())
+        read.append(Rotation.from_quat(np.reshape(packet.orientation.unitQuaternion.values, (-1, 5))[:, 1:]))
+        simulated.append(Rotation.from_quat(each.q, scalar_first=True))
+    between = read[1].inv() * read[0] * (simulated[1] * simulated[0].inv()).inv()
+    return {"position_m": float(max(differences)), "angle_rad": float(between.magnitude().max())}
 
 
 MESSAGES = {"oem": oem_differences, "aem": aem_differences, "opm": opm_differences}

@@ -11,6 +11,7 @@ from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.teams import member_values
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
+from rpojax.runtime.progress_bar import busy
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.params import Params
@@ -95,15 +96,24 @@ def simulate(
     run_id: int = 0,
     stages: Stages | None = None,
     run_range: RunRange | None = None,
+    *,
+    progress: bool = True,
 ) -> dict[str, np.ndarray]:
     """Channels of one run at every camera tick, time first, as in a history of a campaign.
 
-    `run_range` is the range of runs of the campaign, by default this run alone.
+    Args:
+        file: the scenario
+        seed: master seed
+        run_id: number of the run
+        stages: of the flight software, replaced ones included
+        run_range: runs of the campaign, by default this run alone
+        progress: say on stderr every few seconds that it is under way
     """
-    scenario, dispersed, state = initialise_run(file, seed, run_id, run_range)
-    channels = jax.tree.map(
-        np.asarray, _simulate_ticks(scenario, plugin_registry.stages_of(file, stages), dispersed, state)
-    )
+    with busy("compiling and simulating a run", quiet=not progress, announce=False):
+        scenario, dispersed, state = initialise_run(file, seed, run_id, run_range)
+        channels = jax.tree.map(
+            np.asarray, _simulate_ticks(scenario, plugin_registry.stages_of(file, stages), dispersed, state)
+        )
     return {
         "time_s": np.arange(scenario.ticks) * scenario.tick_s,
         "rho_desired_H": np.asarray(dispersed.flight.formation.desired_position),

@@ -73,7 +73,8 @@ def show_results(
     """Prints the results as tables, or as JSON; tables come before the report is written."""
     from rpojax.report.page.campaign_summary import summarise
 
-    summary = summarise(result)
+    with busy("evaluating the results", quiet=as_json, announce=False):
+        summary = summarise(result)
     if as_json:
         path = report()
         place = {"directory": str(result.directory), "report": None if path is None else str(path)}
@@ -88,7 +89,7 @@ def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id:
     from rpojax.report.page.html_report import write_report
 
     with busy("writing the report", quiet=as_json):
-        return write_report(result, run_id, film=film)
+        return write_report(result, run_id, film=film, progress=False)
 
 
 def write_brief_report(result: "Campaign", as_json: bool, run_id: int | None = None) -> Path:

@@ -30,7 +30,7 @@ _KEY_METRICS = (
 
 
 def show_campaign(summary: Mapping[str, Any]) -> None:
-    """Prints key metrics, completed and failed runs by outcome, and the verdicts on requirements."""
+    """Prints key metrics and those of a plugin, runs by outcome, and the verdicts on requirements."""
     from rich.table import Table
     from rich.text import Text
 
@@ -46,7 +46,7 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
     table.add_column("unit")
     for heading in ("median", "p95", "p99", "worst") if ended > 1 else ("value",):
         table.add_column(heading, justify="right")
-    for name in _KEY_METRICS:
+    for name in _shown_metrics(summary):
         if entry := summary["metrics"].get(name):
             shown = metric_label(name)
             twentieth, hundredth, _, worst = shown.tail_statistics
@@ -96,8 +96,17 @@ def _failed_without_value(summary: Mapping[str, Any]) -> int:
     """Largest number of failed runs that a metric of the table has no value of."""
     runs, metrics = summary["runs"], summary["metrics"]
     ended = runs["completed"] + runs["failed"]
-    shown = [metrics[name]["defined"] for name in _KEY_METRICS if name in metrics and metrics[name]["defined"]]
+    known = [name for name in _shown_metrics(summary) if name in metrics]
+    shown = [metrics[name]["defined"] for name in known if metrics[name]["defined"]]
     return min(runs["failed"], max((ended - defined for defined in shown), default=0)) if ended > 1 else 0
+
+
+def _shown_metrics(summary: Mapping[str, Any]) -> list[str]:
+    """Metrics of the table: the key ones, and those of the scenario's plugin."""
+    from rpojax.metrics.metric_catalogue import METRICS
+
+    own = [name for name in summary["metrics"] if name in METRICS and METRICS[name].source == "plugin"]
+    return [*_KEY_METRICS, *own]
 
 
 def _other_side(key: str) -> str:

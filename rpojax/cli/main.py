@@ -17,6 +17,7 @@ each core unless XLA_FLAGS says how many. RPOJAX_BATCHING=jax batches runs by ja
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 
 import tyro
 from tyro.conf import FlagCreatePairsOff, SuppressFixed
@@ -49,6 +50,7 @@ from rpojax.cli.error_text import error_text
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import abandon_worker
 from rpojax.errors import RpojaxError, UnfinishedError
+from rpojax.runtime.sign_of_life import SignOfLife
 from rpojax.version import __version__
 
 COMMANDS: tuple[Callable[..., int], ...] = (
@@ -79,7 +81,7 @@ COMMANDS: tuple[Callable[..., int], ...] = (
 VISION_COMMANDS: tuple[Callable[..., int], ...] = (detect, calibrate_camera_model)
 """Commands after those of the radiance field and the detector."""
 
-_ALLOW_PLUGIN = "--allow-plugin"
+_ALLOW_PLUGIN, _NO_CACHE = "--allow-plugin", "--no-cache"
 
 app = tyro.extras.SubcommandApp()
 for command in COMMANDS:
@@ -98,7 +100,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Status.DONE
     try:
         words = _repeat_set_flag(_permit_plugin(arguments))
-        status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff, SuppressFixed))
+        with nullcontext() if "--json" in words else SignOfLife(_say, "starting"):
+            status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff, SuppressFixed))
         sys.stdout.flush()
         return status
     except BrokenPipeError:
@@ -117,12 +120,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Status.INTERRUPTED
 
 
+def _say(text: str) -> None:
+    with suppress(OSError, ValueError):  # nobody reads it any more
+        print(f"rpojax: {text}", file=sys.stderr, flush=True)
+
+
 def _permit_plugin(arguments: Sequence[str]) -> list[str]:
     """The arguments without `--allow-plugin`, which lets the process execute the plugins of scenarios."""
     words = [word for word in arguments if word != _ALLOW_PLUGIN]
     if len(words) < len(arguments):
+        from rpojax.runtime.jax_environment import prepare_jax
         from rpojax.scenario.plugins import plugin_registry
 
+        # Plugins import JAX when the scenario is loaded, before the command prepares it.
+        prepare_jax(cache=_NO_CACHE not in words)
         plugin_registry.permit()
     return words
 

@@ -27,9 +27,9 @@ from rpojax.flight.navigation import (
     attitude_ekf,
     outlier_gate,
     relative_orbit_ekf,
-    thrust_estimator,
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation.burn_errors import thrust_estimator
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState

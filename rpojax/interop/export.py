@@ -1,22 +1,28 @@
-"""Export of a campaign: results as tables, and orbits and attitudes of one run as messages of the CCSDS."""
+"""Export of a campaign: results as tables; orbits and attitudes of one run as messages of the CCSDS or as CZML."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, get_args
 
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.interop import run_replay
-from rpojax.interop.ccsds import flown_states, message_export
+from rpojax.interop import czml_document, run_replay, spacecraft_states
+from rpojax.interop.ccsds import message_export
 from rpojax.interop.ccsds.message_export import MESSAGE_KINDS
+from rpojax.interop.run_replay import ReplayedRun
+from rpojax.interop.spacecraft_states import BothStates
 from rpojax.interop.tables.campaign_tables import TableName
 from rpojax.interop.tables.table_export import export_tables
 from rpojax.interop.tables.table_files import FILE_FORMATS
-from rpojax.runtime.progress_bar import ProgressCallback, run_progress
+from rpojax.optional_packages import require_package
+from rpojax.runtime.progress_bar import ProgressCallback, busy, run_progress
 
-ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm"]
+ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czml"]
 FORMATS: Final[tuple[ExportFormat, ...]] = get_args(ExportFormat)
+SIMULATED: Final = ("oem", "aem", "czml")
+"""Formats for which a run is simulated again."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +53,8 @@ def export(
     """Writes results of a campaign for other tools; returns the paths of the files.
 
     Tables (`csv`, `parquet`, `mat`, `npz`) have the unit of every column. Messages of the CCSDS (`oem`, `aem`, `opm`)
-    have orbit, attitude or start of both spacecraft of a run, which is simulated again in double precision.
+    have orbit, attitude or start of every spacecraft of a run, which is simulated again in double precision; CZML
+    (`czml`) shows that run on the globe of CesiumJS.
 
     Args:
         campaign: or its folder
@@ -55,19 +62,23 @@ def export(
         form: format, by default that of the file's suffix
         what: tables: `metrics` and `draws`, one row a run, `traces`, one row for each run and sample, and `history`,
             one row for each run with a history and tick
-        run_id: this run alone; needed for messages
+        run_id: this run alone; needed for messages and CZML
         force: replace files that exist
         progress: show progress on stderr
 
     Raises:
         RpojaxError: the folder is no campaign, there is no such run, or it has no history.
         OutputError: a file exists already or cannot be written.
-        MissingExtraError: Parquet needs a package that is not installed.
+        MissingExtraError: Parquet or CZML needs a package that is not installed.
     """
     found = campaign if isinstance(campaign, Campaign) else Campaign(campaign)
     options = ExportOptions(tuple(what), run_id, force)
-    with run_progress(found.file.duration_s, quiet=not progress or form not in ("oem", "aem")) as shown:
-        return export_as(found, Path(out), form or Path(out).suffix.removeprefix("."), options, shown)
+    name = form or Path(out).suffix.removeprefix(".")
+    if name not in SIMULATED:
+        with busy(f"writing {name}", quiet=not progress):
+            return export_as(found, Path(out), name, options)
+    with run_progress(found.file.duration_s, quiet=not progress) as shown:
+        return export_as(found, Path(out), name, options, shown)
 
 
 def export_as(
@@ -83,12 +94,24 @@ def export_as(
         raise OutputError(f"{out}: found a folder, expected the name of a file")
     if form in FILE_FORMATS:
         return export_tables(campaign, out, form, options.tables, options.run_id, options.force)
-    if form not in MESSAGE_KINDS:
+    if form != "czml" and form not in MESSAGE_KINDS:
         raise RpojaxError.of_argument("form", f"found {form!r}, expected one of {', '.join(FORMATS)}")
     if options.run_id is None:
         raise RpojaxError.of_argument("run_id", f"found none, expected the run whose {form.upper()} is wanted")
-    message_export.check_messages(out, options.force)
+    if form == "czml":
+        check_replaceable([out], options.force)
+        require_package("erfa")
+        runs = _replay(campaign, options.run_id, on_progress)
+        text = czml_document.czml(spacecraft_states.replayed_states(runs, campaign), czml_document.shapes_of(runs))
+        return [write_atomically(out, text.encode())]
+    message_export.check_messages(out, spacecraft_states.spacecraft_names(campaign.file), options.force)
     if form == "opm":
-        return message_export.write_messages(flown_states.initial_states(campaign, options.run_id), form, out)
-    run = run_replay.replay(campaign, options.run_id, flown_states.observe_tick, on_progress=on_progress)
-    return message_export.write_messages(flown_states.flown_states(run, campaign), form, out)
+        return message_export.write_messages(spacecraft_states.initial_states(campaign, options.run_id), form, out)
+    runs = _replay(campaign, options.run_id, on_progress)
+    return message_export.write_messages(spacecraft_states.replayed_states(runs, campaign), form, out)
+
+
+def _replay(
+    campaign: Campaign, run_id: int, on_progress: ProgressCallback | None
+) -> tuple[ReplayedRun[BothStates], ...]:
+    return run_replay.replay_servicers(campaign, run_id, spacecraft_states.observe_tick, on_progress=on_progress)

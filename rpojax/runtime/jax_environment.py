@@ -52,9 +52,7 @@ def prepare_jax(cache: bool) -> None:
     """
     if "jax" in sys.modules:
         return
-    # XLA logs an alarm with advice to file a bug where a compilation takes minutes, as gradients of long runs do.
-    # Its errors are raised too, and progress is shown by this package.
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    hide_compiler_log()
     flags = os.environ.get("XLA_FLAGS", "")
     if _DEVICE_FLAG not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={available_cores()}".strip()
@@ -63,6 +61,16 @@ def prepare_jax(cache: bool) -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+
+def hide_compiler_log() -> None:
+    """Keeps the log of XLA off the terminal, unless the user has set its level; without effect once JAX is imported.
+
+    It has an alarm with advice to file a bug where a compilation takes minutes, as gradients of long runs do. XLA's
+    errors are raised too, and progress is shown by this package.
+    """
+    if "jax" not in sys.modules:
+        os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
 
 def set_loop_fusion_flag(rendered: bool) -> None:

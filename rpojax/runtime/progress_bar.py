@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from rpojax.runtime.sign_of_life import SignOfLife
+from rpojax.runtime.sign_of_life import SignOfLife, display
 
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
 
@@ -41,7 +41,7 @@ def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
     if quiet:
         yield lambda _: None
     elif Console(stderr=True).is_terminal:
-        with _progress_bar(duration_s) as watch:
+        with display(), _progress_bar(duration_s) as watch:
             yield watch
     else:
         lines = _PlainLines(duration_s)
@@ -75,22 +75,26 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
     from rich.progress import Progress as Display
 
     columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.completed}/{task.total}"))
-    with Display(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as display:
-        task = display.add_task(text, total=None)
-        yield lambda done, total, note="": display.update(
+    with display(), Display(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as bar:
+        task = bar.add_task(text, total=None)
+        yield lambda done, total, note="": bar.update(
             task, completed=done, total=total, description=f"{text} {note}".rstrip()
         )
 
 
 @contextmanager
-def busy(text: str, quiet: bool) -> Iterator[None]:
-    """Shows `text` while the body runs, and every few seconds how long it has taken so far."""
+def busy(text: str, quiet: bool, announce: bool = True) -> Iterator[None]:
+    """Shows `text` while the body runs, and every few seconds how long it has taken so far.
+
+    Without `announce`, for work that is mostly short, there is no line at its begin where there is no terminal.
+    """
     if quiet:
         yield
         return
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
-        console.print(f"rpojax: {text}", soft_wrap=True)
+        if announce:
+            console.print(f"rpojax: {text}", soft_wrap=True)
         with SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text):
             yield
         return
@@ -163,11 +167,11 @@ def _progress_bar(duration_s: float) -> Iterator[ProgressCallback]:
 
     rate = _Rate(duration_s)
     columns = (SpinnerColumn(), BarColumn(bar_width=10), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Display(*columns, console=Console(stderr=True, highlight=False)) as display:
-        task = display.add_task(_COMPILING, total=None)
+    with Display(*columns, console=Console(stderr=True, highlight=False)) as bar:
+        task = bar.add_task(_COMPILING, total=None)
 
         def watch(progress: Progress) -> None:
             if progress.compiled:
-                display.update(task, total=progress.total, completed=progress.done, description=rate.describe(progress))
+                bar.update(task, total=progress.total, completed=progress.done, description=rate.describe(progress))
 
         yield watch

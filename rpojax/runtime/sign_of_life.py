@@ -1,12 +1,37 @@
-"""Signs of life during long work: a line with its stage and the time so far whenever nothing was shown for a while."""
+"""Signs of life during long work: a line with its stage and the time so far whenever nothing was shown for a while.
+
+Works may be nested: the innermost one speaks, and those around it speak of what comes before and after it.
+"""
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
-INTERVAL_S = 5.0
-"""Longest silence [s]."""
+INTERVAL_S = 4.0
+"""Longest silence [s]; a busy machine and the begin of a process add to it, and five seconds are the bar."""
+
+_under_way: list[object] = []
+"""Works and displays that were begun and have not ended, the innermost one last."""
+
+
+@contextmanager
+def display() -> Iterator[None]:
+    """Context in which a display that moves by itself is on the terminal, so that no sign of life is needed."""
+    shown = object()
+    _under_way.append(shown)
+    try:
+        yield
+    finally:
+        _end(shown, "the last stage")
+
+
+def _end(ended: object, stage: str) -> None:
+    """Ends a work or display; the one around it goes on after that `stage`."""
+    _under_way.remove(ended)
+    if _under_way and isinstance(outer := _under_way[-1], SignOfLife):
+        outer.note(f"after {stage}")
 
 
 class SignOfLife:
@@ -25,6 +50,7 @@ class SignOfLife:
 
     def __enter__(self) -> "SignOfLife":
         """Begins to watch."""
+        _under_way.append(self)
         self._thread.start()
         return self
 
@@ -34,6 +60,7 @@ class SignOfLife:
         """Ends; no line is shown afterwards."""
         self._ended.set()
         self._thread.join()
+        _end(self, self._stage)
 
     def note(self, stage: str | None = None) -> None:
         """Notes that something else was shown just now, and the stage that began."""
@@ -46,4 +73,5 @@ class SignOfLife:
             now = time.monotonic()
             if now >= self._last + INTERVAL_S:
                 self._last = now
-                self._show(f"{self._stage}, {now - self._begin:.0f} s so far")
+                if not _under_way or _under_way[-1] is self:
+                    self._show(f"{self._stage}, {now - self._begin:.0f} s so far")

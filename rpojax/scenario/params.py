@@ -178,6 +178,8 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     )
     if tables["camera"]["model"] != "geometric":
         records["navigation"] = _with_detector_center_error(records["navigation"], records["imaging"])
+    if tables["navigation"]["sharing"] != "none":
+        records["navigation"] = _with_lasting_burn_error_as_new(records["navigation"])
     flight = FlightParams(
         vehicle=_nominal_vehicle(plant, records["camera"], width_px, height_px),
         **{
@@ -247,6 +249,17 @@ def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
 def _with_detector_center_error(navigation: OrbitFilterTuning, imaging: Imaging) -> OrbitFilterTuning:
     """Filter tuning for detected boxes, whose centres also vary with attitude and light."""
     return replace(navigation, center_sigma=jnp.hypot(navigation.center_sigma, imaging.center_sigma))
+
+
+def _with_lasting_burn_error_as_new(navigation: OrbitFilterTuning) -> OrbitFilterTuning:
+    """Filter tuning for filters that are shared, which have no state for the lasting error of burns."""
+    whole = jnp.hypot(navigation.burn_magnitude_sigma, _BURNS_WITH_THE_SAME_ERROR * navigation.burn_scale_sigma)
+    return replace(navigation, burn_magnitude_sigma=whole, burn_scale_sigma=jnp.zeros_like(whole))
+
+
+_BURNS_WITH_THE_SAME_ERROR = 2.0
+"""Factor on the sigma of a lasting error that counts as new in each burn: errors of several burns in one direction add
+up, and do not average out."""
 
 
 def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_px: int) -> VehicleModel:

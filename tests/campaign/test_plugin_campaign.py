@@ -1,4 +1,4 @@
-"""Campaigns with metrics of one's own, and the example of docs/how_to/plugins.md through campaign, report and tuning."""
+"""Campaigns with metrics of one's own; the example of docs/how_to/plugins.md through campaign, report and tuning."""
 
 import json
 import subprocess
@@ -13,6 +13,7 @@ from isolated_plugins import forgotten_plugins
 import rpojax
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.cli import campaign_output
 from rpojax.errors import RpojaxError
 from rpojax.report.page.html_report import write_report
 from rpojax.scenario.plugins import plugin_registry
@@ -44,7 +45,7 @@ METRICS = {"docking_angle_deg": docking_angle_deg, "docking_angle_of_ticks_deg":
 
 
 def test_metrics_from_python_are_those_of_the_histories_and_change_nothing_else(
-    three_runs: Campaign, mission: ScenarioFile, tmp_path: Path
+    three_runs: Campaign, mission: ScenarioFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = run_campaign(mission, 3, tmp_path / "own", 0, metrics=METRICS, block_size=1, histories=[0, 1, 2])
     for row in range(3):
@@ -57,6 +58,9 @@ def test_metrics_from_python_are_those_of_the_histories_and_change_nothing_else(
     recorded = json.loads((tmp_path / "own" / "campaign.json").read_text())
     assert recorded["plugin"]["metrics"]["docking_angle_deg"]["unit"] == "deg"
     assert recorded["scenario"]["plugin"] == "python"
+    campaign_output.conclude(found, report=False, as_json=False)
+    printed = capsys.readouterr().out
+    assert printed.count("Docking angle") == 2
 
 
 def test_a_resume_needs_the_same_metrics(mission: ScenarioFile, tmp_path: Path) -> None:
@@ -120,3 +124,24 @@ def test_the_example_goes_through_campaign_report_and_tuning(tmp_path: Path) -> 
     )
     steps = json.loads((tmp_path / "tuned.json").read_text())["steps"]
     assert np.isfinite(steps[0]["parts"]["docking_angle_deg"])
+
+
+@pytest.mark.slow
+def test_a_worst_case_of_a_metric_of_the_example_is_found_and_repeated(tmp_path: Path) -> None:
+    def rpojax_command(*words: str) -> dict:
+        command = [sys.executable, "-m", "rpojax", *words, "--allow-plugin", "--json"]
+        done = subprocess.run(command, check=True, cwd=tmp_path, timeout=1800, capture_output=True, text=True)
+        return json.loads(done.stdout)
+
+    found = rpojax_command(
+        *("worst-case", str(EXAMPLE), "--metric", "docking_angle_deg", "--limit", "8", "--set", "duration_s=120"),
+        *("--starts", "2", "--budget", "60", "--out", "worst"),
+    )
+    assert found["found"]
+    assert found["confirmed"]
+    assert found["value_flown"] > 8.0
+    assert found["value_flown"] == pytest.approx(found["value"], rel=1e-6)
+    assert any(entry["name"] == "lidar.noise_m" for entry in found["dispersions"])
+    numbers = ("--seed", "0", "--run-id", str(found["run_id"]))
+    rpojax_command("run", "worst/worst_case.toml", *numbers, "--out", "again")
+    assert Campaign(tmp_path / "again").metrics["docking_angle_deg"][0] == pytest.approx(found["value_flown"], rel=1e-9)

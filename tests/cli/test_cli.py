@@ -19,6 +19,7 @@ import jax
 import numpy as np
 import pytest
 from command_line_calls import Call, Outcome
+from isolated_plugins import forgotten_plugins
 from shared_compilation import shared_programs
 
 import rpojax
@@ -817,6 +818,15 @@ def test_the_cache_can_be_off_and_need_not_be_there(environment: dict[str, str],
     if switch == "unwritable":
         (tmp_path / ".cache").write_text("a file where a folder should be")
     jax_environment.prepare_jax(cache=switch != "argument")
+    assert "JAX_COMPILATION_CACHE_DIR" not in environment
+
+
+def test_a_plugin_may_import_jax_after_it_is_prepared(environment: dict[str, str]) -> None:
+    with forgotten_plugins():
+        words = main._permit_plugin(["run", "mine.toml", "--allow-plugin", "--no-cache"])
+    assert words == ["run", "mine.toml", "--no-cache"]
+    assert "--xla_force_host_platform_device_count" in environment["XLA_FLAGS"]
+    assert environment["TF_CPP_MIN_LOG_LEVEL"] == "3"
     assert "JAX_COMPILATION_CACHE_DIR" not in environment
 
 

@@ -10,14 +10,13 @@ from empty_campaign_folders import empty_campaign
 from synthetic_run import synthetic_run as make_synthetic_run
 
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.interop import run_replay
-from rpojax.interop.ccsds import flown_states
-from rpojax.interop.ccsds.flown_states import BothStates
+from rpojax.interop import run_replay, spacecraft_states
 from rpojax.interop.rerun_viewer import viewer_channels
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.run_replay import ReplayedRun, TickObserver
+from rpojax.interop.spacecraft_states import BothStates
 from rpojax.scenario.loading import scenario_loader
 
 SEED, RUN = 5, 3
@@ -37,7 +36,11 @@ def observe_both() -> TickObserver:
     """Observer of all kinds of values, so that one function is compiled for all tests."""
 
     def observe(*tick: Any) -> tuple[RosTickValues, dict, BothStates]:
-        return message_values.observe_tick(*tick), viewer_channels.observe_tick(*tick), flown_states.observe_tick(*tick)
+        return (
+            message_values.observe_tick(*tick),
+            viewer_channels.observe_tick(*tick),
+            spacecraft_states.observe_tick(*tick),
+        )
 
     return observe
 

@@ -114,6 +114,20 @@ def test_the_example_node_controls_a_run_without_losing_messages() -> None:
 
 
 @pytest.mark.slow
+def test_a_run_with_a_plugin_has_its_metrics_and_says_what_it_does() -> None:
+    example = ROOT / "docs" / "examples" / "plugin" / "scenario.toml"
+    options = ("--external", "none", "--domain-id", "158", "--wait-s", "600", "--json", "--no-cache")
+    simulator = start("-m", "rpojax", "bridge", str(example), "--allow-plugin", "--set", "duration_s=120", *options)
+    read_until(simulator, "compiling, 4 s so far")
+    listener = Participant(158).subscriber(topics.RELATIVE_ESTIMATE)
+    found = summary(simulator)
+    assert found["completed"]
+    assert 0.0 < found["metrics"]["docking_angle_deg"] < 20.0
+    assert found["metrics"]["lidar_hit_fraction"] == 0.0  # the run begins beyond the reach of 40 m
+    del listener
+
+
+@pytest.mark.slow
 def test_a_second_node_replaces_a_killed_one() -> None:
     simulator = bridge(152, 1500, "--timeout-s", "0.5", "--patience-s", "300")
     kill(start(str(NODE), "--domain-id", "152"), simulator)

@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,11 +24,15 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
 from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, METRICS
+from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
+
+if TYPE_CHECKING:
+    import pandas
 
 LEADING = 5
 """Number of inputs that count as leading."""
@@ -136,6 +140,20 @@ class SensitivityAnalysis:
                 "metrics": entries,
             }
         )
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """One row for each metric and input: `metric`, `unit`, and what `InputShare` holds.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        rows = [
+            {"metric": found.metric, "unit": found.unit, "input": share.name}
+            | {name: getattr(share, name) for name in ("sigma", "trend", "nominal", "one_run")}
+            for found in self.metrics
+            for share in found.shares
+        ]
+        return require_package("pandas").DataFrame(rows)
 
     def write(self, path: Path | str, force: bool = False) -> None:
         """Writes the JSON file.

@@ -1,9 +1,10 @@
 """Record of a worst case: the most likely violation of a limit, and the files that hold it."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -14,11 +15,16 @@ from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.metrics.metric_catalogue import UNITS
+from rpojax.optional_packages import require_package
 from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 
+if TYPE_CHECKING:
+    import pandas
+
+_OF_DISPERSION = ("name", "kind", "distance_sigmas")
 SCENARIO_NAME, RECORD_NAME = "worst_case.toml", "worst_case.json"
 
 
@@ -92,6 +98,20 @@ class WorstCase:
         }
         return to_json_types(content)
 
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Dispersed numbers of the reported point, the farthest from their median first, in the users' units.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        rows = [
+            {"key": key + place, "value": value, "nominal": nominal} | {name: entry[name] for name in _OF_DISPERSION}
+            for entry in self._dispersions()
+            for key, values in entry["values"].items()
+            for place, value, nominal in _components(values, entry["nominal"][key])
+        ]
+        return require_package("pandas").DataFrame(rows, columns=["key", "value", "nominal", *_OF_DISPERSION])
+
     def write(self, directory: Path | str, force: bool = False) -> None:
         """Writes worst_case.toml, a scenario to simulate, and worst_case.json into a folder.
 
@@ -151,3 +171,11 @@ class WorstCase:
             "gradient_flights": costs.gradient_run_equivalents,
             "compile_s": self.compile_s,
         }
+
+
+def _components(values: Any, nominal: Any) -> Iterator[tuple[str, float, float]]:
+    """Place, value and nominal value of each number of a key: an empty place of a number alone, else `[0]`, ..."""
+    found, expected = np.asarray(values), np.asarray(nominal)
+    expected = np.broadcast_to(expected, found.shape) if expected.size == 1 else expected.reshape(found.shape)
+    for place in np.ndindex(found.shape):
+        yield "".join(f"[{index}]" for index in place), found[place].item(), expected[place].item()

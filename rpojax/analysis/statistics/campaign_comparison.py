@@ -3,7 +3,7 @@
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,8 +12,12 @@ from rpojax.campaign import experiment_design
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import ResultError
+from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import RequirementSection
+
+if TYPE_CHECKING:
+    import pandas
 
 _MAX_LISTED = 6
 
@@ -57,6 +61,22 @@ class CampaignComparison:
             "warnings": list(self.warnings),
         }
         return {**content, **to_json_types(dataclasses.asdict(self.runs))}
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """One row a metric: pairs of runs, medians, their difference with its 95 % interval, ratio, and if it changed.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        rows = []
+        for each in self.runs.metrics:
+            low, high = each.difference.interval_95 or (None, None)
+            rows.append(
+                {"metric": each.metric, "pairs": each.pairs, "first": each.first, "second": each.second}
+                | {"difference": each.difference.value, "difference_low_95": low, "difference_high_95": high}
+                | {"ratio": each.ratio.value, "changed": each.is_changed}
+            )
+        return require_package("pandas").DataFrame(rows)
 
 
 def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> CampaignComparison:

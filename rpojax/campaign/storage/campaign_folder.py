@@ -20,11 +20,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.campaign.storage import block_manifests, campaign_configuration, provenance, zarr_encoding, zarr_reader
+from rpojax.campaign.storage import (
+    block_manifests,
+    campaign_configuration,
+    labelled_results,
+    provenance,
+    zarr_encoding,
+    zarr_reader,
+)
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.zarr_encoding import NOT_RECORDED
@@ -37,6 +44,10 @@ from rpojax.simulation.metrics.phase_records import PhaseTransition, listed_tran
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent, listed_events
 from rpojax.simulation.outcomes.outcome_kinds import REASONS
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 TRACE_INTERVAL_S = 10.0
 """Sampling interval of the traces that are stored of every run [s]."""
@@ -344,6 +355,33 @@ class Campaign:
             raise ResultError(f"run {run_id}: found no history, expected one of {stored}")
         history = zarr_reader.read_history(self.directory, run_id)
         return history if servicer is None or not self.servicer_names else of_servicer(history, servicer)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Finished runs as an `xarray.Dataset` with units, as `rpojax.open_campaign` describes it.
+
+        Raises:
+            MissingExtraError: xarray is not installed.
+        """
+        names = ("metrics", "traces", "drawn", "used", "phases")
+        groups = {name: getattr(self, name) for name in names}
+        return labelled_results.dataset(self.run_ids, self.trace_time_s, self._status(), groups, self.configuration)
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Finished runs as a table, one row a run by `run_id`: status, metrics, and dispersed values as `drawn.KEY`.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        groups = {"metrics": self.metrics, "drawn": self.drawn}
+        return labelled_results.data_frame(self.run_ids, self._status(), groups)
+
+    def _status(self) -> dict[str, np.ndarray]:
+        return {
+            "failed_at_s": self.failed_at_s,
+            "failure_reason": self.failure_reason.astype(object),
+            "outcome": self.outcomes.astype(object),
+            "completed": self.completed,
+        }
 
 
 def of_servicer(history: Mapping[str, np.ndarray], servicer: int) -> dict[str, np.ndarray]:

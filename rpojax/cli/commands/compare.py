@@ -11,6 +11,7 @@ from rpojax.cli import output_paths
 from rpojax.cli.arguments import AsJson, Force
 from rpojax.cli.console import print_json
 from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.runtime.progress_bar import busy
 
 if TYPE_CHECKING:
     from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
@@ -38,10 +39,11 @@ def compare(
     from rpojax.report.page.comparison import comparison_page
 
     comparison_page.check_count(2 + len(more))
-    campaigns = [Campaign(folder) for folder in (first, second, *more)]
-    found = [campaign_comparison.compare(campaigns[0], other, progress=False) for other in campaigns[1:]]
-    if out is not None:
-        comparison_page.write_comparison(campaigns, found, out)
+    with busy("comparing runs", quiet=as_json, announce=False):
+        campaigns = [Campaign(folder) for folder in (first, second, *more)]
+        found = [campaign_comparison.compare(campaigns[0], other, progress=False) for other in campaigns[1:]]
+        if out is not None:
+            comparison_page.write_comparison(campaigns, found, out)
     if as_json:
         single = found[0].to_dict()
         print_json(single if len(found) == 1 else {"comparisons": [each.to_dict() for each in found]})

@@ -2,12 +2,14 @@
 
 import json
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
 from rpojax.errors import OutputError, RpojaxError
+from rpojax.runtime.sign_of_life import SignOfLife
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,20 +52,22 @@ def detect(
     from rpojax.vision.detector.multiscale_detection import detect_multiscale
     from rpojax.vision.imaging import image_files
 
-    params, _ = load_detector(weights)
-    results = []
-    for path, target in zip(images, targets, strict=True):
-        try:
-            image = image_files.read_image(path)
-        except image_files.ImageFileError as error:
-            print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
-            continue
-        found = detect_multiscale(params, image, threshold)
-        results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
-        if target:
-            _draw(image, found, target)
-        if not as_json:
-            _print_boxes(results[-1])
+    sign = SignOfLife(lambda words: print(f"rpojax: {words}", file=sys.stderr), "searching pictures")
+    with nullcontext() if as_json else sign:
+        params, _ = load_detector(weights)
+        results = []
+        for path, target in zip(images, targets, strict=True):
+            try:
+                image = image_files.read_image(path)
+            except image_files.ImageFileError as error:
+                print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
+                continue
+            found = detect_multiscale(params, image, threshold)
+            results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
+            if target:
+                _draw(image, found, target)
+            if not as_json:
+                _print_boxes(results[-1])
     if as_json:
         print(json.dumps(results, indent=2, allow_nan=False))
     return 0 if len(results) == len(images) else 3 if results else 2

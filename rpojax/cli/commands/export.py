@@ -15,7 +15,7 @@ from rpojax.runtime.progress_bar import ProgressCallback
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign
 
-FormatName = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm"]
+FormatName = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czml"]
 
 
 def export(
@@ -24,7 +24,10 @@ def export(
     out: Annotated[Path, arg(metavar="FILE", help="File to write; several files get its name.")],
     form: Annotated[
         FormatName,
-        arg(name="format", help="Tables: csv, parquet, mat, npz; of one run orbit, attitude or start: oem, aem, opm."),
+        arg(
+            name="format",
+            help="Tables: csv, parquet, mat, npz; of a run orbit, attitude, start, scene: oem, aem, opm, czml.",
+        ),
     ],
     what: Annotated[
         str, arg(metavar="NAMES", help="Tables, with commas between them: metrics, draws, traces, history.")
@@ -34,7 +37,7 @@ def export(
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """Write results as tables with units, or orbits and attitudes of one run as CCSDS messages, for other tools."""
+    """Write results as tables with units, or orbits and attitudes of one run as CCSDS messages or CZML."""
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.interop import export as exports

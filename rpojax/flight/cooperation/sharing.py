@@ -28,7 +28,7 @@ from rpojax.flight.cooperation.link_settings import BaselineTuning, LinkSettings
 from rpojax.flight.cooperation.message import Message
 from rpojax.flight.cooperation.peer_news import Heard, News
 from rpojax.flight.cooperation.team_records import TeamRecords, for_receivers
-from rpojax.flight.navigation import burn_execution_error
+from rpojax.flight.navigation.burn_errors import burn_execution_error
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement

@@ -1,1 +1,1 @@
-"""Navigation: orbit and attitude Kalman filters, outlier gate, thrust estimator."""
+"""Navigation: orbit and attitude Kalman filters, outlier gate, burn errors."""

@@ -14,7 +14,8 @@ from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation import burn_execution_error, burn_scale, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation import relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation.burn_errors import burn_execution_error, burn_scale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState

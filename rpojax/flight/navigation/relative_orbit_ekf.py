@@ -19,7 +19,6 @@ from rpojax.core.vectors import apply
 from rpojax.flight.navigation import (
     box_measurement_model,
     box_position,
-    burn_scale,
     detection_model,
     orbit_covariance,
     outlier_gate,
@@ -27,7 +26,8 @@ from rpojax.flight.navigation import (
     shape_errors,
 )
 from rpojax.flight.navigation.box_measurement_model import LinearisedBox, linearise_box
-from rpojax.flight.navigation.burn_scale import BurnScale
+from rpojax.flight.navigation.burn_errors import burn_scale
+from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateDecision, GateState
@@ -124,14 +124,12 @@ def predict(
     identity = jnp.eye(3, dtype=scale_decay.dtype)
     velocity_process_covariance = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
     gravity_gradient = two_body_gravity.gravity_gradient(r_SN_N)
-    covariance = orbit_covariance.propagate(
-        estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt
-    )
-    lasting = estimate.burn_scale
+    lasting, added = estimate.burn_scale, None
     if delta_v_N is not None:
-        lasting, effect, half = burn_scale.propagated(lasting, gravity_gradient, decay, -delta_v_N, dt)
-        added = jnp.pad(effect, (0, 6))[:, None] * half[None, :]
-        covariance = covariance + (added + added.T)
+        lasting, added = burn_scale.propagated(lasting, gravity_gradient, decay, -delta_v_N, dt)
+    covariance = orbit_covariance.propagate(
+        estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt, added
+    )
     return replace(
         estimate,
         r_TS_N=r_TS_N,

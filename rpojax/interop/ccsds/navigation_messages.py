@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from rpojax.interop.ccsds.flown_states import FlownStates
+from rpojax.interop.spacecraft_states import SpacecraftStates
 
 REFERENCE_FRAME = "EME2000"
 """Name of the simulation's inertial frame N: Sun and Moon are given in the mean equator and equinox of J2000."""
@@ -20,7 +20,7 @@ FRAME_NOTES = (
 BODY_FRAME = "SC_BODY_1"
 
 
-def oem(states: FlownStates, created: datetime.datetime) -> str:
+def oem(states: SpacecraftStates, created: datetime.datetime) -> str:
     """Orbit ephemeris message: position to 1e-6 m and velocity to 1e-9 m/s at every tick."""
     epochs = states.epochs
     meta = {
@@ -40,7 +40,7 @@ def oem(states: FlownStates, created: datetime.datetime) -> str:
     return _text([*_header("OEM", "2.0", states, created), *_block("META", meta), *rows])
 
 
-def aem(states: FlownStates, created: datetime.datetime) -> str:
+def aem(states: SpacecraftStates, created: datetime.datetime) -> str:
     """Attitude ephemeris message: quaternion from the inertial frame to the body, scalar last, at every tick.
 
     Its vector part is the axis of the rotation from the inertial axes to those of the body, times the sine of half its
@@ -64,7 +64,7 @@ def aem(states: FlownStates, created: datetime.datetime) -> str:
     return _text([*_header("AEM", "1.0", states, created), *_block("META", meta), *_inside("DATA", rows)])
 
 
-def opm(states: FlownStates, created: datetime.datetime) -> str:
+def opm(states: SpacecraftStates, created: datetime.datetime) -> str:
     """Orbit parameter message: the state at the first tick."""
     names = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
     position, velocity = states.position_m[0] / 1e3, states.velocity_m_s[0] / 1e3
@@ -87,11 +87,11 @@ def ccsds_quaternions(q: np.ndarray) -> np.ndarray:
     return turned * np.concatenate([np.ones(min(1, len(q))), np.cumprod(signs)])[:, None]
 
 
-def _object(states: FlownStates) -> dict[str, str]:
+def _object(states: SpacecraftStates) -> dict[str, str]:
     return {"OBJECT_NAME": states.spacecraft.upper(), "OBJECT_ID": "UNKNOWN"}
 
 
-def _header(kind: str, version: str, states: FlownStates, created: datetime.datetime) -> list[str]:
+def _header(kind: str, version: str, states: SpacecraftStates, created: datetime.datetime) -> list[str]:
     return [
         f"CCSDS_{kind}_VERS = {version}",
         *(f"COMMENT {line}" for line in (*states.about, *FRAME_NOTES)),

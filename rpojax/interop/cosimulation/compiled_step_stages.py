@@ -29,8 +29,6 @@ from rpojax.simulation.state import State
 from rpojax.simulation.telemetry import telemetry_of
 from rpojax.simulation.tick import Loop, Motion, Tick
 
-_STAGES = Stages()
-
 
 @pytree
 class AttitudeValues:
@@ -101,16 +99,16 @@ class PackedTick:
 class CompiledStages:
     """Stages of one run between which messages are exchanged; `external_burns` replace those of the flight software."""
 
-    def __init__(self, scenario: Scenario, params: Params, external_burns: bool) -> None:
+    def __init__(self, scenario: Scenario, stages: Stages, params: Params, external_burns: bool) -> None:
         packed = PackedRecord.of(params)
         self._params = PackedRecord(packed.layout, tuple(map(jnp.asarray, packed.arrays)))
-        self._begin_tick = PackedFunction(partial(_begin_tick, scenario))
+        self._begin_tick = PackedFunction(partial(_begin_tick, scenario, stages))
         self._replace_orbit = PackedFunction(_replace_orbit)
-        self._plan_and_guide = PackedFunction(partial(_plan_and_guide, scenario, external_burns))
-        self._plant_step = PackedFunction(partial(_plant_step, scenario))
-        self._last_plant_step = PackedFunction(partial(_last_plant_step, scenario))
-        self._all_plant_steps = PackedFunction(partial(_all_plant_steps, scenario))
-        self._camera_image = PackedFunction(partial(_camera_image, scenario))
+        self._plan_and_guide = PackedFunction(partial(_plan_and_guide, scenario, stages, external_burns))
+        self._plant_step = PackedFunction(partial(_plant_step, scenario, stages))
+        self._last_plant_step = PackedFunction(partial(_last_plant_step, scenario, stages))
+        self._all_plant_steps = PackedFunction(partial(_all_plant_steps, scenario, stages))
+        self._camera_image = PackedFunction(partial(_camera_image, scenario, stages))
 
     def first_tick(self, state: State) -> PackedTick:
         """The first tick."""
@@ -160,22 +158,24 @@ def _fetch_tick(tick: PackedRecord, values: PackedRecord, failure: PackedRecord)
     return PackedTick(tick, values.to_numpy(), int(failure.to_numpy()))
 
 
-def _begin_tick(scenario: Scenario, params: Params, state: State) -> tuple[Tick, NavigatedValues, jax.Array]:
+def _begin_tick(
+    scenario: Scenario, stages: Stages, params: Params, state: State
+) -> tuple[Tick, NavigatedValues, jax.Array]:
     """Sensing and navigation."""
-    loop = Loop(scenario, params, _STAGES)
+    loop = Loop(scenario, params, stages)
     tick = step_stages.navigate(loop, step_stages.sense(loop, step_stages.command_camera(loop, state)))
     # Guidance sets the mode later in the tick.
     telemetry = telemetry_of(loop, replace(tick, mode=jnp.zeros((), dtype=jnp.int64)))
     attitude = tick.flight.attitude
     values = NavigatedValues(
-        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry),
+        tick=message_values.observe_tick(stages, scenario, params, telemetry),
         attitude=_attitude_values(scenario, params, attitude, attitude, state.truth.wheel_speed),
     )
     return tick, values, state.failure
 
 
-def _camera_image(scenario: Scenario, params: Params, tick: Tick) -> tuple[jax.Array]:
-    return (external_inputs.detector_picture(Loop(scenario, params, _STAGES), tick),)
+def _camera_image(scenario: Scenario, stages: Stages, params: Params, tick: Tick) -> tuple[jax.Array]:
+    return (external_inputs.detector_picture(Loop(scenario, params, stages), tick),)
 
 
 def _replace_orbit(tick: Tick, estimate: ExternalOrbitEstimate) -> tuple[Tick]:
@@ -183,9 +183,9 @@ def _replace_orbit(tick: Tick, estimate: ExternalOrbitEstimate) -> tuple[Tick]:
 
 
 def _plan_and_guide(
-    scenario: Scenario, external_burns: bool, params: Params, tick: Tick, burn: ExternalBurn
+    scenario: Scenario, stages: Stages, external_burns: bool, params: Params, tick: Tick, burn: ExternalBurn
 ) -> tuple[Tick, Motion, GuidedValues]:
-    loop = Loop(scenario, params, _STAGES)
+    loop = Loop(scenario, params, stages)
     tick = step_stages.manage_mission(loop, tick)
     planned = (
         external_inputs.plan_external_burn(loop, tick, burn) if external_burns else step_stages.plan_burn(loop, tick)
@@ -193,7 +193,7 @@ def _plan_and_guide(
     guided = step_stages.guide(loop, planned)
     telemetry, reference = telemetry_of(loop, guided), external_inputs.attitude_commands(loop, guided)
     values = GuidedValues(
-        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry),
+        tick=message_values.observe_tick(stages, scenario, params, telemetry),
         channels=compute_channels(scenario, params, telemetry),
         attitude_reference=(
             jax.vmap(orientation_from_quaternion)(reference.q_CN),
@@ -205,27 +205,39 @@ def _plan_and_guide(
 
 
 def _plant_step(
-    scenario: Scenario, params: Params, guided: Tick, motion: Motion, torque_and_step: tuple[jax.Array, jax.Array]
+    scenario: Scenario,
+    stages: Stages,
+    params: Params,
+    guided: Tick,
+    motion: Motion,
+    torque_and_step: tuple[jax.Array, jax.Array],
 ) -> tuple[Motion, AttitudeValues]:
     torque, step = torque_and_step
     offset, gyro_normals = step_stages.substep_offsets(scenario)[step], guided.noise.gyro[step]
-    loop = Loop(scenario, params, _STAGES)
+    loop = Loop(scenario, params, stages)
     motion = step_stages.propagate_substep(loop, guided, motion, torque, offset, gyro_normals)
     tick_estimate, wheels = guided.flight.attitude, motion.truth.wheel_speed
     return motion, _attitude_values(scenario, params, tick_estimate, motion.attitude, wheels)
 
 
 def _last_plant_step(
-    scenario: Scenario, params: Params, guided: Tick, motion: Motion, torque_and_step: tuple[jax.Array, jax.Array]
+    scenario: Scenario,
+    stages: Stages,
+    params: Params,
+    guided: Tick,
+    motion: Motion,
+    torque_and_step: tuple[jax.Array, jax.Array],
 ) -> tuple[Tick, NavigatedValues, jax.Array]:
-    motion, _ = _plant_step(scenario, params, guided, motion, torque_and_step)
-    return _begin_tick(scenario, params, step_stages.finish(Loop(scenario, params, _STAGES), guided, motion))
+    motion, _ = _plant_step(scenario, stages, params, guided, motion, torque_and_step)
+    return _begin_tick(scenario, stages, params, step_stages.finish(Loop(scenario, params, stages), guided, motion))
 
 
-def _all_plant_steps(scenario: Scenario, params: Params, guided: Tick) -> tuple[Tick, NavigatedValues, jax.Array]:
-    loop = Loop(scenario, params, _STAGES)
+def _all_plant_steps(
+    scenario: Scenario, stages: Stages, params: Params, guided: Tick
+) -> tuple[Tick, NavigatedValues, jax.Array]:
+    loop = Loop(scenario, params, stages)
     motion = step_stages.control_and_propagate(loop, guided)
-    return _begin_tick(scenario, params, step_stages.finish(loop, guided, motion))
+    return _begin_tick(scenario, stages, params, step_stages.finish(loop, guided, motion))
 
 
 def _attitude_values(

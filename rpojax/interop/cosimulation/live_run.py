@@ -23,7 +23,9 @@ from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSetting
 from rpojax.interop.cosimulation.message_exchange import MessageExchange
 from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.runtime import garbage_collection
+from rpojax.runtime.sign_of_life import SignOfLife
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation import initial_state
@@ -76,17 +78,20 @@ def simulate_live(
     """Simulates one run live; `write_line` gets lines on progress and events.
 
     Raises:
-        RpojaxError: the scenario is that of a team, the domain cannot be joined, or no external nodes were found.
+        RpojaxError: the scenario is that of a team, its plugin is not allowed, the domain cannot be joined, or no
+            external nodes were found.
     """
     refuse_team(file, "a live run")
     events = EventLog(write_line)
     stages = settings.external_stages
     exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)
     write_line("compiling")
-    run = _LiveRun(file, seed, run_id, settings)
-    run.warm_up()
+    with SignOfLife(write_line, "compiling"):
+        run = _LiveRun(file, seed, run_id, settings)
+        run.warm_up()
     write_line("waiting for external nodes")
-    exchange.wait_for_nodes(settings.wait_s)
+    with SignOfLife(write_line, "waiting for external nodes"):
+        exchange.wait_for_nodes(settings.wait_s)
     write_line("running")
     clock: LockstepClock | RealTimeClock = LockstepClock(settings.timeout_s)
     if settings.real_time_factor is not None:
@@ -94,7 +99,7 @@ def simulate_live(
     commands = CommandInput(settings, run.limits, exchange, clock, events)
     wall, cpu, stop_reason = time.perf_counter(), time.process_time(), ""
     try:
-        with garbage_collection.existing_objects_spared():
+        with garbage_collection.existing_objects_spared(), SignOfLife(write_line, "running"):
             while run.is_running:
                 exchange.count_type_mismatches()
                 run.tick(commands)
@@ -127,7 +132,8 @@ class _LiveRun:
         own = dispersed_values.read_back(self._params, dispersion_keys.varied_keys(file))
         self._varied = {key: np.asarray(value)[None] for key, value in own.items()}
         self._takes_burns = ExternalStage.FORMATION in settings.external_stages
-        self._stages = CompiledStages(self.scenario, self._params, self._takes_burns)
+        chosen = plugin_registry.stages_of(file)
+        self._stages = CompiledStages(self.scenario, chosen, self._params, self._takes_burns)
         start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
         self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))

@@ -29,9 +29,12 @@ from rpojax.report.page.template_values import (
 from rpojax.report.sections import identity_section
 from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_distributions
 from rpojax.report.team import team_section
+from rpojax.runtime.progress_bar import busy
 
 
-def write_report(campaign: CampaignResults, run_id: int | None = None, film: bool = True) -> Path:
+def write_report(
+    campaign: CampaignResults, run_id: int | None = None, film: bool = True, *, progress: bool = True
+) -> Path:
     """Writes report.html, report.json and the figures of one run into the campaign's folder; returns the page's path.
 
     Of a team the run is shown in detail as its first servicer had it.
@@ -40,10 +43,16 @@ def write_report(campaign: CampaignResults, run_id: int | None = None, film: boo
         campaign: results
         run_id: run shown beside the worst ones; by default the median one in formation error among those with a history
         film: whether to render the camera images of that run again, which takes some 20 s
+        progress: say on stderr every few seconds that it is under way
 
     Raises:
         ResultError: no history of `run_id` is stored.
     """
+    with busy("writing the report", quiet=not progress, announce=False):
+        return _write(campaign, run_id, film)
+
+
+def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:
     shown_run = choose_run(campaign, run_id)
     drawn = drawn_distributions(campaign)
     content = report_content(campaign, drawn)

@@ -180,7 +180,8 @@ def _order_statistic_text(entry: Mapping[str, Any]) -> str:
 
 
 def _signed(value: float | None) -> str:
-    return format_number(value) if value is None or value <= 0.0 else f"+{format_number(value)}"
+    text = format_number(value).replace("-", "\N{MINUS SIGN}")
+    return text if value is None or value <= 0.0 else f"+{text}"
 
 
 def _rounded_down(probability: float) -> str:

@@ -49,23 +49,11 @@ def check_consistency(file: ScenarioFile) -> None:
             f"a place farther from the target than limits.keep_out_m = {file.limits.keep_out_m:g}",
         )
     _check_precision(file)
-    _check_shared_filter(file)
     check_requirements(file)
     mesh_path(file.model_dump())
     check_phases(file)
     check_dispersions(file)
     check_design(file)
-
-
-def _check_shared_filter(file: ScenarioFile) -> None:
-    """Refuses a lasting error of burns as a state of a filter that is shared with others, which has none for it."""
-    navigation = file.navigation
-    if navigation.sharing != "none" and navigation.burn_scale_sigma > 0.0:
-        raise ScenarioError(
-            "navigation.burn_scale_sigma",
-            navigation.burn_scale_sigma,
-            f"0 with navigation.sharing = '{navigation.sharing}', where navigation.burn_magnitude_sigma covers it",
-        )
 
 
 def _check_precision(file: ScenarioFile) -> None:

@@ -47,7 +47,7 @@ def template(name: str, base: str, file: ScenarioFile) -> str:
     lines = [
         "#:schema ./rpojax.schema.json",
         "# Completion in editors: rpojax schema --partial > rpojax.schema.json",
-        "# All keys: docs/reference/scenario.md. What stays commented out has the value of the scenario that is extended.",
+        "# All keys: docs/reference/scenario.md. Commented out, they have the values of the scenario that is extended.",
         "",
         f"format_version = {FORMAT_VERSION}",
         _assignment("extends", base),

@@ -15,7 +15,7 @@ from rpojax.flight import computer, phase_goal
 from rpojax.flight.cooperation import sharing
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.flight_records import FlightMemory
-from rpojax.flight.navigation import thrust_estimator
+from rpojax.flight.navigation.burn_errors import thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import coordination, intent

@@ -133,6 +133,10 @@ def test_the_analysis_of_a_scenario_is_written_as_json(
     assert content == found.to_dict()
     assert [entry["metric"] for entry in content["metrics"]] == list(METRICS)
     assert content["metrics"][0]["sigma_by_dispersions"] == pytest.approx(5.0)
+    table = found.to_dataframe()
+    of_first = table[table["metric"] == METRICS[0]]
+    assert np.sqrt((of_first["sigma"] ** 2).sum()) == pytest.approx(5.0)
+    assert of_first["input"].tolist() == [share.name for share in found.metrics[0].shares]
     assert content["metrics"][0]["sampling"] is None
     with pytest.raises(OutputError, match="exists already"):
         found.write(tmp_path / "sensitivity.json")

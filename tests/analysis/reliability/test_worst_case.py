@@ -104,6 +104,10 @@ def test_the_nearest_violation_is_found_on_either_side(
     index = int(row[-2])
     moved = first["values"][key][index] - first["nominal"][key][index]
     assert moved == pytest.approx(2.0 * first["sigmas"][row])
+    table = worst.to_dataframe().set_index("key")
+    assert table.loc[row, "value"] - table.loc[row, "nominal"] == pytest.approx(moved)
+    assert table["name"].iloc[0] == key
+    assert np.isfinite(table["value"].to_numpy(dtype=float)).all()
 
 
 def test_the_worst_case_is_a_scenario_to_simulate(mission: ScenarioFile) -> None:

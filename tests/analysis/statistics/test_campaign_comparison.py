@@ -1,6 +1,12 @@
-"""Changed keys of two scenarios."""
+"""Changed keys of two scenarios, and a comparison as a table."""
 
-from rpojax.analysis.statistics.campaign_comparison import KeyChange, changed_keys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange, changed_keys
+from rpojax.analysis.statistics.paired_comparison import RunMetrics, compare_paired_runs
 
 
 def test_changed_keys_are_found_at_any_depth_and_on_either_side() -> None:
@@ -11,3 +17,15 @@ def test_changed_keys_are_found_at_any_depth_and_on_either_side() -> None:
         KeyChange("d", 4, None),
         KeyChange("e", None, 5),
     )
+
+
+def test_a_table_has_the_change_of_every_metric_with_its_interval() -> None:
+    ids, outcomes = np.arange(40), np.full(40, "completed")
+    first = RunMetrics(ids, outcomes, {"range_m": 10.0 + ids / 10.0, "delta_v_m_s": np.ones(40)})
+    second = RunMetrics(ids, outcomes, {"range_m": 12.0 + ids / 10.0, "delta_v_m_s": np.ones(40)})
+    runs = compare_paired_runs(first, second, (), independent=True)
+    found = CampaignComparison(Path("a"), Path("b"), (), True, (), runs).to_dataframe().set_index("metric")
+    assert found.loc["range_m", "difference"] == pytest.approx(2.0)
+    assert found.loc["range_m", "difference_low_95"] > 0.0
+    assert found["changed"].to_dict() == {"range_m": True, "delta_v_m_s": False}
+    assert found.loc["range_m", "second"] - found.loc["range_m", "first"] == pytest.approx(2.0)

@@ -36,6 +36,18 @@ def test_variables_have_dimensions_and_units(written: Campaign) -> None:
         assert found.attrs[key] == written.info[key]
 
 
+def test_a_table_has_a_row_for_each_run_and_a_column_for_each_number(written: Campaign) -> None:
+    found = written.to_dataframe()
+    assert found.index.tolist() == [10, 11, 14]
+    assert found.index.name == "run_id"
+    assert found.loc[14, "min_range_m"] == 4.0
+    assert found["outcome"].tolist() == written.outcomes.tolist()
+    for axis in range(3):
+        column = found[f"drawn.target.tumble_axis[{axis}]"].to_numpy()
+        np.testing.assert_array_equal(column, written.drawn["target.tumble_axis"][:, axis])
+    assert set(written.metrics) <= set(found.columns)
+
+
 def test_xarray_opens_the_groups(written: Campaign) -> None:
     import xarray
 
@@ -47,5 +59,8 @@ def test_xarray_opens_the_groups(written: Campaign) -> None:
 
 def test_error_without_xarray_names_the_install_command(written: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
+    monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(RpojaxError, match=r"^xarray: not installed, expected: .*rpojax\[xarray\]"):
         rpojax.open_campaign(written.directory)
+    with pytest.raises(RpojaxError, match=r"^pandas: not installed, expected: .*rpojax\[xarray\]"):
+        written.to_dataframe()

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
 from rpojax.errors import RpojaxError
-from rpojax.interop import run_replay
-from rpojax.interop.ccsds import flown_states, navigation_messages
-from rpojax.interop.ccsds.flown_states import BothStates, FlownStates
+from rpojax.interop import run_replay, spacecraft_states
+from rpojax.interop.ccsds import navigation_messages
 from rpojax.interop.export import export
 from rpojax.interop.run_replay import ReplayedRun
+from rpojax.interop.spacecraft_states import BothStates, SpacecraftStates
 
 RUN = 3
 MILLIMETRE = 1e-3
@@ -29,7 +29,7 @@ def written(
     campaign: Campaign, states_run: ReplayedRun[BothStates], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> dict[str, Path]:
     """Messages of both spacecraft of the replayed run, by `KIND_SPACECRAFT`."""
-    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: states_run)
+    monkeypatch.setattr(run_replay, "replay_servicers", lambda *_, **__: (states_run,))
     found = {}
     for kind in ("oem", "aem", "opm"):
         for path in export(campaign, tmp_path / f"run.{kind}", run_id=RUN, progress=False):
@@ -124,8 +124,8 @@ def test_a_message_says_what_its_frame_neglects(written: dict[str, Path]) -> Non
 
 def test_an_epoch_in_another_zone_is_converted_and_rounded_to_microseconds(inspection_file: Any) -> None:
     file = inspection_file.model_copy(update={"epoch_utc": "2026-03-20T16:46:00+02:00"})
-    epoch = flown_states.utc_epoch(file)
-    states = FlownStates("target", epoch, np.array([0.0, 0.2, 86400.0]), *3 * (np.zeros((3, 3)),), about=())
+    epoch = spacecraft_states.utc_epoch(file)
+    states = SpacecraftStates("target", epoch, np.array([0.0, 0.2, 86400.0]), *3 * (np.zeros((3, 3)),), about=())
     assert states.epochs == [
         "2026-03-20T14:46:00.000000",
         "2026-03-20T14:46:00.200000",

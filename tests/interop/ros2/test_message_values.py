@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.core.pytree import replace
 from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.flight.navigation import outline_correlation
-from rpojax.flight.navigation.burn_scale import BurnScale
+from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate

@@ -123,7 +123,7 @@ def test_probabilities_are_not_rounded_up_to_the_required_one():
     cells = requirement_verdict_section.rows([entry])[0].cells
     assert cells[0] == ("2", "of 99999 runs with a value")
     assert cells[4] == ("0.9899", "0.9895 to 0.9904")
-    assert cells[2] == ("-0.1000", "")
+    assert cells[2] == ("\N{MINUS SIGN}0.1000", "")
 
 
 def test_unknown_metric_and_invalid_requirement_are_errors(build):

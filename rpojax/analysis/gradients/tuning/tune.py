@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
@@ -14,10 +14,14 @@ from rpojax.analysis.gradients.tuning.tuning_validation import Validation
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.flight.stages import Stages
+from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import item_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,19 @@ class Tuning:
         if self.validation is not None:
             content["judged"] = _validation_entry(self.validation)
         return to_json_types(content)
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Steps of the descent, one a row by `step`: objective, its parts as `part.NAME`, norm of the gradient, runs.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        tables = require_package("pandas")
+        rows = []
+        for step in self.result.steps:
+            entry = dataclasses.asdict(step)
+            rows.append(entry | {f"part.{name}": value for name, value in entry.pop("parts").items()})
+        return tables.DataFrame(rows, index=tables.RangeIndex(1, len(rows) + 1, name="step"))
 
     def write(self, path: Path | str, force: bool = False) -> None:
         """Writes the tuned scenario as TOML, and beside it a JSON file of the same name.

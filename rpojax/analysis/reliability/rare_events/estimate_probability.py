@@ -12,6 +12,7 @@ from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunct
 from rpojax.analysis.reliability.rare_events.probability_estimate import MethodChoice, ProbabilityEstimate
 from rpojax.errors import RpojaxError
 from rpojax.runtime import jax_configuration
+from rpojax.runtime.progress_bar import busy
 
 jax_configuration.enable_double_precision()
 
@@ -30,6 +31,7 @@ def estimate_probability(
     seed: int = 0,
     method: str = "auto",
     noise_dimension: int = 0,
+    progress: bool = True,
 ) -> ProbabilityEstimate:
     """Probability of failure, with an interval that says how far it can be trusted.
 
@@ -41,6 +43,7 @@ def estimate_probability(
         seed: of the random numbers
         method: 'auto', or 'subset', 'importance', 'line' or 'plain'
         noise_dimension: of the noise; without any the limit state is a function of z alone
+        progress: say on stderr every few seconds that it is under way
 
     Raises:
         RpojaxError: an argument is out of range, or the limit state does not return one margin a point.
@@ -51,7 +54,8 @@ def estimate_probability(
     space = LatentSpace(dimension + moved, blocks)
     calls = LimitStateCalls(_as_limit_function(limit_state, dimension, noise_dimension), space, budget)
     chosen: MethodChoice = method  # pyright: ignore[reportAssignmentType]
-    return method_choice.estimate(calls, np.random.default_rng(seed), chosen)
+    with busy("estimating the probability", quiet=not progress, announce=False):
+        return method_choice.estimate(calls, np.random.default_rng(seed), chosen)
 
 
 def _check(dimension: int, budget: int, seed: int, method: str, noise_dimension: int) -> None:

@@ -2,11 +2,15 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy.stats import beta, norm
 
+from rpojax.optional_packages import require_package
+
+if TYPE_CHECKING:
+    import pandas
 Method = Literal["subset", "importance", "line", "plain"]
 MethodChoice = Literal["auto", "subset", "importance", "line", "plain"]
 
@@ -94,6 +98,14 @@ class ProbabilityEstimate:
                 for point in self.design_points
             ],
         }
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Stages of the estimate, one a row: what `LevelRecord` holds.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        return require_package("pandas").DataFrame([vars(level) for level in self.levels])
 
 
 def binomial_interval(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:

@@ -21,6 +21,7 @@ def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Lim
     Bars beyond a limit have another colour. A limit lies at the edge, with an arrow, where it is far from all values.
     """
     counts, edges = histogram_bins(values)
+    tail = 1 if label.low_is_bad else 99
     middles = (edges[:-1] + edges[1:]) / 2.0
     beyond = np.zeros(len(counts), dtype=bool)
     for limit in limits:
@@ -35,10 +36,9 @@ def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Lim
     }
     layout = chart_layout(label.unit, "runs")
     layout["bargap"] = 0
-    layout["showlegend"] = False
     layout["shapes"] = [
-        _vertical_line(float(np.percentile(values, 50)), "solid"),
-        _vertical_line(float(np.percentile(values, 1 if label.low_is_bad else 99)), "dot"),
+        _vertical_line(float(np.percentile(values, 50)), "solid", "median"),
+        _vertical_line(float(np.percentile(values, tail)), "dot", f"p{tail}"),
         *(_limit_shape(limit, float(edges[0]), float(edges[-1])) for limit in limits),
     ]
     layout["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
@@ -67,6 +67,7 @@ def _limit_shape(limit: Limit, low: float, high: float) -> dict[str, Any]:
     return limit_line(limit.value, limit.text, upright=True)
 
 
-def _vertical_line(x: float, dash: str) -> dict[str, Any]:
+def _vertical_line(x: float, dash: str, name: str) -> dict[str, Any]:
     line = {"color": INK, "width": 1.4, "dash": dash}
-    return {"type": "line", "xref": "x", "yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1, "line": line}
+    ends = {"xref": "x", "yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1}
+    return {"type": "line", "name": name, "showlegend": True, "line": line, **ends}

@@ -157,7 +157,9 @@ const Charts = (() => {
     for (const value of x.ticks) {
       const place = x.to(value).toFixed(1);
       if (!x.names) node(grid, "line", { x1: place, x2: place, y1: top, y2: bottom });
-      node(root, "text", { x: place, y: bottom + 15, "text-anchor": "middle", class: "tick" }, x.text(value));
+      // The last text ends at the edge of the picture at the latest.
+      const half = 3.4 * x.text(value).length;
+      node(root, "text", { x: Math.min(place, right + 10 - half), y: bottom + 15, "text-anchor": "middle", class: "tick" }, x.text(value));
     }
     for (const value of y.ticks) {
       const place = y.to(value).toFixed(1);
@@ -248,6 +250,7 @@ const Charts = (() => {
     legend.replaceChildren();
     if (layout.showlegend === false) return;
     const named = traces.filter((trace) => trace.name && trace.showlegend !== false);
+    named.push(...(layout.shapes || []).filter((shape) => shape.showlegend));
     for (const trace of named) {
       const item = legend.appendChild(document.createElement("span"));
       const key = item.appendChild(document.createElementNS(SVG, "svg"));

@@ -71,12 +71,13 @@ const Scene = (() => {
     pen.lineJoin = "round";
     pen.font = "12px system-ui, sans-serif";
     const view = camera(state);
-    const shown = bounds(data, view);
+    const length = 0.35 * reach;
+    const shown = bounds(data, view, length);
     const scale = state.zoom * Math.min((width - 90) / shown.width, (height - 70) / shown.height);
     const [across, high] = state.zoom > 1.01 ? [0, 0] : shown.center;
     const project = (p) => [
       width / 2 + scale * (dot(view.right, p) - across), height / 2 - scale * (dot(view.up, p) - high), dot(view.forward, p)];
-    drawAxes(pen, project, 0.35 * reach / state.zoom, named);
+    drawAxes(pen, project, length / state.zoom, named);
     drawSphere(pen, project, data.keep_out_m, scale, named);
     for (const path of data.paths.filter((one) => one.kind === "other")) drawPath(pen, project, path, named);
     drawTarget(pen, project, target, view, named);
@@ -85,20 +86,17 @@ const Scene = (() => {
     drawScale(pen, scale, height, named);
   }
 
-  // Size and middle of everything shown, as this view has it, so that the picture is full.
-  function bounds(data, view) {
+  // Size and middle of everything shown, axes of a length included, as this view has it, so that the picture is full.
+  function bounds(data, view, length) {
     const radius = data.keep_out_m || 1;
     const low = [-radius, -radius];
     const high = [radius, radius];
-    for (const path of data.paths) {
-      for (let i = 0; i < path.points.length; i += 3) {
-        const point = path.points.slice(i, i + 3);
-        [view.right, view.up].forEach((direction, k) => {
-          low[k] = Math.min(low[k], dot(direction, point));
-          high[k] = Math.max(high[k], dot(direction, point));
-        });
-      }
-    }
+    const include = (point) => [view.right, view.up].forEach((direction, k) => {
+      low[k] = Math.min(low[k], dot(direction, point));
+      high[k] = Math.max(high[k], dot(direction, point));
+    });
+    for (const [, direction] of axes) include(direction.map((one) => one * length));
+    for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) include(path.points.slice(i, i + 3));
     return { width: high[0] - low[0], height: high[1] - low[1], center: [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2] };
   }
 

@@ -107,6 +107,9 @@ def test_undefined_margins_are_failures_and_told() -> None:
 def test_an_estimate_depends_on_its_seed_alone() -> None:
     first, again, other = (rpojax.estimate_probability(plane, 3, budget=1000, seed=seed) for seed in (5, 5, 6))
     assert first.to_dict() == again.to_dict()
+    table = first.to_dataframe()
+    assert table["evaluations"].sum() == sum(level.evaluations for level in first.levels) > 0
+    assert table["name"].tolist() == [level.name for level in first.levels]
     assert first.probability != other.probability
 
 

@@ -19,7 +19,7 @@ from rpojax.core.orbits import keplerian_elements
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.errors import ScenarioError
 from rpojax.interop.ccsds import navigation_messages
-from rpojax.interop.ccsds.flown_states import FlownStates
+from rpojax.interop.spacecraft_states import SpacecraftStates
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.loading.starts import inertial_frames, orbit_states
 from rpojax.scenario.loading.starts.orbit_states import OrbitState
@@ -206,7 +206,7 @@ def test_elements_give_back_the_state(elements: tuple[float, ...]) -> None:
 def oem_of(spacecraft: Any, position: np.ndarray, velocity: np.ndarray, times: np.ndarray) -> str:
     epoch = datetime.datetime(2026, 3, 20, 14, 46)
     attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1))
-    states = FlownStates(spacecraft, epoch, times, position, velocity, attitude, ("By hand",))
+    states = SpacecraftStates(spacecraft, epoch, times, position, velocity, attitude, ("By hand",))
     return navigation_messages.oem(states, epoch)
 
 

@@ -1,8 +1,8 @@
-"""States of both spacecraft at every tick of a run, in double precision, for messages of other tools."""
+"""States of every spacecraft at every tick of a run, in double precision, for files of other tools."""
 
 import datetime
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import jax
 import numpy as np
@@ -12,17 +12,20 @@ from rpojax.campaign import single_run
 from rpojax.campaign.rerun import check_run_id
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import pytree
+from rpojax.errors import ScenarioError
 from rpojax.flight.stages import Stages
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
+from rpojax.scenario.team.members import member_names
 from rpojax.simulation.telemetry import Telemetry
 from rpojax.version import __version__
 
-SpacecraftName = Literal["servicer", "target"]
-SPACECRAFT: tuple[SpacecraftName, ...] = ("servicer", "target")
+TARGET = "target"
+SERVICER = "servicer"
+"""Name of a servicer that is no member of a team."""
 
 
 @pytree
@@ -64,11 +67,11 @@ def _of_truth(truth: Truth) -> BothStates:
 
 
 @dataclass(frozen=True)
-class FlownStates:
+class SpacecraftStates:
     """States of one spacecraft over time.
 
     Attributes:
-        spacecraft: which one
+        spacecraft: its name: `servicer`, that of a member of a team, or `target`
         epoch_utc: start of the run
         time_s: (ticks,) since then [s]
         position_m: (ticks, 3) in N
@@ -77,7 +80,7 @@ class FlownStates:
         about: lines on where they come from
     """
 
-    spacecraft: SpacecraftName
+    spacecraft: str
     epoch_utc: datetime.datetime
     time_s: np.ndarray
     position_m: np.ndarray
@@ -92,30 +95,52 @@ class FlownStates:
         return [moment.isoformat(timespec="microseconds") for moment in moments]
 
 
-def initial_states(campaign: Campaign, run_id: int) -> list[FlownStates]:
-    """States of servicer and target at the start of a run of a campaign, without simulating it.
+def spacecraft_names(file: ScenarioFile) -> tuple[str, ...]:
+    """Names of the servicers of a scenario, and `target`.
 
     Raises:
-        RpojaxError: there is no such run, or the scenario has a team.
+        ScenarioError: a servicer has the name of the target.
+    """
+    servicers = member_names(file) or (SERVICER,)
+    if TARGET in servicers:
+        raise ScenarioError("servicers.name", TARGET, "another name, for a file of each spacecraft")
+    return (*servicers, TARGET)
+
+
+def initial_states(campaign: Campaign, run_id: int) -> list[SpacecraftStates]:
+    """States of every servicer and of the target at the start of a run of a campaign, without simulating it.
+
+    Raises:
+        RpojaxError: there is no such run.
     """
     check_run_id(campaign, run_id)
     file, options = campaign.file.model_copy(update={"precision": "double"}), campaign.configuration.options
-    _, _, state = single_run.initialise_run(file, options.seed, run_id, options.design_range)
-    values = jax.tree.map(lambda value: np.asarray(value)[None], _of_truth(state.truth))
+    arguments = (file, options.seed, run_id, options.design_range)
+    if file.servicers:
+        _, team, state = single_run.initialise_team_run(*arguments)
+        truths = [jax.tree.map(lambda value, at=at: value[..., at], state.servicers.truth) for at in range(team.count)]
+    else:
+        truths = [single_run.initialise_run(*arguments)[2].truth]
+    values = [jax.tree.map(lambda value: np.asarray(value)[None], _of_truth(truth)) for truth in truths]
     return _each(values, np.zeros(1), file, _about(campaign, run_id))
 
 
-def flown_states(run: ReplayedRun[BothStates], campaign: Campaign) -> list[FlownStates]:
-    """States of servicer and target of a replayed run of a campaign."""
-    return _each(run.values, run.time_s, run.file, _about(campaign, run.run_id))
+def replayed_states(runs: Sequence[ReplayedRun[BothStates]], campaign: Campaign) -> list[SpacecraftStates]:
+    """States of every servicer and of the target of a replayed run of a campaign."""
+    return _each([run.values for run in runs], runs[0].time_s, runs[0].file, _about(campaign, runs[0].run_id))
 
 
-def _each(values: BothStates, time_s: np.ndarray, file: ScenarioFile, about: tuple[str, ...]) -> list[FlownStates]:
-    epoch = utc_epoch(file)
-    of_target = (np.asarray(values.r_TN_N), np.asarray(values.v_TN_N), np.asarray(values.q_TN))
-    of_servicer = (of_target[0] + values.r_ST_N, of_target[1] + values.v_ST_N, np.asarray(values.q_BN))
-    each = {"servicer": of_servicer, "target": of_target}
-    return [FlownStates(name, epoch, time_s, *each[name], about) for name in SPACECRAFT]
+def _each(
+    values: Sequence[BothStates], time_s: np.ndarray, file: ScenarioFile, about: tuple[str, ...]
+) -> list[SpacecraftStates]:
+    target = values[0]
+    of_target = (np.asarray(target.r_TN_N), np.asarray(target.v_TN_N), np.asarray(target.q_TN))
+    of_servicers = [(of_target[0] + own.r_ST_N, of_target[1] + own.v_ST_N, np.asarray(own.q_BN)) for own in values]
+    epoch, names = utc_epoch(file), spacecraft_names(file)
+    return [
+        SpacecraftStates(name, epoch, time_s, *states, about)
+        for name, states in zip(names, [*of_servicers, of_target], strict=True)
+    ]
 
 
 def utc_epoch(file: ScenarioFile) -> datetime.datetime:

@@ -10,7 +10,7 @@ from numpy_reference import random_covariance
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter
-from rpojax.flight.navigation.burn_scale import BurnScale
+from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 

@@ -47,8 +47,8 @@ def propagated(
     decay: Float[Array, "6"],
     relative_delta_v_N: Vector,
     dt: float,
-) -> tuple[BurnScale, Float[Array, "6"], Float[Array, "12"]]:
-    """Belief `dt` [s] later, and two vectors `g` and `u` of the covariance `g u' + u g'` that a burn adds to the state.
+) -> tuple[BurnScale, tuple[Float[Array, "6"], Float[Array, "12"]]]:
+    """Belief `dt` [s] later, and the vectors `g` and `u` of the covariance `g u' + u g'` that a burn adds to the state.
 
     `relative_delta_v_N` [m/s] is the change of the relative velocity by the burn; `decay` [-] is that of the slow
     errors, whose state is the rest. The transition is that of `orbit_covariance.propagate`.
@@ -64,7 +64,7 @@ def propagated(
         variance=scale.variance,
         covariance=moved + jnp.concatenate([scale.variance * effect, none]),
     )
-    return after, effect, half
+    return after, (effect, half)
 
 
 def updated(scale: BurnScale, rows: MeasurementRows, gains: SequentialGains) -> BurnScale:
