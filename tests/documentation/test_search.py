@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="need
         ("own mesh", "docs/how_to/field.html"),
         ("ROS 2", "docs/how_to/ros2.html"),
         ("NEES", "docs/theory/statistics.html"),
-        ("look-away", "docs/theory/pointing.html"),
+        ("look-away", "docs/reference/glossary.html"),
         ("edge_noise_px", "docs/reference/scenario_keys.html"),
         ("formation_error_rms_m", "docs/reference/metrics.html"),
         ("exit status", "docs/reference/command_line.html"),
