@@ -17,6 +17,7 @@ _NAMED = {
     "mission.aborts.by_reason": "REASON",
     "failure_causes[].signs": "METRIC",
     "mission.ends": "END",
+    "files": "FILE",
 }
 """Objects whose keys are names, and not the same in all reports; in the shape the word stands for any of them."""
 

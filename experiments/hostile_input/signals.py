@@ -27,6 +27,7 @@ def main() -> int:
     """Sends the signals and prints a table of statuses."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder to make")
+    parser.add_argument("--stages", nargs="+", choices=[*STAGES], default=[*STAGES])
     found = parser.parse_args()
     shutil.rmtree(found.out, ignore_errors=True)
     found.out.mkdir(parents=True)
@@ -36,7 +37,7 @@ def main() -> int:
     faults = 0
     print("| stage | " + " | ".join(number.name for number in SIGNALS) + " |")
     print("|---|" + "---|" * len(SIGNALS))
-    for stage in STAGES:
+    for stage in found.stages:
         cells = []
         for number in SIGNALS:
             out = found.out / f"{stage.replace(' ', '_')}_{number.name}"

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import rpojax
 
-SHORT = ("--set", "duration_s=90.0", "--set", "rates.formation_period_s=40.0", "--set", "formation.lead_s=20.0")
-SHORT += ("--set", "pointing.look_away_limit_s=40.0", "--set", "requirements=[]", "--set", "safety.horizons=[]")
+SHORT = ("--set", "duration_s=200")
 STAGES = {
     "start of Python": 0.02,
     "import": 0.12,
