@@ -13,6 +13,7 @@ from scenario_error_assertions import assert_one_line
 from rpojax.campaign import single_run
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.seal.record_seal import sealed
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.interop import run_replay
@@ -40,7 +41,7 @@ def test_a_team_is_refused_in_one_line(tmp_path: Path) -> None:
 
 def test_a_scenario_with_other_trained_files_is_refused(campaign: Campaign, tmp_path: Path) -> None:
     configuration = json.loads((campaign.directory / "campaign.json").read_text())
-    (tmp_path / "campaign.json").write_text(json.dumps({**configuration, "scenario_hash": "0" * 64}))
+    (tmp_path / "campaign.json").write_text(json.dumps(sealed({**configuration, "scenario_hash": "0" * 64})))
     with pytest.raises(RpojaxError, match="scenario: found another content or trained files"):
         run_replay.replay(Campaign(tmp_path), 3, message_values.observe_tick)
 
