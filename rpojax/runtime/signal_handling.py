@@ -72,6 +72,12 @@ def ending_signals() -> Iterator[Received]:
         signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
         raise KeyboardInterrupt
 
+    def silent(unraisable: "sys.UnraisableHookArgs") -> None:
+        # Swallowed in a callback of the garbage collector or a destructor, and raised again soon.
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            hook(unraisable)
+
+    hook = sys.unraisablehook
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
     before = {number: signal.getsignal(number) for number in numbers}
     try:
@@ -79,8 +85,10 @@ def ending_signals() -> Iterator[Received]:
             # A job in the background of a script ignores SIGINT.
             if before[number] != signal.SIG_IGN:
                 signal.signal(number, note)
+        sys.unraisablehook = silent
         yield received
     finally:
+        sys.unraisablehook = hook
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
             signal.signal(number, handler if handler is not None else signal.SIG_DFL)

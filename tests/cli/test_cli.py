@@ -353,7 +353,7 @@ def test_a_full_disk_is_status_4_with_what_is_kept_and_how_to_go_on(
     with monkeypatch.context() as patch:
         patch.setattr(atomic_files, "write", full)
         result = call(*words)
-    assert (result.status, result.out, result.err.count("\n")) == (4, "", 1)
+    assert (result.status, list(result.json), result.err.count("\n")) == (4, ["error"], 1)
     assert "found no space left on device, expected room for the results" in result.err
     assert f"1 of 3 blocks are kept; go on with: rpojax resume {out}" in result.err
     assert call("resume", out, "--json").status == 0
@@ -524,7 +524,7 @@ def test_several_values_may_follow_one_set(words: list[str], expected: list[str]
 # Bad input
 
 BAD_SCENARIO = [
-    (["servicer.mas_kg=30"], "servicer.mas_kg", "did you mean 'mass_kg'"),
+    (["servicer.mas_kg=30"], "servicer.mas_kg", "did you mean 'servicer.mass_kg'"),
     (["servicer.mass_kg=-1"], "servicer.mass_kg", "greater than 0"),
     (["servicer.mass_kg=nan"], "servicer.mass_kg", "finite"),
     (["servicer.mass_kg=heavy"], "servicer.mass_kg", "number"),
@@ -698,7 +698,9 @@ def test_a_spoilt_folder_is_refused_in_one_line(finished: Path, tmp_path: Path) 
         "print([int(main(['report', f, '--json'])) for f in sys.argv[1:]])"
     )
     result = python("-c", code, *folders)
-    assert result.stdout == f"{[2] * len(SPOILT)}\n", result.stderr
+    *errors, statuses = result.stdout.splitlines()
+    assert statuses == str([2] * len(SPOILT)), result.stderr
+    assert [list(json.loads(error)) for error in errors] == [["error"]] * len(SPOILT)
     lines = result.stderr.splitlines()
     assert len(lines) == len(SPOILT)
     for line in lines:
