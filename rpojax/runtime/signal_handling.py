@@ -11,6 +11,8 @@ from typing import Final
 
 _AGAIN_S: Final = 3.0
 """Time after which an exception that did not arrive is raised again [s]; cleaning up takes less."""
+_AT_ONCE_S: Final = 0.001
+"""The same where it is known to have been swallowed [s]; zero would be no timer."""
 
 
 class Received:
@@ -73,8 +75,10 @@ def ending_signals() -> Iterator[Received]:
         raise KeyboardInterrupt
 
     def silent(unraisable: "sys.UnraisableHookArgs") -> None:
-        # Swallowed in a callback of the garbage collector or a destructor, and raised again soon.
-        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        # A callback of the garbage collector or a destructor swallowed it: it is raised again at once.
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, _AT_ONCE_S)
+        else:
             hook(unraisable)
 
     hook = sys.unraisablehook
