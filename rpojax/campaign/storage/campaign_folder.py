@@ -245,9 +245,8 @@ class Campaign:
         Raises:
             ResultError: naming what was changed.
         """
-        finished = self.manifests
-        for group in sorted({name for entry in finished.values() for name in entry.sha256}):
-            zarr_reader.read_group(self.directory, self.configuration, group, finished)
+        for group in sorted({name for entry in self.manifests.values() for name in entry.sha256}):
+            self._read(group)
         for run_id in self.history_ids:
             zarr_reader.read_history(self.directory, self.configuration, run_id)
         zarr_reader.read_surface(self.directory, self.configuration)
