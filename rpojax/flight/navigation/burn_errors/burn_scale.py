@@ -70,13 +70,8 @@ def propagated(
 def updated(scale: BurnScale, rows: MeasurementRows, gains: SequentialGains) -> BurnScale:
     """Belief after measurements of the relative state by `rows`, whose `gains` are those of that state."""
     mean, variance, covariance = scale.mean, scale.variance, scale.covariance
-    products: list[Array] = []
     for index, vector in enumerate(gains.vectors):
-        h = rows.jacobian[index]
-        product = jnp.sum(scale.covariance * h, axis=0)
-        for factor, before, its_product in zip(gains.factors, gains.vectors, products, strict=False):
-            product = product - factor * jnp.sum(before * h, axis=0) * its_product
-        products.append(product)
+        product = jnp.sum(covariance * rows.jacobian[index], axis=0)
         mean = mean + rows.weight[index] / gains.innovation_variance[index] * gains.innovation[index] * product
         variance = variance - gains.factors[index] * product * product
         covariance = covariance - gains.factors[index] * product * vector
