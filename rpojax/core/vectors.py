@@ -1,4 +1,4 @@
-"""Products of 3-vectors and 3x3 matrices, written out: under `vmap` they stay loops over the batch."""
+"""Products of 3-vectors and small matrices, written out: under `vmap` they stay loops over the batch."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -20,3 +20,11 @@ def apply(matrix: Matrix, vector: Vector) -> Vector:
 def apply_transposed(matrix: Matrix, vector: Vector) -> Vector:
     """Product of the transpose of a 3x3 matrix and a 3-vector, such as H components back to N components."""
     return jnp.sum(matrix * vector[:, None], axis=0)
+
+
+def product(A: Float[Array, "m n"], B: Float[Array, "n k"]) -> Float[Array, "m k"]:
+    """Matrix product as an explicit sum over few columns, which the compiler vectorises over a batch."""
+    total = A[:, :1] * B[:1]
+    for index in range(1, A.shape[1]):
+        total = total + A[:, index : index + 1] * B[index : index + 1]
+    return total

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.flight.cooperation.free_relative_motion import apply, product, transition_matrix
+from rpojax.core.vectors import product
+from rpojax.flight.cooperation.free_relative_motion import apply, transition_matrix
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]

@@ -18,9 +18,10 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
+from rpojax.core.vectors import product
 from rpojax.flight.cooperation import baseline_motion, covariance_intersection, free_relative_motion, peer_news
 from rpojax.flight.cooperation.covariance_intersection import SplitEstimate
-from rpojax.flight.cooperation.free_relative_motion import apply, product
+from rpojax.flight.cooperation.free_relative_motion import apply
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.message import TargetTrack
 from rpojax.flight.cooperation.peer_news import News

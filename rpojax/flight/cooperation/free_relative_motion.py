@@ -21,14 +21,6 @@ def transition_matrix(gravity_gradient: Matrix, t: Scalar | float) -> Float[Arra
     )
 
 
-def product(A: Float[Array, "m n"], B: Float[Array, "n k"]) -> Float[Array, "m k"]:
-    """Matrix product as an explicit sum over few columns, which the compiler vectorises over a batch."""
-    total = A[:, :1] * B[:1]
-    for index in range(1, A.shape[1]):
-        total = total + A[:, index : index + 1] * B[index : index + 1]
-    return total
-
-
 def apply(A: Float[Array, "m n"], x: Float[Array, " n"]) -> Float[Array, " m"]:
     """Product of a matrix and a vector."""
     return jnp.sum(A * x[None, :], axis=1)

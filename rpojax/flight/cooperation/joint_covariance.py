@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core.kalman_update import SequentialGains
 from rpojax.core.pytree import pytree
-from rpojax.flight.cooperation.free_relative_motion import product
+from rpojax.core.vectors import product
 
 Matrix = Float[Array, "3 3"]
 

@@ -11,8 +11,9 @@ from rpojax.core import kalman_update
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
+from rpojax.core.vectors import product
 from rpojax.flight.cooperation import joint_covariance
-from rpojax.flight.cooperation.free_relative_motion import apply, product
+from rpojax.flight.cooperation.free_relative_motion import apply
 from rpojax.flight.cooperation.joint_covariance import JointCovariance
 from rpojax.flight.cooperation.joint_filter import MOTION, OWN_SLOW, JointEstimate, inflate, own_estimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning

@@ -8,9 +8,9 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import double_single
 from rpojax.core.pytree import pytree
+from rpojax.core.vectors import product
 from rpojax.flight.cooperation import burn_effect
 from rpojax.flight.cooperation.burn_effect import BurnEffect, BurnSum
-from rpojax.flight.cooperation.free_relative_motion import product
 from rpojax.flight.cooperation.message import Message
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 

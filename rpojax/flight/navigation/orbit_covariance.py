@@ -3,6 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.vectors import product
+
 Matrix = Float[Array, "3 3"]
 
 
@@ -24,12 +26,12 @@ def propagate(
     """
     kick = dt * gravity_gradient
     xx, xv, xs, vv, vs, ss = P[:3, :3], P[:3, 3:6], P[:3, 6:], P[3:6, 3:6], P[3:6, 6:], P[6:, 6:]
-    kicked = xv + _matrix_product(xx, kick.T)
-    half = _matrix_product(kick, 0.5 * (xv + kicked))
+    kicked = xv + product(xx, kick.T)
+    half = product(kick, 0.5 * (xv + kicked))
     vv = vv + (half + half.T)
     xx = xx + dt * (kicked + kicked.T) + dt * dt * vv
     xv = kicked + dt * vv
-    vs = (vs + _matrix_product(kick, xs)) * decay[None, :]
+    vs = (vs + product(kick, xs)) * decay[None, :]
     xs = xs * decay[None, :] + dt * vs
     ss = ss * (decay[:, None] * decay[None, :]) + jnp.diag(slow_process_variance)
     if burn is not None:
@@ -44,8 +46,3 @@ def propagate(
 
 def _outer(a: Float[Array, "3"], b: Float[Array, " k"]) -> Float[Array, "3 k"]:
     return a[:, None] * b[None, :]
-
-
-def _matrix_product(A: Matrix, B: Float[Array, "3 k"]) -> Float[Array, "3 k"]:
-    """Matrix product as an explicit sum, which the compiler vectorises over a batch of runs."""
-    return A[:, :1] * B[:1] + A[:, 1:2] * B[1:2] + A[:, 2:] * B[2:]

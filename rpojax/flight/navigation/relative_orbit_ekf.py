@@ -15,7 +15,7 @@ from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.vectors import apply
+from rpojax.core.vectors import apply, product
 from rpojax.flight.navigation import (
     box_measurement_model,
     box_position,
@@ -435,7 +435,7 @@ def _jacobian(model: LinearisedBox) -> Float[Array, "3 12"]:
 def _jacobian_times_covariance(P: Float[Array, "12 12"], model: LinearisedBox) -> Float[Array, "3 12"]:
     """Jacobian times covariance, by the columns of the Jacobian that are not zero."""
     G = model.position_jacobian
-    position = G[:, :1] * P[:1] + G[:, 1:2] * P[1:2] + G[:, 2:] * P[2:3]
+    position = product(G, P[:3])
     bearing = P[8:10] + model.inverse_depth * P[10:12]
     return position + jnp.concatenate([bearing, P[6:7] + P[7:8]], axis=0)
 
@@ -448,7 +448,7 @@ def _innovation_variance(
     Of each row of the Jacobian it adds up position, slow errors and their covariance: the others are zero.
     """
     G, d = model.position_jacobian, model.inverse_depth
-    GP = G[:, :1] * P[:1, :3] + G[:, 1:2] * P[1:2, :3] + G[:, 2:] * P[2:3, :3]
+    GP = product(G, P[:3, :3])
     with_errors = jnp.concatenate([P[8:10, :3] + d * P[10:12, :3], P[6:7, :3] + P[7:8, :3]], axis=0)
     bearing = [
         P[bias, bias] + bearing_process_variance[axis] + d * (2.0 * P[bias, center] + d * P[center, center])
