@@ -1,7 +1,7 @@
 """The commands of `rpojax detector`: synthetic data, training, evaluation."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from tyro.conf import Positional, arg
@@ -158,13 +158,34 @@ def _recipes(
     }
 
 
-def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = False) -> int:
+def evaluate(
+    dataset: Source,
+    *,
+    weights: Weights = None,
+    form: Annotated[
+        Literal["coco", "speed", "spark", "yolo"],
+        arg(name="format", metavar="FORMAT", help="coco, speed (SPEED+ and SHIRT too), spark or yolo."),
+    ] = "coco",
+    labels: Annotated[
+        Path | None, arg(metavar="FILE", help="Labels of speed, spark or yolo; by default those not for training.")
+    ] = None,
+    limit: Annotated[int | None, arg(metavar="N", help="Most pictures of speed, spark or yolo, chosen evenly.")] = None,
+    as_json: AsJson = False,
+) -> int:
     """Evaluate a detector on pictures with boxes: average precision, accuracy of boxes, false alarms."""
+    if limit is not None and limit < 1:
+        raise RpojaxError.of_argument("limit", f"found {limit}, expected at least 1")
+    if form == "coco" and not (labels is None and limit is None):
+        raise RpojaxError.of_argument("format", "found 'coco', expected another one with --labels or --limit")
     from rpojax.training.detector import evaluate_detector
+    from rpojax.training.public_data import data_formats
     from rpojax.vision.detector.detector_file import load_detector
 
     params, _ = load_detector(weights)
-    _, unseen = _training_and_validation(dataset, evaluate=True)
+    if form == "coco":
+        _, unseen = _training_and_validation(dataset, evaluate=True)
+    else:
+        unseen = data_formats.read_folder(dataset, form, labels, limit)
     _print_result(
         evaluate_detector.evaluation_report(evaluate_detector.detect_images(params, unseen.images), unseen), as_json
     )

@@ -140,9 +140,9 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     arrays, scaled = [], []
     for entry, found in zip(images, boxes, strict=True):
         place = _inside(folder, entry["file_name"])
-        array, scale = _read_square_image(place, (entry["width"], entry["height"]), size_px)
-        arrays.append(array)
-        scaled.append((found * scale).astype(np.float32))
+        picture = read_square_picture(place, size_px, (entry["width"], entry["height"]))
+        arrays.append(picture.codes)
+        scaled.append((found * picture.scale).astype(np.float32))
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
     craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
     return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft)
@@ -208,8 +208,28 @@ def _inside(folder: Path, name: str) -> Path:
     return folder / name
 
 
-def _read_square_image(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.ndarray, float]:
-    """Square image (p, p, 3) of codes, and the scale of its boxes."""
+@dataclasses.dataclass(frozen=True)
+class SquarePicture:
+    """A picture resized and padded to a square.
+
+    Attributes:
+        codes: (p, p, 3) 8 bit sRGB codes
+        scale: of lengths in the square over those in the file
+        width, height: of the file [px]
+    """
+
+    codes: np.ndarray
+    scale: float
+    width: int
+    height: int
+
+
+def read_square_picture(path: Path, size_px: int, declared: tuple[int, int] | None = None) -> SquarePicture:
+    """Picture of a file as a square of `size_px`; with `declared` it must have that width and height.
+
+    Raises:
+        DatasetError: it is no such picture.
+    """
     import cv2
 
     try:
@@ -222,7 +242,7 @@ def _read_square_image(path: Path, declared: tuple[int, int], size_px: int) -> t
     if found is None:
         raise DatasetError(f"{path}: cannot be read, expected an image that the annotations name")
     height, width = found.shape[:2]
-    if (width, height) != declared:
+    if declared is not None and (width, height) != declared:
         raise DatasetError(f"{path}: found {width} x {height} px, expected {declared[0]} x {declared[1]}")
     scale = size_px / max(width, height)
     if scale != 1.0:
@@ -230,7 +250,7 @@ def _read_square_image(path: Path, declared: tuple[int, int], size_px: int) -> t
         found = cv2.resize(found, sides, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
     square = np.zeros((size_px, size_px, 3), np.uint8)
     square[: found.shape[0], : found.shape[1]] = found[..., ::-1]
-    return square, scale
+    return SquarePicture(square, scale, width, height)
 
 
 def draw_boxes(images: np.ndarray, boxes: "tuple[np.ndarray, ...] | list[np.ndarray]", columns: int = 12) -> np.ndarray:

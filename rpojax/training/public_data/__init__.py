@@ -1,0 +1,1 @@
+"""Labelled pictures of public data sets, read from folders as they are distributed."""

@@ -1,0 +1,68 @@
+"""A picture of a public data set with its boxes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rpojax.training.synthetic_data.detection_dataset import DatasetError, DetectionDataset, read_square_picture
+
+
+@dataclass(frozen=True)
+class LabelledPicture:
+    """A picture and the boxes of its spacecraft.
+
+    Attributes:
+        path: of its file
+        boxes: (m, 4) left, top, right, bottom; in pixels of the file, or in fractions of its width and height
+        in_fractions: whether boxes are in fractions
+        background: as the data set names it, or 'unknown'
+    """
+
+    path: Path
+    boxes: np.ndarray
+    in_fractions: bool = False
+    background: str = "unknown"
+
+
+def evenly_chosen(pictures: Sequence[LabelledPicture], limit: int | None) -> list[LabelledPicture]:
+    """At most `limit` pictures, spread evenly over all, since neighbours in a data set are often alike."""
+    if limit is None or limit >= len(pictures):
+        return list(pictures)
+    return [pictures[round(index)] for index in np.linspace(0, len(pictures) - 1, limit)]
+
+
+def to_dataset(pictures: Sequence[LabelledPicture], size_px: int) -> DetectionDataset:
+    """Data set of pictures that are read now, each resized and padded to a square of `size_px`.
+
+    Raises:
+        DatasetError: a picture cannot be read, or a box lies outside of it.
+    """
+    codes, boxes = [], []
+    for entry in pictures:
+        picture = read_square_picture(entry.path, size_px)
+        sides = np.array([picture.width, picture.height] * 2, dtype=float)
+        found = entry.boxes * sides if entry.in_fractions else entry.boxes
+        codes.append(picture.codes)
+        boxes.append((_inside(entry.path, found, sides) * picture.scale).astype(np.float32))
+    return DetectionDataset(
+        np.stack(codes), tuple(boxes), tuple(entry.background for entry in pictures), ("other",) * len(pictures)
+    )
+
+
+def _inside(path: Path, boxes: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """Boxes cut to the picture.
+
+    Raises:
+        DatasetError: one is empty, or has no part in the picture.
+    """
+    cut = np.clip(boxes, 0.0, sides)
+    empty = ~((cut[:, 2] > cut[:, 0]) & (cut[:, 3] > cut[:, 1]))
+    if empty.any():
+        box = [round(float(edge), 1) for edge in boxes[empty][0]]
+        width, height = sides[:2]
+        raise DatasetError(
+            f"{path}: found the box {box}, expected left, top, right, bottom within {width:g} x {height:g} px"
+        )
+    return cut

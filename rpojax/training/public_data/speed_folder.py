@@ -1,0 +1,148 @@
+"""SPEED, SPEED+ and SHIRT: pictures of the Tango spacecraft with its pose, from which its box is worked out.
+
+Sources: Kisantal et al., Satellite Pose Estimation Challenge, 2020; Park et al., SPEED+: Next-Generation Dataset for
+Spacecraft Pose Estimation across Domain Gap, 2022; Park and D'Amico, Adaptive Neural Network-based Unscented Kalman
+Filter, 2022 (SHIRT).
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpojax.errors import RpojaxError
+from rpojax.training.public_data.labelled_picture import LabelledPicture
+from rpojax.training.synthetic_data.detection_dataset import DatasetError
+from rpojax.untrusted.file_reading import FileKind
+from rpojax.untrusted.json_reading import read_json
+
+TANGO_POINTS = np.array(
+    [
+        [-0.3700, -0.3850, 0.3215],
+        [-0.3700, 0.3850, 0.3215],
+        [0.3700, 0.3850, 0.3215],
+        [0.3700, -0.3850, 0.3215],
+        [-0.3700, -0.2640, 0.0],
+        [-0.3700, 0.3040, 0.0],
+        [0.3700, 0.3040, 0.0],
+        [0.3700, -0.2640, 0.0],
+        [-0.5427, 0.4877, 0.2535],
+        [0.5427, 0.4877, 0.2591],
+        [0.3050, -0.5790, 0.2515],
+    ]
+)
+"""Corners of Tango's panel and body, and the tips of its antennas, as SPEED+ has them (11, 3) [m]."""
+LABEL_FILES = ("test.json", "validation.json", "train.json", "metadata.json")
+"""Names of label files, of which the first one that is there counts: pictures that are not meant for training first."""
+_POSITION = "r_Vo2To_vbs_true"
+_ATTITUDES = ("q_vbs2tango_true", "q_vbs2tango")
+
+
+@dataclass(frozen=True)
+class _Camera:
+    """Camera of a data set: matrix (3, 3) [px], distortion as OpenCV has it, and width and height [px]."""
+
+    matrix: np.ndarray
+    distortion: np.ndarray
+    width: int
+    height: int
+
+
+def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPicture]:
+    """Pictures of a domain such as `lightbox`, with the box of the spacecraft's projected points.
+
+    Args:
+        folder: with `images`, and with label file and `camera.json` in it or in the folder above
+        labels: label file, by default the first of `LABEL_FILES`
+
+    Raises:
+        DatasetError: a file is missing or not as expected.
+    """
+    labels = labels or _find(folder, LABEL_FILES)
+    camera = _read_camera(_find(folder, ("camera.json",)))
+    content = _read(labels)
+    if not isinstance(content, list) or not content:
+        raise DatasetError(f"{labels}: found {type(content).__name__}, expected a list of pictures with their poses")
+    return [_picture(folder, labels, camera, number, entry) for number, entry in enumerate(content)]
+
+
+def _find(folder: Path, names: tuple[str, ...]) -> Path:
+    for place in (folder, folder.parent):
+        for name in names:
+            if (place / name).is_file():
+                return place / name
+    raise DatasetError(f"{folder}: found none of {', '.join(names)} in it or above, expected one, as in SPEED+")
+
+
+def _read(path: Path) -> Any:
+    try:
+        return read_json(path, FileKind.PROGRESS)
+    except RpojaxError as error:
+        raise DatasetError(f"{path}: cannot be read ({error!s:.120}), expected JSON as in SPEED+") from None
+
+
+def _read_camera(path: Path) -> _Camera:
+    content = _read(path)
+    try:
+        camera = _Camera(
+            np.array(content["cameraMatrix"], dtype=float).reshape(3, 3),
+            np.array(content.get("distCoeffs", [0.0] * 5), dtype=float).reshape(-1),
+            int(content["Nu"]),
+            int(content["Nv"]),
+        )
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        raise DatasetError(
+            f"{path}: found a fault at {error!s:.60}, expected cameraMatrix, distCoeffs, Nu and Nv"
+        ) from None
+    if len(camera.distortion) not in (4, 5, 8, 12, 14) or min(camera.width, camera.height) < 1:
+        raise DatasetError(f"{path}: found {len(camera.distortion)} coefficients, expected a camera of OpenCV")
+    return camera
+
+
+def _picture(folder: Path, labels: Path, camera: _Camera, number: int, entry: Any) -> LabelledPicture:
+    try:
+        name = str(entry["filename"])
+        q = np.array(next(entry[key] for key in _ATTITUDES if key in entry), dtype=float).reshape(4)
+        r = np.array(entry[_POSITION], dtype=float).reshape(3)
+    except (KeyError, TypeError, ValueError, StopIteration) as error:
+        keys = f"filename, {_ATTITUDES[0]} and {_POSITION}"
+        raise DatasetError(f"{labels}: found a fault at picture {number} ({error!s:.60}), expected {keys}") from None
+    if not (r[2] > 0.6 and 0.99 < np.linalg.norm(q) < 1.01):
+        raise DatasetError(
+            f"{labels}: found {name} at {r[2]:g} m with a quaternion of norm {np.linalg.norm(q):g}, expected a "
+            "spacecraft in front of the camera and a unit quaternion"
+        )
+    box = projected_box(camera.matrix, camera.distortion, q, r)
+    return LabelledPicture(_image_path(folder, labels, name), box[None], background=folder.name)
+
+
+def _image_path(folder: Path, labels: Path, name: str) -> Path:
+    if Path(name).name != name:
+        raise DatasetError(f"{labels}: found filename {name!r:.80}, expected a name without folders")
+    places = [folder / "images" / name, folder / "images" / labels.stem / name, folder / name]
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        raise DatasetError(f"{places[0]}: found no such file, expected a picture that {labels.name} names")
+    return found
+
+
+def projected_box(matrix: np.ndarray, distortion: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Box (4,) [px] around Tango's points, the spacecraft at `r` (3,) [m] in the camera's axes.
+
+    `q` (4,), scalar first, is the rotation from the camera's to the spacecraft's axes as the data sets have it.
+    """
+    import cv2
+
+    w, x, y, z = q / np.linalg.norm(q)
+    # Axes of the spacecraft in those of the camera.
+    R = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    points, _ = cv2.projectPoints(TANGO_POINTS, cv2.Rodrigues(R)[0], r, matrix, distortion)
+    points = points.reshape(-1, 2)
+    return np.concatenate([points.min(axis=0), points.max(axis=0)])

@@ -1,0 +1,60 @@
+"""Folders in YOLO's layout: `images`, and `labels` with a text file of boxes for each picture."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rpojax.errors import RpojaxError
+from rpojax.training.public_data.labelled_picture import LabelledPicture
+from rpojax.training.synthetic_data.detection_dataset import DatasetError
+from rpojax.untrusted.file_reading import FileKind, read_bytes
+
+_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
+
+
+def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPicture]:
+    """Pictures in `images` and its folders; one without a text file, or with an empty one, has no spacecraft.
+
+    Args:
+        folder: with `images` and `labels`
+        labels: folder of the text files, by default `labels`
+
+    Raises:
+        DatasetError: a folder is missing, a file is not as expected, or boxes are of several classes.
+    """
+    images, texts = folder / "images", labels or folder / "labels"
+    for place in (images, texts):
+        if not place.is_dir():
+            raise DatasetError(f"{place}: found no such folder, expected images and labels, as in YOLO's layout")
+    paths = sorted(path for path in images.rglob("*") if path.suffix.lower() in _PICTURES)
+    if not paths:
+        raise DatasetError(f"{images}: found no pictures, expected at least one")
+    classes: set[int] = set()
+    pictures = []
+    for path in paths:
+        boxes = _boxes((texts / path.relative_to(images)).with_suffix(".txt"), classes)
+        pictures.append(LabelledPicture(path, boxes, in_fractions=True))
+    if len(classes) > 1:
+        raise DatasetError(f"{texts}: found classes {sorted(classes)[:9]}, expected one, a spacecraft")
+    return pictures
+
+
+def _boxes(path: Path, classes: set[int]) -> np.ndarray:
+    """Boxes (m, 4) in fractions of a text file; adds the classes that it names."""
+    if not path.exists():
+        return np.zeros((0, 4))
+    try:
+        lines = read_bytes(path, FileKind.ANNOTATIONS).decode().split("\n")
+        found = []
+        for words in filter(None, map(str.split, lines)):
+            x, y, width, height = map(float, words[1:])
+            classes.add(int(words[0]))
+            found.append([x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height])
+    except (RpojaxError, ValueError) as error:
+        raise DatasetError(
+            f"{path}: cannot be read ({error!s:.100}), expected lines of class, centre x, centre y, width and height"
+        ) from None
+    boxes = np.array(found, dtype=float).reshape(-1, 4)
+    if not (np.isfinite(boxes).all() and (np.abs(boxes) < 2.0).all()):
+        raise DatasetError(f"{path}: found a box beyond its picture, expected fractions of width and height")
+    return boxes

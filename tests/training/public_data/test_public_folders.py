@@ -1,0 +1,174 @@
+"""Folders as SPEED+, SPARK and YOLO have them are read with their boxes, and faults are told in one line."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from rpojax.cli import main
+from rpojax.training.public_data import data_formats, speed_folder
+from rpojax.training.public_data.data_formats import PublicFormat
+from rpojax.training.public_data.labelled_picture import LabelledPicture, evenly_chosen
+from rpojax.training.synthetic_data.detection_dataset import DatasetError
+
+WIDTH, HEIGHT = 480, 300
+MATRIX = [[750.0, 0.0, 240.0], [0.0, 750.0, 150.0], [0.0, 0.0, 1.0]]
+DISTORTION = [-0.22, 0.51, -0.0006, -0.0002, -0.13]
+
+
+def draw(path: Path, box: tuple[float, float, float, float] | None) -> None:
+    """A dark picture with a grey rectangle."""
+    picture = np.full((HEIGHT, WIDTH, 3), 4, np.uint8)
+    if box is not None:
+        left, top, right, bottom = (round(edge) for edge in box)
+        picture[max(0, top) : bottom, max(0, left) : right] = 150
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), picture)
+
+
+def poses() -> list[tuple[np.ndarray, np.ndarray]]:
+    """Attitudes (scalar first, of the camera in the spacecraft's axes as SPEED+ has them) and positions."""
+    rng = np.random.default_rng(4)
+    turns = Rotation.random(3, rng=4)
+    return [
+        (turn.as_quat()[[3, 0, 1, 2]], np.array([rng.uniform(-0.4, 0.4), rng.uniform(-0.3, 0.3), rng.uniform(5, 8)]))
+        for turn in turns
+    ]
+
+
+def independent_box(q: np.ndarray, r: np.ndarray) -> tuple[float, float, float, float]:
+    """Box of Tango's points by SciPy's rotation and the Brown model, written out."""
+    points = Rotation.from_quat(q[[1, 2, 3, 0]]).apply(speed_folder.TANGO_POINTS) + r
+    x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
+    k1, k2, p1, p2, k3 = DISTORTION
+    square = x * x + y * y
+    radial = 1.0 + k1 * square + k2 * square**2 + k3 * square**3
+    u = 750.0 * (x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)) + 240.0
+    v = 750.0 * (y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y) + 150.0
+    return float(u.min()), float(v.min()), float(u.max()), float(v.max())
+
+
+def speed_plus(root: Path) -> Path:
+    """A domain of a data set like SPEED+: `camera.json` above, `lightbox/test.json` and `lightbox/images`."""
+    domain = root / "lightbox"
+    entries = []
+    for number, (q, r) in enumerate(poses()):
+        name = f"img{number:06d}.png"
+        draw(domain / "images" / name, independent_box(q, r))
+        entries.append({"filename": name, "q_vbs2tango_true": list(q), "r_Vo2To_vbs_true": list(r)})
+    (domain / "test.json").write_text(json.dumps(entries))
+    camera = {"Nu": WIDTH, "Nv": HEIGHT, "cameraMatrix": MATRIX, "distCoeffs": DISTORTION}
+    (root / "camera.json").write_text(json.dumps(camera))
+    return domain
+
+
+def spark(root: Path) -> Path:
+    """A data set like SPARK: `val.csv`, and pictures in a folder of each class."""
+    rows = ["Class,Image name,Bounding box"]
+    for number, craft in enumerate(("Soho", "Proba2")):
+        box = (40 + number, 60, 200, 140)
+        draw(root / "val" / craft / f"{number}.png", box)
+        rows.append(f'{craft},{number}.png,"{box}"')
+    (root / "val.csv").write_text("\n".join(rows) + "\n")
+    return root
+
+
+def yolo(root: Path) -> Path:
+    """A data set in YOLO's layout with two pictures, one of them empty."""
+    draw(root / "images" / "val" / "a.png", (120.0, 75.0, 240.0, 150.0))
+    draw(root / "images" / "val" / "b.png", None)
+    (root / "labels" / "val").mkdir(parents=True)
+    (root / "labels" / "val" / "a.txt").write_text("0 0.375 0.375 0.25 0.25\n")
+    return root
+
+
+def test_boxes_of_poses_agree_with_an_independent_projection(tmp_path: Path) -> None:
+    data = data_formats.read_folder(speed_plus(tmp_path), "speed")
+    scale = data.images.shape[1] / WIDTH
+    for found, (q, r) in zip(data.boxes, poses(), strict=True):
+        expected = np.clip(independent_box(q, r), 0.0, [WIDTH, HEIGHT] * 2) * scale
+        np.testing.assert_allclose(found[0], expected, atol=1e-4)
+    assert data.backgrounds == ("lightbox",) * 3
+
+
+def test_tables_of_spark_are_read(tmp_path: Path) -> None:
+    data = data_formats.read_folder(spark(tmp_path), "spark")
+    scale = data.images.shape[1] / WIDTH
+    np.testing.assert_allclose(
+        [each[0] for each in data.boxes], np.array([[40, 60, 200, 140], [41, 60, 200, 140]]) * scale
+    )
+    assert data.backgrounds == ("Soho", "Proba2")
+
+
+def test_yolo_has_fractions_and_empty_pictures(tmp_path: Path) -> None:
+    data = data_formats.read_folder(yolo(tmp_path), "yolo")
+    scale = data.images.shape[1] / WIDTH
+    np.testing.assert_allclose(data.boxes[0], np.array([[120, 75, 240, 150]]) * scale, rtol=1e-6)
+    assert [len(each) for each in data.boxes] == [1, 0]
+
+
+def test_a_limit_takes_pictures_evenly() -> None:
+    entries = [LabelledPicture(Path(str(number)), np.zeros((0, 4))) for number in range(101)]
+    assert [each.path.name for each in evenly_chosen(entries, 3)] == ["0", "50", "100"]
+    assert evenly_chosen(entries, None) == entries
+
+
+@pytest.mark.parametrize(
+    ("form", "make", "name", "content", "said"),
+    [
+        ("speed", speed_plus, "camera.json", "{}", "cameraMatrix"),
+        ("speed", speed_plus, "lightbox/test.json", '[{"filename": "img000000.png"}]', "q_vbs2tango_true"),
+        ("speed", speed_plus, "lightbox/test.json", "{}", "list"),
+        (
+            "speed",
+            speed_plus,
+            "lightbox/test.json",
+            '[{"filename": "../../x.png", "q_vbs2tango_true": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 5]}]',
+            "without folders",
+        ),
+        (
+            "speed",
+            speed_plus,
+            "lightbox/test.json",
+            '[{"filename": "img000000.png", "q_vbs2tango_true": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, -5]}]',
+            "in front",
+        ),
+        ("spark", spark, "val.csv", "a,b\n1,2\n", "Bounding box"),
+        ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,0.png,"(1, 2)"\n', "line 2"),
+        ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,0.png,"(500, 60, 600, 90)"\n', "within"),
+        ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,9.png,"(1, 2, 3, 4)"\n', "no such file"),
+        ("yolo", yolo, "labels/val/a.txt", "0 0.1 0.2\n", "class"),
+        ("yolo", yolo, "labels/val/a.txt", "0 nan 0.2 0.1 0.1\n", "fractions"),
+        ("yolo", yolo, "labels/val/a.txt", "0 0.5 0.5 0.1 0.1\n1 0.5 0.5 0.1 0.1\n", "classes"),
+    ],
+)
+def test_faults_are_told_in_one_line(
+    tmp_path: Path, form: PublicFormat, make: "object", name: str, content: str, said: str
+) -> None:
+    assert callable(make)
+    folder = make(tmp_path)
+    (tmp_path / name).write_text(content)
+    with pytest.raises(DatasetError) as error:
+        data_formats.read_folder(folder, form)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("form", "make"), [("speed", speed_plus), ("spark", spark), ("yolo", yolo)])
+def test_the_command_evaluates_each_format(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str, make: "object"
+) -> None:
+    assert callable(make)
+    assert main.main(["detector", "evaluate", str(make(tmp_path)), "--format", form, "--limit", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["images"] == 2
+
+
+@pytest.mark.parametrize("words", [["--limit", "0", "--format", "yolo"], ["--limit", "3"], ["--labels", "x.json"]])
+def test_options_that_do_not_belong_together_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    assert main.main(["detector", "evaluate", str(tmp_path), *words]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
