@@ -1,6 +1,7 @@
 """Folders as SPEED+, SPARK and YOLO have them are read with their boxes, and faults are told in one line."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -32,7 +33,7 @@ def draw(path: Path, box: tuple[float, float, float, float] | None) -> None:
 def poses() -> list[tuple[np.ndarray, np.ndarray]]:
     """Attitudes (scalar first, of the camera in the spacecraft's axes as SPEED+ has them) and positions."""
     rng = np.random.default_rng(4)
-    turns = Rotation.random(3, rng=4)
+    turns = Rotation.from_quat(rng.standard_normal((3, 4)))
     return [
         (turn.as_quat()[[3, 0, 1, 2]], np.array([rng.uniform(-0.4, 0.4), rng.uniform(-0.3, 0.3), rng.uniform(5, 8)]))
         for turn in turns
@@ -146,9 +147,8 @@ def test_a_limit_takes_pictures_evenly() -> None:
     ],
 )
 def test_faults_are_told_in_one_line(
-    tmp_path: Path, form: PublicFormat, make: "object", name: str, content: str, said: str
+    tmp_path: Path, form: PublicFormat, make: Callable[[Path], Path], name: str, content: str, said: str
 ) -> None:
-    assert callable(make)
     folder = make(tmp_path)
     (tmp_path / name).write_text(content)
     with pytest.raises(DatasetError) as error:
@@ -159,9 +159,8 @@ def test_faults_are_told_in_one_line(
 
 @pytest.mark.parametrize(("form", "make"), [("speed", speed_plus), ("spark", spark), ("yolo", yolo)])
 def test_the_command_evaluates_each_format(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str, make: "object"
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], form: str, make: Callable[[Path], Path]
 ) -> None:
-    assert callable(make)
     assert main.main(["detector", "evaluate", str(make(tmp_path)), "--format", form, "--limit", "2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["images"] == 2
 
