@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.training.synthetic_data.detection_dataset import DatasetError, DetectionDataset, read_square_picture
+from rpojax.untrusted.file_reading import FileError
 
 
 @dataclass(frozen=True)
@@ -18,12 +19,19 @@ class LabelledPicture:
         boxes: (m, 4) left, top, right, bottom; in pixels of the file, or in fractions of its width and height
         in_fractions: whether boxes are in fractions
         background: as the data set names it, or 'unknown'
+        sides: width and height [px] that the file must have for its boxes to be right, where they are known
     """
 
     path: Path
     boxes: np.ndarray
     in_fractions: bool = False
     background: str = "unknown"
+    sides: tuple[int, int] | None = None
+
+
+def reason_in_short(error: Exception) -> str:
+    """Why a file of labels cannot be read, in a part of a line."""
+    return " ".join((error.found if isinstance(error, FileError) else str(error)).split())[:120]
 
 
 def evenly_chosen(pictures: Sequence[LabelledPicture], limit: int | None) -> list[LabelledPicture]:
@@ -39,15 +47,16 @@ def to_dataset(pictures: Sequence[LabelledPicture], size_px: int) -> DetectionDa
     Raises:
         DatasetError: a picture cannot be read, or a box lies outside of it.
     """
-    codes, boxes = [], []
-    for entry in pictures:
-        picture = read_square_picture(entry.path, size_px)
+    codes = np.zeros((len(pictures), size_px, size_px, 3), np.uint8)
+    boxes = []
+    for index, entry in enumerate(pictures):
+        picture = read_square_picture(entry.path, size_px, entry.sides)
         sides = np.array([picture.width, picture.height] * 2, dtype=float)
         found = entry.boxes * sides if entry.in_fractions else entry.boxes
-        codes.append(picture.codes)
+        codes[index] = picture.codes
         boxes.append((_inside(entry.path, found, sides) * picture.scale).astype(np.float32))
     return DetectionDataset(
-        np.stack(codes), tuple(boxes), tuple(entry.background for entry in pictures), ("other",) * len(pictures)
+        codes, tuple(boxes), tuple(entry.background for entry in pictures), ("other",) * len(pictures)
     )
 
 

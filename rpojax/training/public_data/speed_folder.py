@@ -5,6 +5,7 @@ Spacecraft Pose Estimation across Domain Gap, 2022; Park and D'Amico, Adaptive N
 Filter, 2022 (SHIRT).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.training.public_data.labelled_picture import LabelledPicture
+from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
 from rpojax.training.synthetic_data.detection_dataset import DatasetError
-from rpojax.untrusted.file_reading import FileKind
+from rpojax.untrusted.file_reading import FileKind, absolute_path, is_regular
 from rpojax.untrusted.json_reading import read_json
 
 TANGO_POINTS = np.array(
@@ -32,8 +33,14 @@ TANGO_POINTS = np.array(
         [0.3050, -0.5790, 0.2515],
     ]
 )
-"""Corners of Tango's panel and body, and the tips of its antennas, as SPEED+ has them (11, 3) [m]."""
-LABEL_FILES = ("test.json", "validation.json", "train.json", "metadata.json")
+"""Corners of Tango's panel and body, and the tips of its antennas (11, 3) [m].
+
+The data sets have no shape. These are the points of the pose networks of their authors, which were recovered from
+pictures as in Park, Sharma and D'Amico, Towards Robust Learning-Based Pose Estimation of Noncooperative Spacecraft,
+2019.
+"""
+_RADIUS_M = float(np.linalg.norm(TANGO_POINTS, axis=1).max())
+LABEL_FILES = ("test.json", "validation.json", "train.json")
 """Names of label files, of which the first one that is there counts: pictures that are not meant for training first."""
 _POSITION = "r_Vo2To_vbs_true"
 _ATTITUDES = ("q_vbs2tango_true", "q_vbs2tango")
@@ -53,33 +60,42 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     """Pictures of a domain such as `lightbox`, with the box of the spacecraft's projected points.
 
     Args:
-        folder: with `images`, and with label file and `camera.json` in it or in the folder above
-        labels: label file, by default the first of `LABEL_FILES`
+        folder: with `images`, and with `camera.json` in it or in one of two folders above
+        labels: label file, by default the first of `LABEL_FILES` in the folder, or that of its trajectory in SHIRT,
+            such as `roe1.json` in `roe1`, the folder above
 
     Raises:
         DatasetError: a file is missing or not as expected.
     """
-    labels = labels or _find(folder, LABEL_FILES)
-    camera = _read_camera(_find(folder, ("camera.json",)))
+    # The name of `.` and the folders above it are those of its absolute path.
+    place = absolute_path(folder)
+    above = place.parent
+    if labels is None:
+        labels = _find(folder, [*(place / name for name in LABEL_FILES), above / f"{above.name}.json"])
+    camera = _read_camera(_find(folder, [each / "camera.json" for each in (place, above, above.parent)]))
     content = _read(labels)
     if not isinstance(content, list) or not content:
-        raise DatasetError(f"{labels}: found {type(content).__name__}, expected a list of pictures with their poses")
+        found = "an empty list" if isinstance(content, list) else f"no list but {type(content).__name__}"
+        raise DatasetError(f"{labels}: found {found}, expected a list of pictures with their poses")
     return [_picture(folder, labels, camera, number, entry) for number, entry in enumerate(content)]
 
 
-def _find(folder: Path, names: tuple[str, ...]) -> Path:
-    for place in (folder, folder.parent):
-        for name in names:
-            if (place / name).is_file():
-                return place / name
-    raise DatasetError(f"{folder}: found none of {', '.join(names)} in it or above, expected one, as in SPEED+")
+def _find(folder: Path, places: Sequence[Path]) -> Path:
+    found = next(filter(is_regular, places), None)
+    if found is None:
+        names = ", ".join(dict.fromkeys(place.name for place in places))
+        raise DatasetError(
+            f"{folder}: found none of {names} in it or above, expected one, and the folder of a domain such as "
+            "speedplus/lightbox"
+        )
+    return found
 
 
 def _read(path: Path) -> Any:
     try:
         return read_json(path, FileKind.PROGRESS)
     except RpojaxError as error:
-        raise DatasetError(f"{path}: cannot be read ({error!s:.120}), expected JSON as in SPEED+") from None
+        raise DatasetError(f"{path}: cannot be read ({reason_in_short(error)}), expected JSON as in SPEED+") from None
 
 
 def _read_camera(path: Path) -> _Camera:
@@ -93,7 +109,7 @@ def _read_camera(path: Path) -> _Camera:
         )
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DatasetError(
-            f"{path}: found a fault at {error!s:.60}, expected cameraMatrix, distCoeffs, Nu and Nv"
+            f"{path}: found a fault at {reason_in_short(error)}, expected cameraMatrix, distCoeffs, Nu and Nv"
         ) from None
     if len(camera.distortion) not in (4, 5, 8, 12, 14) or min(camera.width, camera.height) < 1:
         raise DatasetError(f"{path}: found {len(camera.distortion)} coefficients, expected a camera of OpenCV")
@@ -106,24 +122,32 @@ def _picture(folder: Path, labels: Path, camera: _Camera, number: int, entry: An
         q = np.array(next(entry[key] for key in _ATTITUDES if key in entry), dtype=float).reshape(4)
         r = np.array(entry[_POSITION], dtype=float).reshape(3)
     except (KeyError, TypeError, ValueError, StopIteration) as error:
-        keys = f"filename, {_ATTITUDES[0]} and {_POSITION}"
-        raise DatasetError(f"{labels}: found a fault at picture {number} ({error!s:.60}), expected {keys}") from None
-    if not (r[2] > 0.6 and 0.99 < np.linalg.norm(q) < 1.01):
+        # SPEED, and SPEED+ before its second version, have a list of test pictures without poses.
+        keys = f"filename, {_ATTITUDES[0]} and {_POSITION}, or other labels"
         raise DatasetError(
-            f"{labels}: found {name} at {r[2]:g} m with a quaternion of norm {np.linalg.norm(q):g}, expected a "
+            f"{labels}: found a fault at picture {number} ({reason_in_short(error)}), expected {keys}"
+        ) from None
+    if not (r[2] > _RADIUS_M and 0.99 < np.linalg.norm(q) < 1.01):
+        raise DatasetError(
+            f"{labels}: found {name!r:.80} at {r[2]:g} m with a quaternion of norm {np.linalg.norm(q):g}, expected a "
             "spacecraft in front of the camera and a unit quaternion"
         )
     box = projected_box(camera.matrix, camera.distortion, q, r)
-    return LabelledPicture(_image_path(folder, labels, name), box[None], background=folder.name)
+    return LabelledPicture(
+        _image_path(folder, labels, name),
+        box[None],
+        background=absolute_path(folder).name,
+        sides=(camera.width, camera.height),
+    )
 
 
 def _image_path(folder: Path, labels: Path, name: str) -> Path:
-    if Path(name).name != name:
+    if Path(name).name != name or name in ("", ".."):
         raise DatasetError(f"{labels}: found filename {name!r:.80}, expected a name without folders")
     places = [folder / "images" / name, folder / "images" / labels.stem / name, folder / name]
-    found = next((place for place in places if place.is_file()), None)
+    found = next(filter(is_regular, places), None)
     if found is None:
-        raise DatasetError(f"{places[0]}: found no such file, expected a picture that {labels.name} names")
+        raise DatasetError(f"{places[0]}: found no such file, expected a picture that {labels} names")
     return found
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.training.public_data.labelled_picture import LabelledPicture
+from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
 from rpojax.training.synthetic_data.detection_dataset import DatasetError
 from rpojax.untrusted.file_reading import FileKind, read_bytes
 
@@ -13,7 +13,7 @@ _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
 
 
 def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPicture]:
-    """Pictures in `images` and its folders; one without a text file, or with an empty one, has no spacecraft.
+    """Pictures in `images` and its folders; one with an empty text file, or without one, has no spacecraft.
 
     Args:
         folder: with `images` and `labels`
@@ -29,11 +29,13 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     paths = sorted(path for path in images.rglob("*") if path.suffix.lower() in _PICTURES)
     if not paths:
         raise DatasetError(f"{images}: found no pictures, expected at least one")
+    files = [(texts / path.relative_to(images)).with_suffix(".txt") for path in paths]
+    if not any(file.exists() for file in files):
+        raise DatasetError(f"{files[0]}: found no such file, nor that of another picture, expected boxes of some")
     classes: set[int] = set()
-    pictures = []
-    for path in paths:
-        boxes = _boxes((texts / path.relative_to(images)).with_suffix(".txt"), classes)
-        pictures.append(LabelledPicture(path, boxes, in_fractions=True))
+    pictures = [
+        LabelledPicture(path, _boxes(file, classes), in_fractions=True) for path, file in zip(paths, files, strict=True)
+    ]
     if len(classes) > 1:
         raise DatasetError(f"{texts}: found classes {sorted(classes)[:9]}, expected one, a spacecraft")
     return pictures
@@ -44,7 +46,7 @@ def _boxes(path: Path, classes: set[int]) -> np.ndarray:
     if not path.exists():
         return np.zeros((0, 4))
     try:
-        lines = read_bytes(path, FileKind.ANNOTATIONS).decode().split("\n")
+        lines = read_bytes(path, FileKind.ANNOTATIONS).decode("utf-8-sig").split("\n")
         found = []
         for words in filter(None, map(str.split, lines)):
             x, y, width, height = map(float, words[1:])
@@ -52,7 +54,8 @@ def _boxes(path: Path, classes: set[int]) -> np.ndarray:
             found.append([x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height])
     except (RpojaxError, ValueError) as error:
         raise DatasetError(
-            f"{path}: cannot be read ({error!s:.100}), expected lines of class, centre x, centre y, width and height"
+            f"{path}: cannot be read ({reason_in_short(error)}), expected lines of class, centre x, centre y, width "
+            "and height"
         ) from None
     boxes = np.array(found, dtype=float).reshape(-1, 4)
     if not (np.isfinite(boxes).all() and (np.abs(boxes) < 2.0).all()):
