@@ -18,6 +18,7 @@ from rpojax.training.synthetic_data.detection_dataset import DatasetError
 WIDTH, HEIGHT = 480, 300
 MATRIX = [[750.0, 0.0, 240.0], [0.0, 750.0, 150.0], [0.0, 0.0, 1.0]]
 DISTORTION = [-0.22, 0.51, -0.0006, -0.0002, -0.13]
+CAMERA = {"Nu": WIDTH, "Nv": HEIGHT, "cameraMatrix": MATRIX, "distCoeffs": DISTORTION}
 
 
 def draw(path: Path, box: tuple[float, float, float, float] | None) -> None:
@@ -61,19 +62,47 @@ def speed_plus(root: Path) -> Path:
         draw(domain / "images" / name, independent_box(q, r))
         entries.append({"filename": name, "q_vbs2tango_true": list(q), "r_Vo2To_vbs_true": list(r)})
     (domain / "test.json").write_text(json.dumps(entries))
-    camera = {"Nu": WIDTH, "Nv": HEIGHT, "cameraMatrix": MATRIX, "distCoeffs": DISTORTION}
-    (root / "camera.json").write_text(json.dumps(camera))
+    (root / "camera.json").write_text(json.dumps(CAMERA))
+    return domain
+
+
+def shirt(root: Path) -> Path:
+    """A domain of a data set like SHIRT: `camera.json` two folders above, `roe1.json` and other metadata one above."""
+    domain = speed_plus(root / "roe1")
+    (root / "roe1" / "camera.json").rename(root / "camera.json")
+    (domain / "test.json").rename(root / "roe1" / "roe1.json")
+    (root / "roe1" / "metadata.json").write_text('{"dt": 5.0}')
     return domain
 
 
 def spark(root: Path) -> Path:
-    """A data set like SPARK: `val.csv`, and pictures in a folder of each class."""
-    rows = ["Class,Image name,Bounding box"]
-    for number, craft in enumerate(("Soho", "Proba2")):
+    """A data set like SPARK of 2024: `val.csv`, and pictures in `images` in a folder of each class and part."""
+    rows = ["Class,Image name,Mask name,Bounding box"]
+    for number, craft in enumerate(("Soho", "XMM Newton")):
         box = (40 + number, 60, 200, 140)
-        draw(root / "val" / craft / f"{number}.png", box)
-        rows.append(f'{craft},{number}.png,"{box}"')
+        draw(root / "images" / craft / "val" / f"{number}.png", box)
+        rows.append(f'{craft},{number}.png,m.png,"{box}"')
     (root / "val.csv").write_text("\n".join(rows) + "\n")
+    return root
+
+
+def spark_2022(root: Path) -> Path:
+    """A data set like SPARK of 2022: rows before columns, all pictures together, and JPEG files named as PNG files."""
+    rows = ["filename,class,bbox"]
+    for number, craft in enumerate(("soho", "xmm_newton")):
+        draw(root / "val" / f"{number}.jpg", (40 + number, 60, 200, 140))
+        rows.append(f'{number}.png,{craft},"[60, {40 + number}, 140, 200]"')
+    (root / "val.csv").write_text("\n".join(rows) + "\n")
+    return root
+
+
+def spark_2021(root: Path) -> Path:
+    """A data set like SPARK of 2021: as in 2022, with a folder of each class."""
+    rows = ["image,depth,class,bbox"]
+    for number, craft in enumerate(("Jason", "Sentinel-6")):
+        draw(root / "validation" / craft / f"{number}.png", (40 + number, 60, 200, 140))
+        rows.append(f'{number}.png,d.png,{craft},"[60, {40 + number}, 140, 200]"')
+    (root / "validation labels.csv").write_text("\n".join(rows) + "\n")
     return root
 
 
@@ -86,8 +115,24 @@ def yolo(root: Path) -> Path:
     return root
 
 
-def test_boxes_of_poses_agree_with_an_independent_projection(tmp_path: Path) -> None:
-    data = data_formats.read_folder(speed_plus(tmp_path), "speed")
+def test_a_pose_of_speed_is_projected_as_its_authors_do() -> None:
+    # A quarter turn about the boresight: q_vbs2tango takes the axes of the camera to those of Tango, so that Tango's x
+    # axis is the camera's y axis, which points down.
+    half = float(np.sqrt(0.5))
+    box = speed_folder.projected_box(
+        np.array(MATRIX), np.zeros(5), np.array([half, 0, 0, half]), np.array([0.0, 0.0, 1e4])
+    )
+    # Far away perspective vanishes: the camera's x is minus Tango's y.
+    points = speed_folder.TANGO_POINTS
+    expected = (
+        750.0 / 1e4 * np.array([-points[:, 1].max(), points[:, 0].min(), -points[:, 1].min(), points[:, 0].max()])
+    )
+    np.testing.assert_allclose(box, expected + np.array([240.0, 150.0, 240.0, 150.0]), atol=1e-5)
+
+
+@pytest.mark.parametrize("make", [speed_plus, shirt])
+def test_boxes_of_poses_agree_with_an_independent_projection(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+    data = data_formats.read_folder(make(tmp_path), "speed")
     scale = data.images.shape[1] / WIDTH
     for found, (q, r) in zip(data.boxes, poses(), strict=True):
         expected = np.clip(independent_box(q, r), 0.0, [WIDTH, HEIGHT] * 2) * scale
@@ -95,13 +140,40 @@ def test_boxes_of_poses_agree_with_an_independent_projection(tmp_path: Path) -> 
     assert data.backgrounds == ("lightbox",) * 3
 
 
-def test_tables_of_spark_are_read(tmp_path: Path) -> None:
-    data = data_formats.read_folder(spark(tmp_path), "spark")
+def test_the_folder_where_one_is_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(shirt(tmp_path))
+    assert data_formats.read_folder(Path(), "speed").backgrounds == ("lightbox",) * 3
+
+
+def test_speed_has_a_folder_for_each_of_its_lists(tmp_path: Path) -> None:
+    domain = speed_plus(tmp_path)
+    (domain / "images").rename(domain / "train")
+    (domain / "images").mkdir()
+    (domain / "train").rename(domain / "images" / "train")
+    entries = json.loads((domain / "test.json").read_text())
+    old = [{"q_vbs2tango" if "true" in key and "q" in key else key: entry[key] for key in entry} for entry in entries]
+    (domain / "train.json").write_text(json.dumps(old))
+    (domain / "test.json").write_text('[{"filename": "img000000.png"}]')
+    with pytest.raises(DatasetError, match="other labels"):
+        data_formats.read_folder(domain, "speed")
+    assert len(data_formats.read_folder(domain, "speed", domain / "train.json")) == 3
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (spark, ("Soho", "XMM Newton")),
+        (spark_2022, ("soho", "xmm_newton")),
+        (spark_2021, ("Jason", "Sentinel-6")),
+    ],
+)
+def test_tables_of_spark_are_read(tmp_path: Path, make: Callable[[Path], Path], names: tuple[str, str]) -> None:
+    data = data_formats.read_folder(make(tmp_path), "spark")
     scale = data.images.shape[1] / WIDTH
     np.testing.assert_allclose(
         [each[0] for each in data.boxes], np.array([[40, 60, 200, 140], [41, 60, 200, 140]]) * scale
     )
-    assert data.backgrounds == ("Soho", "Proba2")
+    assert data.backgrounds == names
 
 
 def test_yolo_has_fractions_and_empty_pictures(tmp_path: Path) -> None:
@@ -141,6 +213,15 @@ def test_a_limit_takes_pictures_evenly() -> None:
         ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,0.png,"(1, 2)"\n', "line 2"),
         ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,0.png,"(500, 60, 600, 90)"\n', "within"),
         ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,9.png,"(1, 2, 3, 4)"\n', "no such file"),
+        ("spark", spark, "val.csv", "Class,Image name,Bounding box\n", "no rows"),
+        ("spark", spark, "val.csv", 'Class,Image name,Bounding box\n..,0.png,"(1, 2, 3, 4)"\n', "without folders"),
+        ("spark", spark, "val.csv", f'Class,Image name,Bounding box\nSoho,0.png,"(1, 2, 3, 1{"0" * 400})"\n', "line 2"),
+        ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,0.png,"(1, 2, inf, 4)"\n', "line 2"),
+        ("spark", spark, "val.csv", f'Class,Image name,Bounding box\nSoho,{"a" * 9000},"(1, 2, 3, 4)"\n', "no such"),
+        ("spark", spark, "val.csv", f"Class,Image name,Bounding box\nSoho,0.png,{'1' * 200_000}\n", "cannot be read"),
+        ("spark", spark_2022, "val.csv", "filename,class,bbox\n0.png,soho,\n", "(top, left, bottom, right)"),
+        ("speed", speed_plus, "camera.json", json.dumps(CAMERA | {"Nu": 1920, "Nv": 1200}), "1920 x 1200"),
+        ("speed", shirt, "roe1/roe1.json", "[]", "an empty list"),
         ("yolo", yolo, "labels/val/a.txt", "0 0.1 0.2\n", "class"),
         ("yolo", yolo, "labels/val/a.txt", "0 nan 0.2 0.1 0.1\n", "fractions"),
         ("yolo", yolo, "labels/val/a.txt", "0 0.5 0.5 0.1 0.1\n1 0.5 0.5 0.1 0.1\n", "classes"),
@@ -155,6 +236,13 @@ def test_faults_are_told_in_one_line(
         data_formats.read_folder(folder, form)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_labels_of_no_picture_are_refused(tmp_path: Path) -> None:
+    folder = yolo(tmp_path)
+    (folder / "labels" / "val").rename(folder / "labels" / "train")
+    with pytest.raises(DatasetError, match="nor that of another picture"):
+        data_formats.read_folder(folder, "yolo")
 
 
 @pytest.mark.parametrize(("form", "make"), [("speed", speed_plus), ("spark", spark), ("yolo", yolo)])
