@@ -76,14 +76,20 @@ def test_the_result_has_what_was_promised(estimated: Path) -> None:
     assert farthest.startswith("initial.relative_")
 
 
-def test_a_killed_estimate_ends_with_the_same_bits(mission: ScenarioFile, estimated: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("by_folder_alone", [False, True])
+def test_a_killed_estimate_ends_with_the_same_bits(
+    mission: ScenarioFile, estimated: Path, tmp_path: Path, by_folder_alone: bool
+) -> None:
     killed = tmp_path / "p"
     shutil.copytree(estimated, killed)
     (killed / "probability.json").unlink()
     batches = sorted((killed / "evaluations").iterdir())
     for path in batches[len(batches) // 2 :]:
         path.unlink()
-    run_probability(mission, KEEP_OUT, EstimateSettings(budget=600), 3, killed)
+    if by_folder_alone:
+        assert main.main(["resume", str(killed), "--json"]) in (0, 3)
+    else:
+        run_probability(mission, KEEP_OUT, EstimateSettings(budget=600), 3, killed)
     for path in estimated.rglob("*.json"):
         assert (killed / path.relative_to(estimated)).read_text().replace(
             str(killed), str(estimated)
