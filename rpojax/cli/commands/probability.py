@@ -10,6 +10,7 @@ from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, lo
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
+from rpojax.errors import OutputError, ResultError
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import run_progress
 
@@ -40,12 +41,42 @@ def estimate(asked: "RecordedEstimate", session: Session, out: Path, force: bool
     prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=asked.file.camera.model == "rendered")
     from rpojax.analysis.reliability.simulated_failures.run_probability import run_probability
-    from rpojax.report.rare_failures.probability_page import write_page
 
     with run_progress(asked.file.duration_s, quiet=session.as_json) as watch, resumable(out):
         content = run_probability(
             asked.file, asked.choice, asked.settings, asked.seed, out, force=force, on_progress=watch
         )
+    return _present(content, session, out)
+
+
+def resume_estimate(directory: Path, session: Session) -> int:
+    """Completes the estimate in a folder, or shows the finished one, and returns the exit status.
+
+    Raises:
+        ResultError: the folder is not as it was written, or other versions of the packages began the estimate.
+    """
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
+    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import read_estimate
+
+    folder, asked = EstimateFolder(directory), read_estimate(directory)
+    if folder.is_finished:
+        return _present(folder.read(RESULT_NAME), session, directory)
+    try:
+        return estimate(asked, session, directory)
+    except OutputError as error:
+        # All that was asked is from the folder, so that only versions can differ; and there is no argument `out` here.
+        if "out" not in error.arguments:
+            raise
+        raise ResultError(
+            f"{directory}: found an estimate begun with other versions of rpojax, Python or a package, expected those "
+            "in estimate.json, with which it ends with the same bits"
+        ) from None
+
+
+def _present(content: dict[str, Any], session: Session, out: Path) -> int:
+    """Writes the page of a finished estimate, prints it, and returns the exit status."""
+    from rpojax.report.rare_failures.probability_page import write_page
+
     write_page(content, out)
     if session.as_json:
         print_json({"directory": str(out), **content})
