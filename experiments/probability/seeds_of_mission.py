@@ -2,7 +2,7 @@
 
 python experiments/probability/seeds_of_mission.py experiments/probability/keep_out_1e5.toml --budget 20000 --out FILE
 
-The file has one line of JSON for each seed, and goes on where it ended.
+The file has one line of JSON for each seed, and goes on where it ended; lines of another question are refused.
 """
 
 import argparse
@@ -33,6 +33,20 @@ def summary(found: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def read_lines(path: Path, asked: dict[str, Any]) -> list[dict[str, Any]]:
+    """Estimates of the seeds that are done; a line that was broken off is removed from the file."""
+    text = path.read_text() if path.exists() else ""
+    whole = text[: text.rfind("\n") + 1]
+    found = [json.loads(line) for line in whole.splitlines()]
+    for number, each in enumerate(found, start=1):
+        other = {key: each.get(key) for key in asked if each.get(key) != asked[key]}
+        if other or each["seed"] != number:
+            raise SystemExit(f"{path} line {number}: found seed {each['seed']} {other}, expected {number} of {asked}")
+    if whole != text:
+        path.write_text(whole)
+    return found
+
+
 def main() -> None:
     """Estimates with one compiled program and a generator of its own for each seed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -43,6 +57,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
+    if options.seeds < 2:
+        parser.error(f"--seeds: found {options.seeds}, expected at least 2, for a variation over them")
     prepare_jax(cache=True)
     set_loop_fusion_flag(rendered=False)
     from rpojax.analysis.reliability.rare_events import method_choice
@@ -52,20 +68,27 @@ def main() -> None:
     from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
     from rpojax.scenario.dispersed_numbers import standard_normal_space
     from rpojax.scenario.loading import scenario_loader
+    from rpojax.scenario.scenario_digest import scenario_digest
 
     file = scenario_loader.load(options.scenario, [])
     failure = choose_failure(file, FailureChoice(outcome=options.outcome))
+    asked = {
+        "scenario_hash": scenario_digest(file),
+        "failure": failure.words,
+        "budget": options.budget,
+        "asked_method": options.method,
+    }
+    found = read_lines(options.out, asked)
+    # Keys of the noise are from the generator of each seed, so that the runs of two seeds have none in common.
     margins = SimulatedMargins(standard_normal_space.make_space(file), failure, 1)
-    lines = options.out.read_text().splitlines() if options.out.exists() else []
-    found = [json.loads(line) for line in lines]
     with options.out.open("a") as stream:
         for seed in range(len(found) + 1, options.seeds + 1):
             calls = LimitStateCalls(margins, margins.latent, options.budget)
             estimate = method_choice.estimate(calls, np.random.default_rng(seed), options.method).to_dict()
             del estimate["design_points"]
-            found.append({"seed": seed, **estimate})
+            found.append({"seed": seed, **asked, **estimate})
             print(json.dumps(found[-1]), file=stream, flush=True)
-    print(json.dumps(summary(found)))
+    print(json.dumps(summary(found[: options.seeds])))
 
 
 if __name__ == "__main__":
