@@ -46,12 +46,14 @@ def blocks(file: ScenarioFile, runs: int, seed: int) -> Iterator[Runs]:
     for first in range(0, runs, engine.capacity):
         prepared = engine.prepare(seed, np.arange(first, first + engine.capacity))
         recorder = ChannelRecorder(engine.scenario.ticks, (), lambda _: False)
-        for segment in engine.simulate(prepared):
-            recorder.add_segment(segment)
+        last = None
+        for last in engine.simulate(prepared):
+            recorder.add_segment(last)
+        assert last is not None
         count = min(engine.capacity, runs - first)
         records = recorder.records_of_runs(slice(count))
         used = {key: values[:count] for key, values in prepared.used.items()}
-        judged = judgement.judge(file, used, records, segment.failure[:count], segment.failed_at[:count])
+        judged = judgement.judge(file, used, records, last.failure[:count], last.failed_at[:count])
         safety = engine.passive_safety.evaluate(prepared.drawn, recorder.records)
         found = {name: records[name] for name in kept} | {"outcome": of_codes(judged.codes)} | used
         yield found | {name: values[:count] for name, values in safety.items()}

@@ -50,6 +50,18 @@ class ExecutorOptions:
                 "force", "found it with --shard, expected it without: a shard joins the folder of the others"
             )
 
+    def refuse_other_processes(self) -> None:
+        """Raises on any option, where work goes on in this process alone.
+
+        Raises:
+            RpojaxError: naming the option.
+        """
+        for name in ("shard", "workers", "scheduler"):
+            if getattr(self, name) is not None:
+                raise RpojaxError.of_argument(
+                    name, "found it with an estimate of a probability, expected it with a campaign"
+                )
+
     def parse_shard(self) -> "Shard | None":
         """The shard, None for all blocks.
 

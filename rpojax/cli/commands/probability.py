@@ -1,7 +1,7 @@
 """The command `rpojax probability`: how likely a run is to fail, also where plain runs hardly ever do."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
@@ -10,8 +10,12 @@ from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, lo
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
+from rpojax.errors import OutputError, ResultError
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import run_progress
+
+if TYPE_CHECKING:
+    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate
 
 
 def probability(
@@ -26,15 +30,53 @@ def probability(
     force: Annotated[bool, arg(help="Replace another estimate in the folder.")] = False,
 ) -> int:
     """How likely a run is to break a requirement or a limit, or to end with an outcome; the same command resumes it."""
-    file = load(scenario, overrides)
+    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate
+
+    return estimate(RecordedEstimate(load(scenario, overrides), choice, settings, seed), session, out, force)
+
+
+def estimate(asked: "RecordedEstimate", session: Session, out: Path, force: bool = False) -> int:
+    """Makes, resumes or shows the estimate in the folder `out`, and returns the exit status."""
     claim_folder(out)
     prepare_jax(cache=not session.no_cache)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+    set_loop_fusion_flag(rendered=asked.file.camera.model == "rendered")
     from rpojax.analysis.reliability.simulated_failures.run_probability import run_probability
+
+    with run_progress(asked.file.duration_s, quiet=session.as_json) as watch, resumable(out):
+        content = run_probability(
+            asked.file, asked.choice, asked.settings, asked.seed, out, force=force, on_progress=watch
+        )
+    return _present(content, session, out)
+
+
+def resume_estimate(directory: Path, session: Session) -> int:
+    """Completes the estimate in a folder, or shows the finished one, and returns the exit status.
+
+    Raises:
+        ResultError: the folder is not as it was written, or other versions of the packages began the estimate.
+    """
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
+    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import read_estimate
+
+    folder, asked = EstimateFolder(directory), read_estimate(directory)
+    if folder.is_finished:
+        return _present(folder.read(RESULT_NAME), session, directory)
+    try:
+        return estimate(asked, session, directory)
+    except OutputError as error:
+        # All that was asked is from the folder, so that only versions can differ; and there is no argument `out` here.
+        if "out" not in error.arguments:
+            raise
+        raise ResultError(
+            f"{directory}: found an estimate begun with other versions of rpojax, Python or a package, expected those "
+            "in estimate.json, with which it ends with the same bits"
+        ) from None
+
+
+def _present(content: dict[str, Any], session: Session, out: Path) -> int:
+    """Writes the page of a finished estimate, prints it, and returns the exit status."""
     from rpojax.report.rare_failures.probability_page import write_page
 
-    with run_progress(file.duration_s, quiet=session.as_json) as watch, resumable(out):
-        content = run_probability(file, choice, settings, seed, out, force=force, on_progress=watch)
     write_page(content, out)
     if session.as_json:
         print_json({"directory": str(out), **content})

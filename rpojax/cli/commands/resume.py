@@ -1,9 +1,13 @@
-"""The command `rpojax resume`: completes an interrupted campaign."""
+"""The command `rpojax resume`: completes an interrupted campaign, or estimate of a probability."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from rpojax.cli.arguments import FLAT, Folder, Session
+from tyro.conf import Positional, arg
+
+from rpojax.cli.arguments import FLAT, Session
 from rpojax.cli.campaign_output import conclude, has_whole_report, keeping_results, report_of, show_results
+from rpojax.cli.commands.probability import resume_estimate
 from rpojax.cli.executor_options import ExecutorOptions
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import with_progress
@@ -15,12 +19,17 @@ if TYPE_CHECKING:
 
 
 def resume(
-    directory: Folder,
+    directory: Annotated[Positional[Path], arg(metavar="DIR", help="Folder of a campaign, or of an estimate.")],
     executor: Annotated[ExecutorOptions, FLAT],
     session: Annotated[Session, FLAT],
 ) -> int:
-    """Complete an interrupted campaign and its report; one that is complete is left as it is, with exit status 0."""
+    """Complete an interrupted campaign and its report, or an estimate; one that is complete is left as it is."""
     executor.check()
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
+
+    if EstimateFolder(directory).is_begun:
+        executor.refuse_other_processes()
+        return resume_estimate(directory, session)
     prepare_jax(cache=not session.no_cache)
     from rpojax.campaign import run_and_resume
     from rpojax.campaign.storage import stale_files

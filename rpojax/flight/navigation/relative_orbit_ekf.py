@@ -255,14 +255,10 @@ def rows_of_box(
 def recovery_variance(tuning: OrbitFilterTuning, r_TS_N: Vector, recover: Bool[Array, ""]) -> Float[Array, "12"]:
     """Covariance inflation after too many rejections, so that the filter accepts the target's boxes again."""
     square = jnp.sum(r_TS_N * r_TS_N, axis=0)
-    added = jnp.concatenate(
-        [
-            jnp.full(3, tuning.recovery_position_sigma**2 * square),
-            jnp.full(3, tuning.recovery_velocity_sigma**2),
-            jnp.zeros(6, dtype=square.dtype),
-        ]
-    )
-    return jnp.where(recover, added, 0.0)
+    position = jnp.where(recover, tuning.recovery_position_sigma**2 * square, 0.0)
+    velocity = jnp.where(recover, tuning.recovery_velocity_sigma**2, 0.0)
+    of_position, of_velocity = jnp.repeat(jnp.eye(2, 4, dtype=square.dtype), 3, axis=1)
+    return of_position * position + of_velocity * velocity
 
 
 def _prior_box(
@@ -434,10 +430,10 @@ def _jacobian(model: LinearisedBox) -> Float[Array, "3 12"]:
 
 def _jacobian_times_covariance(P: Float[Array, "12 12"], model: LinearisedBox) -> Float[Array, "3 12"]:
     """Jacobian times covariance, by the columns of the Jacobian that are not zero."""
-    G = model.position_jacobian
-    position = product(G, P[:3])
-    bearing = P[8:10] + model.inverse_depth * P[10:12]
-    return position + jnp.concatenate([bearing, P[6:7] + P[7:8]], axis=0)
+    position = product(model.position_jacobian, P[:3])
+    d = model.inverse_depth
+    # Row by row: the update takes them one by one, and XLA need not join them.
+    return jnp.stack([position[0] + P[8] + d * P[10], position[1] + P[9] + d * P[11], position[2] + P[6] + P[7]])
 
 
 def _innovation_variance(

@@ -99,7 +99,7 @@ class SimulatedMargins:
             # The last batch is padded with its first point.
             batch = points.rows(np.where(rows < len(points), rows, first))
             parts.append(margins(self.simulate(batch), self.failure)[:counted])
-            self._on_runs(counted)
+            self._on_runs(float(counted))
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def simulate(self, points: LatentPoints) -> SimulatedRuns:

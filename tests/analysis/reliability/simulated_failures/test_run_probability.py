@@ -23,8 +23,8 @@ from rpojax.scenario.schema import ScenarioFile
 pytestmark = pytest.mark.slow  # it compiles the closed loop and simulates some 1500 short runs
 
 KEEP_OUT = FailureChoice(outcome="keep_out")
-OVERRIDES = ("duration_s=100.0", "formation.desired_position_m=[0.0,-50.0,0.0]", "limits.keep_out_m=43.0")
-"""100 s at 50 m, where a range of 43 m is three sigmas away."""
+OVERRIDES = ("duration_s=400.0", "formation.desired_position_m=[0.0,-50.0,0.0]", "limits.keep_out_m=43.0")
+"""400 s at 50 m with one burn, where a range of 43 m is some three sigmas away."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,13 +48,17 @@ def simulated(mission: ScenarioFile) -> SimulatedMargins:
 
 def test_redrawn_noise_changes_a_run_and_its_own_does_not(simulated: SimulatedMargins) -> None:
     rng = np.random.default_rng(0)
-    own = simulated.latent.sample(rng, 5)
+    own = simulated.latent.sample(rng, 12)
     margins = simulated(own)
     keys = own.keys.copy()
-    keys[1, 1:] = rng.integers(1, 2**32, keys.shape[1] - 1, dtype=np.uint32)
-    changed = simulated(LatentPoints(own.x, keys))
-    np.testing.assert_array_equal(np.delete(changed, 1), np.delete(margins, 1))
-    assert 0.0 < abs(changed[1] - margins[1]) < 2.0
+    keys[:, 1:] = rng.integers(1, 2**32, keys[:, 1:].shape, dtype=np.uint32)
+    changes = np.abs(simulated(LatentPoints(own.x, keys)) - margins)
+    one = int(np.argmax(changes))
+    assert 0.0 < changes[one] < 3.0
+    keys[:one], keys[one + 1 :] = own.keys[:one], own.keys[one + 1 :]
+    alone = np.abs(simulated(LatentPoints(own.x, keys)) - margins)
+    np.testing.assert_array_equal(np.delete(alone, one), 0.0)
+    assert alone[one] == changes[one]
 
 
 @pytest.fixture(scope="module")
@@ -76,14 +80,20 @@ def test_the_result_has_what_was_promised(estimated: Path) -> None:
     assert farthest.startswith("initial.relative_")
 
 
-def test_a_killed_estimate_ends_with_the_same_bits(mission: ScenarioFile, estimated: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("by_folder_alone", [False, True])
+def test_a_killed_estimate_ends_with_the_same_bits(
+    mission: ScenarioFile, estimated: Path, tmp_path: Path, by_folder_alone: bool
+) -> None:
     killed = tmp_path / "p"
     shutil.copytree(estimated, killed)
     (killed / "probability.json").unlink()
     batches = sorted((killed / "evaluations").iterdir())
     for path in batches[len(batches) // 2 :]:
         path.unlink()
-    run_probability(mission, KEEP_OUT, EstimateSettings(budget=600), 3, killed)
+    if by_folder_alone:
+        assert main.main(["resume", str(killed), "--json"]) in (0, 3)
+    else:
+        run_probability(mission, KEEP_OUT, EstimateSettings(budget=600), 3, killed)
     for path in estimated.rglob("*.json"):
         assert (killed / path.relative_to(estimated)).read_text().replace(
             str(killed), str(estimated)
