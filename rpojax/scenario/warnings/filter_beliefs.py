@@ -16,7 +16,7 @@ _MOST_SIZE_ERROR = 1.1
 """True over believed size of the target, or the reverse, that needs no `navigation.target_size_sigma`."""
 _SIZE, _SIZE_SIGMA = "navigation.target_size_m", "navigation.target_size_sigma"
 _SIZE_SIGMAS = 3.0
-"""Error of the logarithm of the size in its sigmas that is no cause for a warning: so far a normal dispersion reaches."""
+"""Error of the log of the size in its sigmas that is no cause for a warning: a normal dispersion reaches as far."""
 _SIZE_ROUNDING = 1.01
 """Factor for the rounding of a belief that is written down."""
 _TINY = 1e-30
