@@ -43,8 +43,17 @@ VERBS: dict[str, tuple[str, ...]] = {
     ),
     "export czml": ("export", "runs", "--format", "czml", *RUN, "--no-cache", "--out", "run.czml"),
     "export csv": ("export", "runs", "--format", "csv", "--out", "results.csv"),
+    "export oem": ("export", "runs", "--format", "oem", *RUN, "--no-cache", "--out", "run.oem"),
     "export-bag": ("export-bag", "runs", *RUN, "--no-cache", "--out", "bag"),
     "export-rrd": ("export-rrd", "runs", *RUN, "--no-cache", "--out", "run.rrd"),
+    "run rendered": (
+        *("run", "inspection", "--set", "camera.model=rendered", "--set", "duration_s=60"),
+        *("--no-cache", "--out", "pixels"),
+    ),
+    "film": ("film", "pixels", "--out", "film.mp4"),
+    "field render": ("field", "render", "--out", "picture.png"),
+    "detect": ("detect", "picture.png"),
+    "bench": ("bench", "--only", "filter"),
     "validate": ("validate", "inspection"),
     "schema": ("schema",),
     "new": ("new", "mine"),
@@ -55,8 +64,14 @@ FUNCTIONS: dict[str, str] = {
     "simulate": "rpojax.simulate(file)",
     "run_campaign": "rpojax.run_campaign(file, runs=2, out='python')",
     "write_report": "rpojax.write_report(rpojax.Campaign('runs'))",
+    "resume_campaign": "rpojax.resume_campaign('python')",
+    "compare": "rpojax.compare(rpojax.Campaign('runs'), rpojax.Campaign('runs'))",
+    "export": "rpojax.export(rpojax.Campaign('runs'), 'python.oem', 'oem', run_id=0)",
     "gradient": "rpojax.gradient(file, ['navigation.edge_noise_px'], runs=2)",
     "linear_covariance": "rpojax.linear_covariance(file)",
+    "sensitivity": "rpojax.sensitivity(file, ['delta_v_m_s'], runs=2)",
+    "worst_case": "rpojax.worst_case(file, requirement='min_range_m', budget=60)",
+    "tune": "rpojax.tune(file, ['navigation.gps_noise_m'], runs=4, steps=2, horizon_s=120, validation_runs=0)",
 }
 """Calls of a Python program that prepares nothing."""
 

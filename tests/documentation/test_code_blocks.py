@@ -157,6 +157,7 @@ def run_steps(folder: Path, steps: list[dict[str, str]]) -> None:
         text=True,
         check=False,
     )
+    print(done.stdout, done.stderr, sep="\n")  # what a reader sees; pytest -rP shows it
     assert done.returncode == 0, f"{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
 
 

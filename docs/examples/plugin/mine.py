@@ -1,4 +1,4 @@
-"""A plugin for `scenario.toml`: two metrics, a range sensor and a controller."""
+"""A plugin: two metrics, a range sensor and a controller."""
 
 import jax.numpy as jnp
 

@@ -15,6 +15,7 @@ from rpojax.report.coverage import coverage_section
 from rpojax.report.figures.charts.plotly_charts import Chart
 from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
 from rpojax.report.mission import abort_section, phase_section, phase_timeline
+from rpojax.report.number_format import format_number
 from rpojax.report.page.camera_sheet import CameraSheet
 from rpojax.report.page.outcome.leading_figures import leading_figures
 from rpojax.report.page.outcome.next_steps import next_steps
@@ -122,9 +123,21 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     return PageCharts(charts, explorer, template_values)
 
 
+def simulated_text(info: Mapping[str, Any], runs: int) -> str:
+    """Number of runs, their duration and seed, as far as recorded."""
+    duration = info.get("scenario", {}).get("duration_s")
+    parts = [
+        f"{runs} run" if runs == 1 else f"{runs} runs",
+        f"{format_number(float(duration))} s each" if duration is not None else "",
+        f"seed {info['seed']}" if "seed" in info else "",
+    ]
+    return ", ".join(part for part in parts if part)
+
+
 def first_screen_values(campaign: CampaignResults, content: Mapping[str, Any], charts: PageCharts) -> dict[str, Any]:
-    """Sentence of outcome, verdicts, leading figures and next steps."""
+    """What was simulated, sentence of outcome, verdicts, leading figures and next steps."""
     return {
+        "simulated": simulated_text(campaign.info, content["runs"]["requested"]),
         "outcome": outcome_sentence(content),
         "verdict_tiles": verdict_tiles(content),
         "leading": leading_figures(content, charts.charts),

@@ -125,10 +125,11 @@ def _row(entry: Mapping[str, Any]) -> RequirementRow:
         probability=f"in at least {100.0 * entry['probability']:g} % of runs{ending}",
         verdict=entry["verdict_text"],
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
-        note=f"{100.0 * entry['probability']:g} % of runs{ending}; {entry['violations']} of {entry['runs']} violate it"
-        + _violation_kinds(entry)
+        note=f"in {100.0 * entry['probability']:g} % of runs{ending}"
+        + f"; {entry['violations']} of {entry['runs']} violate it"
+        + violation_kinds(entry)
         + _not_counted(entry)
-        + ("" if entry["margin"] is None else f"; margin {with_unit(_signed(entry['margin']), label.unit)}"),
+        + _compared(entry, label.unit),
         cells=cells,
         violating=list(entry["violating_ids"]),
         more_violating=entry["violations"] - len(entry["violating_ids"]),
@@ -153,7 +154,17 @@ def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _violation_kinds(entry: Mapping[str, Any]) -> str:
+def _compared(entry: Mapping[str, Any], unit: str) -> str:
+    """Addition of the value that is compared with the limit, and its margin; empty without a margin."""
+    if entry["margin"] is None:
+        return ""
+    value, margin = (
+        with_unit(text, unit) for text in (_rounded(entry["order_statistic"]), _signed(entry["margin"], 3))
+    )
+    return f"; {100.0 * entry['probability']:g} % keep {value}: margin {margin}"
+
+
+def violation_kinds(entry: Mapping[str, Any]) -> str:
     """Addition on the violating runs without a value, empty without any."""
     if not entry["without_value"]:
         return ""
@@ -180,8 +191,12 @@ def _order_statistic_text(entry: Mapping[str, Any]) -> str:
     return format_number(entry["order_statistic"])
 
 
-def _signed(value: float | None) -> str:
-    text = format_number(value).replace("-", "\N{MINUS SIGN}")
+def _rounded(value: float | None, digits: int = 3) -> str:
+    return format_number(value, digits).replace("-", "\N{MINUS SIGN}")
+
+
+def _signed(value: float | None, digits: int = 4) -> str:
+    text = _rounded(value, digits)
     return text if value is None or value <= 0.0 else f"+{text}"
 
 

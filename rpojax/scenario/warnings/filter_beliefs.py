@@ -15,8 +15,10 @@ MOST_UNDER = 4.0
 _MOST_SIZE_ERROR = 1.1
 """True over believed size of the target, or the reverse, that needs no `navigation.target_size_sigma`."""
 _SIZE, _SIZE_SIGMA = "navigation.target_size_m", "navigation.target_size_sigma"
-_SIZE_SIGMAS = 2.0
-"""Error of the logarithm of the size in its sigmas that is no cause for a warning."""
+_SIZE_SIGMAS = 3.0
+"""Error of the log of the size in its sigmas that is no cause for a warning: a normal dispersion reaches as far."""
+_SIZE_ROUNDING = 1.01
+"""Factor for the rounding of a belief that is written down."""
 _TINY = 1e-30
 _GROUPS = ("position_sigma_m", "velocity_sigma_m_s", "relative_position_sigma_m", "relative_velocity_sigma_m_s")
 
@@ -113,7 +115,7 @@ def _time_constant(file: ScenarioFile, reach: DispersedReach) -> list[str]:
 def _target_size(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     nominal, (low, high) = mean_size(file.target.hull_m), reach.ends("target.scale")
     believed, sigma = float(reach.middle(_SIZE)), float(reach.middle(_SIZE_SIGMA))
-    tolerated = max(np.log(_MOST_SIZE_ERROR), _SIZE_SIGMAS * sigma)
+    tolerated = max(np.log(_MOST_SIZE_ERROR), _SIZE_SIGMAS * sigma + np.log(_SIZE_ROUNDING))
     worst = max((nominal * low, nominal * high), key=lambda size: abs(np.log(size / believed)))
     if abs(np.log(worst / believed)) <= tolerated:
         return []

@@ -15,6 +15,11 @@ CASES = {
         "navigation.target_size_m",
         "a factor of 1.2",
     ),
+    "a size that is known less well than believed": (
+        ["dispersions.target.scale={kind='log_normal', sigma=0.1}", "navigation.target_size_sigma=0.05"],
+        "navigation.target_size_m",
+        "expected at most 1.17",
+    ),
     "a heavy servicer": (["servicer.mass_kg=300.0"], "thruster.force_n", "the way to the station", "mm/s"),
     "a weak thruster": (["thruster.force_n=0.003"], "thruster.force_n", "the way to the station", "mm/s"),
     "no time to turn": (["pointing.look_away_limit_s=60.0"], "thruster.force_n", "at most two thirds of 0 mm/s"),
@@ -88,6 +93,7 @@ def test_a_mission_that_cannot_work_is_warned_about_in_one_line(name: str) -> No
         ["navigation.target_size_m=1.15"],
         ["target.scale=1.5", "navigation.target_size_sigma=0.5"],
         ["target.scale=1.2", "navigation.target_size_sigma=0.2"],
+        ["dispersions.target.scale={kind='log_normal', sigma=0.05}", "navigation.target_size_sigma=0.05"],
         ["dispersions=[]", "gps.noise_m=0.0", "thruster.magnitude_noise=0.0", "camera.edge_noise_px=0.0"],
     ],
 )

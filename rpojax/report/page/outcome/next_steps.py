@@ -12,6 +12,7 @@ from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.page.outcome.outcome_sentence import weakest_requirement
 from rpojax.report.page.outcome.verdict_tiles import passive_safety_count
 from rpojax.report.sections.failure_section import outcomes_text
+from rpojax.report.sections.requirement_verdict_section import violation_kinds
 
 _MAX_STEPS: Final = 6
 _NEES_COMPONENTS: Final = 6
@@ -87,10 +88,12 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
         of_passive_safety = str(entry["metric"]).startswith("passive_range") and _passive_safety(campaign, content)
         if entry["verdict"] != Verdict.NOT_VERIFIED or not entry["violating_ids"] or of_passive_safety:
             continue
-        run = entry["violating_ids"][0]
+        # The runs without a value, which failed, come first among them and are a step of their own.
+        beyond = entry["violating_ids"][entry["without_value"] :]
+        run = (beyond or entry["violating_ids"])[0]
         text = (
             f"Not verified: {entry['text']}: {entry['violations']} of {entry['runs']} runs violate it"
-            f" ({entry['beyond_limit']} beyond the limit, {entry['without_value']} without a value)."
+            f"{violation_kinds(entry)}."
         )
         steps.append(NextStep(text, "requirements", shell_commands.rerun_command(campaign, run, f"run_{run}")))
     return steps[:2]

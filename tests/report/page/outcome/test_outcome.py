@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from report_page_parser import page_text, rendered_page
 
+from rpojax.report.number_format import format_number
+from rpojax.report.page import report_json
 from rpojax.report.page.outcome.leading_figures import leading_figures
 from rpojax.report.page.outcome.next_steps import next_steps
 from rpojax.report.page.outcome.outcome_sentence import entry_margin, outcome_sentence, weakest_requirement
@@ -124,6 +126,15 @@ def test_next_steps_follow_from_what_was_found(campaign, change, words):
     assert all(step.command.startswith("rpojax ") for step in steps[:2])
 
 
+def test_the_run_to_look_at_is_one_beyond_the_limit_and_not_one_that_failed(campaign):
+    content = copy.deepcopy(CONTENT)
+    violated = {"verdict": "not verified", "violations": 3, "violating_ids": [3, 7, 12], "without_value": 2}
+    content["requirements"][0] |= {**violated, "beyond_limit": 1}
+    assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.text)
+    content["requirements"][0] |= {"violating_ids": [3, 7], "violations": 2, "beyond_limit": 0}
+    assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.text)
+
+
 def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(build):
     campaign = build(runs=60, failed=(3, 7))
     campaign.metrics["delta_v_m_s"][:2] = 5.0
@@ -133,6 +144,12 @@ def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(bui
     assert "2 over the limit 1 m/s" in words
     assert "2 failed and have no value" in words
     assert "(2 beyond the limit, 2 without a value)" in words
+    keeps = np.sort(np.where(np.isnan(values := campaign.metrics["delta_v_m_s"]), np.inf, values))
+    entry = report_json.report_content(campaign, [])["requirements"][0]
+    assert entry["order_statistic"] == keeps[entry["rank"] - 1]
+    assert f"90 % keep {format_number(entry['order_statistic'], 3)} m/s: margin +" in words
+    duration = campaign.info["scenario"]["duration_s"]
+    assert f"Monte Carlo campaign report: 60 runs, {duration} s each, seed 1" in words
     assert "\N{DAGGER} of the runs with a value alone" in words
     assert f"{np.nanmax(campaign.metrics['delta_v_m_s']):.0f}\N{DAGGER}" in words
 
