@@ -55,12 +55,13 @@ def resume_estimate(directory: Path, session: Session) -> int:
     Raises:
         ResultError: the folder is not as it was written, or other versions of the packages began the estimate.
     """
-    from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
     from rpojax.analysis.reliability.simulated_failures.recorded_estimate import read_estimate
+    from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
 
     folder, asked = EstimateFolder(directory), read_estimate(directory)
     if folder.is_finished:
-        return _present(folder.read(RESULT_NAME), session, directory)
+        return _present(read_result(directory), session, directory)
     try:
         return estimate(asked, session, directory)
     except OutputError as error:

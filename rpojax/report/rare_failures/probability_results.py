@@ -5,7 +5,8 @@ import shlex
 from collections.abc import Mapping
 from typing import Any
 
-from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME
+from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
 from rpojax.analysis.statistics import rare_requirements
 from rpojax.campaign.storage import safe_paths
 from rpojax.report.campaign_results import CampaignResults
@@ -57,6 +58,6 @@ def _estimates(campaign: CampaignResults) -> list[tuple[dict[str, Any], bool]]:
     for directory in sorted(root.iterdir()):
         safe_paths.check_no_links(campaign.directory, directory)
         if directory.is_dir() and (directory / RESULT_NAME).is_file():
-            estimate = EstimateFolder(directory).read(RESULT_NAME)
+            estimate = read_result(directory)
             found.append((estimate, json.dumps(estimate.get("scenario_hash")) == own))
     return found

@@ -17,6 +17,7 @@ from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESUL
 from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures.failing_runs import FailureLog
 from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure, choose_failure
+from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
 from rpojax.campaign import preflight
 from rpojax.campaign.storage.json_types import to_json_types
@@ -65,7 +66,7 @@ def run_probability(
     folder = EstimateFolder(out)
     folder.begin(_configuration(file, failure, settings, seed), force)
     if folder.is_finished:
-        return folder.read(RESULT_NAME)
+        return read_result(out)
     content = _estimated(space, failure, settings, seed, folder, on_progress or (lambda progress: None))
     folder.write(RESULT_NAME, content)
     return content

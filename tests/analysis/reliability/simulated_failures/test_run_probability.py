@@ -23,8 +23,8 @@ from rpojax.scenario.schema import ScenarioFile
 pytestmark = pytest.mark.slow  # it compiles the closed loop and simulates some 1500 short runs
 
 KEEP_OUT = FailureChoice(outcome="keep_out")
-OVERRIDES = ("duration_s=400.0", "formation.desired_position_m=[0.0,-50.0,0.0]", "limits.keep_out_m=43.0")
-"""400 s at 50 m with one burn, where a range of 43 m is some three sigmas away."""
+OVERRIDES = ("duration_s=400.0", "formation.desired_position_m=[0.0,-50.0,0.0]", "limits.keep_out_m=40.5")
+"""400 s at 50 m with one burn, where a range of 40.5 m is some three sigmas away."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -80,6 +80,14 @@ def test_the_result_has_what_was_promised(estimated: Path) -> None:
     assert farthest.startswith("initial.relative_")
 
 
+def without_place(path: Path, folder: Path) -> str:
+    """Text of a file, without the folder's name in commands, nor the digest of a content that has such commands."""
+    text = path.read_text().replace(str(folder), "DIR")
+    if path.name == "probability.json":
+        return "".join(line for line in text.splitlines() if '"sha256"' not in line)
+    return text
+
+
 @pytest.mark.parametrize("by_folder_alone", [False, True])
 def test_a_killed_estimate_ends_with_the_same_bits(
     mission: ScenarioFile, estimated: Path, tmp_path: Path, by_folder_alone: bool
@@ -95,9 +103,7 @@ def test_a_killed_estimate_ends_with_the_same_bits(
     else:
         run_probability(mission, KEEP_OUT, EstimateSettings(budget=600), 3, killed)
     for path in estimated.rglob("*.json"):
-        assert (killed / path.relative_to(estimated)).read_text().replace(
-            str(killed), str(estimated)
-        ) == path.read_text()
+        assert without_place(killed / path.relative_to(estimated), killed) == without_place(path, estimated)
 
 
 def test_the_command_of_a_failing_run_simulates_that_failure(estimated: Path, tmp_path: Path) -> None:
