@@ -41,14 +41,18 @@ def main() -> None:
     parser.add_argument("--methods", nargs="*", default=["none", "estimates", "boxes", "central"])
     arguments = parser.parse_args()
     short = [f"duration_s={arguments.duration}"]
-    files = {ALONE: scenario_loader.load(ALONE, [*short, "coverage.enabled=false"])}
+    files = {ALONE: scenario_loader.load(ALONE, [*short, "coverage.enabled=false", "requirements=[]"])}
     for method in arguments.methods:
-        overrides = [*short, "coverage.enabled=false", f"navigation.sharing={method}"]
+        overrides = [*short, "coverage.enabled=false", "requirements=[]", f"navigation.sharing={method}"]
+        # Without messages nobody knows where the others are.
+        overrides += ["team.keep_out_m=0"] if method == "none" else []
         files[method] = scenario_loader.load(TEAM, overrides)
     engines = {name: BatchEngine(file, devices=jax.devices()[:1]) for name, file in files.items()}
     times: dict[str, list[float]] = {name: [] for name in engines}
-    for engine in engines.values():
+    for name, engine in engines.items():
+        begin = time.process_time()
         seconds(engine)
+        print(f"{name}: compiled in {time.process_time() - begin:.0f} s of processor time", flush=True)
     for _ in range(arguments.rounds):
         for name, engine in engines.items():
             times[name].append(seconds(engine))
