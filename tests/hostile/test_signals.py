@@ -17,9 +17,11 @@ def test_a_signal_in_the_first_moments_has_a_line_and_no_traceback(
     words = ("campaign", "inspection", "--runs", "2", "--out", str(tmp_path / "runs"), *SHORT)
     found = signalled(stage, number, words, tmp_path / "runs")
     assert found.status == 128 + number
-    assert found.err.startswith("rpojax: interrupted" if number == signal.SIGINT else "rpojax: terminated")
+    last = found.err.splitlines()[-1]
+    assert last.startswith("rpojax: interrupted" if number == signal.SIGINT else "rpojax: terminated")
     assert "Traceback" not in found.err
-    assert not (tmp_path / "runs").exists()
+    # A fast machine may compile by then, after the folder is made.
+    assert (tmp_path / "runs").exists() == ("compiling" in found.err)
 
 
 @pytest.mark.slow
