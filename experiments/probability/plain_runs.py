@@ -5,8 +5,9 @@ import json
 from pathlib import Path
 
 import numpy as np
+from mission_margins import mission_margins
 
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.analysis.reliability.rare_events.probability_estimate import binomial_interval
 
 BATCH = 10_240
 
@@ -20,18 +21,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    prepare_jax(cache=True)
-    set_loop_fusion_flag(rendered=False)
-    from rpojax.analysis.reliability.rare_events.probability_estimate import binomial_interval
-    from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice
-    from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
-    from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
-    from rpojax.scenario.dispersed_numbers import standard_normal_space
-    from rpojax.scenario.loading import scenario_loader
-
-    file = scenario_loader.load(options.scenario, [])
-    failure = choose_failure(file, FailureChoice(outcome=options.outcome))
-    margins = SimulatedMargins(standard_normal_space.make_space(file), failure, options.seed)
+    margins = mission_margins(options.scenario, options.outcome, options.seed)
     found = json.loads(options.out.read_text()) if options.out.exists() else {"runs": 0, "failures": 0}
     while found["runs"] < options.runs:
         count = min(BATCH, options.runs - found["runs"])

@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mission_margins import mission_margins
 
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.analysis.reliability.rare_events import method_choice
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.scenario.scenario_digest import scenario_digest
 
 
 def summary(found: list[dict[str, Any]]) -> dict[str, Any]:
@@ -59,28 +62,15 @@ def main() -> None:
     options = parser.parse_args()
     if options.seeds < 2:
         parser.error(f"--seeds: found {options.seeds}, expected at least 2, for a variation over them")
-    prepare_jax(cache=True)
-    set_loop_fusion_flag(rendered=False)
-    from rpojax.analysis.reliability.rare_events import method_choice
-    from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
-    from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice
-    from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
-    from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
-    from rpojax.scenario.dispersed_numbers import standard_normal_space
-    from rpojax.scenario.loading import scenario_loader
-    from rpojax.scenario.scenario_digest import scenario_digest
-
-    file = scenario_loader.load(options.scenario, [])
-    failure = choose_failure(file, FailureChoice(outcome=options.outcome))
+    # Keys of the noise are from the generator of each seed, so that the runs of two seeds have none in common.
+    margins = mission_margins(options.scenario, options.outcome, 1)
     asked = {
-        "scenario_hash": scenario_digest(file),
-        "failure": failure.words,
+        "scenario_hash": scenario_digest(margins.space.file),
+        "failure": margins.failure.words,
         "budget": options.budget,
         "asked_method": options.method,
     }
     found = read_lines(options.out, asked)
-    # Keys of the noise are from the generator of each seed, so that the runs of two seeds have none in common.
-    margins = SimulatedMargins(standard_normal_space.make_space(file), failure, 1)
     with options.out.open("a") as stream:
         for seed in range(len(found) + 1, options.seeds + 1):
             calls = LimitStateCalls(margins, margins.latent, options.budget)

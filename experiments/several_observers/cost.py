@@ -40,10 +40,10 @@ def main() -> None:
     parser.add_argument("--duration", type=int, default=400)
     parser.add_argument("--methods", nargs="*", default=["none", "estimates", "boxes", "central"])
     arguments = parser.parse_args()
-    short = [f"duration_s={arguments.duration}"]
-    files = {ALONE: scenario_loader.load(ALONE, [*short, "coverage.enabled=false", "requirements=[]"])}
+    short = [f"duration_s={arguments.duration}", "coverage.enabled=false", "requirements=[]"]
+    files = {ALONE: scenario_loader.load(ALONE, short)}
     for method in arguments.methods:
-        overrides = [*short, "coverage.enabled=false", "requirements=[]", f"navigation.sharing={method}"]
+        overrides = [*short, f"navigation.sharing={method}"]
         # Without messages nobody knows where the others are.
         overrides += ["team.keep_out_m=0"] if method == "none" else []
         files[method] = scenario_loader.load(TEAM, overrides)

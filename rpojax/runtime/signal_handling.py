@@ -49,6 +49,15 @@ def _end(number: int, _: FrameType | None) -> None:
     os._exit(128 + number)
 
 
+def _is_importing(frame: FrameType | None) -> bool:
+    """Whether a frame is part of the import of a module."""
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+        frame = frame.f_back
+    return False
+
+
 def leave_if_signalled(status: int) -> int:
     """Ends the process at once if a status is that of a signal, else returns the status.
 
@@ -69,8 +78,12 @@ def ending_signals() -> Iterator[Received]:
         yield received
         return
 
-    def note(number: int, _: FrameType | None) -> None:
+    def note(number: int, frame: FrameType | None) -> None:
         received.number = number if number != signal.SIGALRM else received.number
+        if _is_importing(frame):
+            # An exception there passes through the initialisation of libraries in C++, which abort the process.
+            os.write(2, f"rpojax: {received.word} while modules were imported\n".encode())
+            os._exit(received.status)
         signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
         raise KeyboardInterrupt
 

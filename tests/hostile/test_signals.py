@@ -1,5 +1,6 @@
 """Signals at every stage end a command with the documented status and one line."""
 
+import shutil
 import signal
 from pathlib import Path
 
@@ -16,12 +17,16 @@ def test_a_signal_in_the_first_moments_has_a_line_and_no_traceback(
 ) -> None:
     words = ("campaign", "inspection", "--runs", "2", "--out", str(tmp_path / "runs"), *SHORT)
     found = signalled(stage, number, words, tmp_path / "runs")
+    for _ in range(3):
+        if "compiling" not in found.err:
+            break
+        # The signal came late, in another stage.
+        shutil.rmtree(tmp_path / "runs", ignore_errors=True)
+        found = signalled(stage, number, words, tmp_path / "runs")
     assert found.status == 128 + number
-    last = found.err.splitlines()[-1]
-    assert last.startswith("rpojax: interrupted" if number == signal.SIGINT else "rpojax: terminated")
+    assert found.err.startswith("rpojax: interrupted" if number == signal.SIGINT else "rpojax: terminated")
     assert "Traceback" not in found.err
-    # A fast machine may compile by then, after the folder is made.
-    assert (tmp_path / "runs").exists() == ("compiling" in found.err)
+    assert not (tmp_path / "runs").exists()
 
 
 @pytest.mark.slow

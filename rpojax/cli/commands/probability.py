@@ -10,7 +10,6 @@ from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, lo
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
-from rpojax.errors import OutputError, ResultError
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import run_progress
 
@@ -59,19 +58,10 @@ def resume_estimate(directory: Path, session: Session) -> int:
     from rpojax.analysis.reliability.simulated_failures.recorded_estimate import read_estimate
     from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
 
-    folder, asked = EstimateFolder(directory), read_estimate(directory)
-    if folder.is_finished:
+    asked = read_estimate(directory)
+    if EstimateFolder(directory).is_finished:
         return _present(read_result(directory), session, directory)
-    try:
-        return estimate(asked, session, directory)
-    except OutputError as error:
-        # All that was asked is from the folder, so that only versions can differ; and there is no argument `out` here.
-        if "out" not in error.arguments:
-            raise
-        raise ResultError(
-            f"{directory}: found an estimate begun with other versions of rpojax, Python or a package, expected those "
-            "in estimate.json, with which it ends with the same bits"
-        ) from None
+    return estimate(asked, session, directory)
 
 
 def _present(content: dict[str, Any], session: Session, out: Path) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rpojax.errors import RpojaxError
 from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
@@ -158,15 +159,7 @@ def projected_box(matrix: np.ndarray, distortion: np.ndarray, q: np.ndarray, r: 
     """
     import cv2
 
-    w, x, y, z = q / np.linalg.norm(q)
-    # Axes of the spacecraft in those of the camera.
-    R = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    points, _ = cv2.projectPoints(TANGO_POINTS, cv2.Rodrigues(R)[0], r, matrix, distortion)
+    turn = Rotation.from_quat(q[[1, 2, 3, 0]]).as_rotvec()
+    points, _ = cv2.projectPoints(TANGO_POINTS, turn, r, matrix, distortion)
     points = points.reshape(-1, 2)
     return np.concatenate([points.min(axis=0), points.max(axis=0)])

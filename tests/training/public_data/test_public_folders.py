@@ -75,34 +75,48 @@ def shirt(root: Path) -> Path:
     return domain
 
 
+def write_spark(table: Path, head: str, names: tuple[str, str], row: str, place: Callable[[int, str], Path]) -> None:
+    """A table of two pictures, its rows from number and name of the spacecraft, and the pictures in their places."""
+    lines = [head]
+    for number, craft in enumerate(names):
+        draw(place(number, craft), (40 + number, 60, 200, 140))
+        lines.append(row.format(number=number, craft=craft, left=40 + number))
+    table.write_text("\n".join(lines) + "\n")
+
+
 def spark(root: Path) -> Path:
     """A data set like SPARK of 2024: `val.csv`, and pictures in `images` in a folder of each class and part."""
-    rows = ["Class,Image name,Mask name,Bounding box"]
-    for number, craft in enumerate(("Soho", "XMM Newton")):
-        box = (40 + number, 60, 200, 140)
-        draw(root / "images" / craft / "val" / f"{number}.png", box)
-        rows.append(f'{craft},{number}.png,m.png,"{box}"')
-    (root / "val.csv").write_text("\n".join(rows) + "\n")
+    write_spark(
+        root / "val.csv",
+        "Class,Image name,Mask name,Bounding box",
+        ("Soho", "XMM Newton"),
+        '{craft},{number}.png,m.png,"({left}, 60, 200, 140)"',
+        lambda number, craft: root / "images" / craft / "val" / f"{number}.png",
+    )
     return root
 
 
 def spark_2022(root: Path) -> Path:
     """A data set like SPARK of 2022: rows before columns, all pictures together, and JPEG files named as PNG files."""
-    rows = ["filename,class,bbox"]
-    for number, craft in enumerate(("soho", "xmm_newton")):
-        draw(root / "val" / f"{number}.jpg", (40 + number, 60, 200, 140))
-        rows.append(f'{number}.png,{craft},"[60, {40 + number}, 140, 200]"')
-    (root / "val.csv").write_text("\n".join(rows) + "\n")
+    write_spark(
+        root / "val.csv",
+        "filename,class,bbox",
+        ("soho", "xmm_newton"),
+        '{number}.png,{craft},"[60, {left}, 140, 200]"',
+        lambda number, craft: root / "val" / f"{number}.jpg",
+    )
     return root
 
 
 def spark_2021(root: Path) -> Path:
     """A data set like SPARK of 2021: as in 2022, with a folder of each class."""
-    rows = ["image,depth,class,bbox"]
-    for number, craft in enumerate(("Jason", "Sentinel-6")):
-        draw(root / "validation" / craft / f"{number}.png", (40 + number, 60, 200, 140))
-        rows.append(f'{number}.png,d.png,{craft},"[60, {40 + number}, 140, 200]"')
-    (root / "validation labels.csv").write_text("\n".join(rows) + "\n")
+    write_spark(
+        root / "validation labels.csv",
+        "image,depth,class,bbox",
+        ("Jason", "Sentinel-6"),
+        '{number}.png,d.png,{craft},"[60, {left}, 140, 200]"',
+        lambda number, craft: root / "validation" / craft / f"{number}.png",
+    )
     return root
 
 

@@ -44,7 +44,7 @@ class EstimateFolder:
 
         Raises:
             OutputError: it holds something else, and is not to be replaced by `force`.
-            ResultError: its configuration is no longer what was written.
+            ResultError: its configuration is no longer what was written, or other versions of the packages began it.
             UnfinishedError: it cannot be made.
         """
         if self.directory.is_symlink() or (self.directory.exists() and not self.directory.is_dir()):
@@ -55,6 +55,11 @@ class EstimateFolder:
                 return
             if not force:
                 changed = sorted(key for key in configuration if recorded.get(key) != configuration[key])
+                if changed == ["versions"]:
+                    raise ResultError(
+                        f"{self.directory}: found an estimate begun with other versions of rpojax, Python or a "
+                        "package, expected those in estimate.json, with which it ends with the same bits"
+                    )
                 raise OutputError.of_argument(
                     "out",
                     f"found an estimate with another {', '.join(changed) or 'content'}, expected a folder that is not "

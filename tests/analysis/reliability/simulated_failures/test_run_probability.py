@@ -10,6 +10,7 @@ import pytest
 from shared_compilation import shared_programs
 
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
 from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
 from rpojax.analysis.reliability.simulated_failures.run_probability import run_probability
@@ -20,11 +21,13 @@ from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
-pytestmark = pytest.mark.slow  # it compiles the closed loop and simulates some 1500 short runs
+pytestmark = pytest.mark.slow  # it compiles the closed loop and simulates some 8000 short runs
 
+BUDGET = 3000
+"""Runs of the estimate; with fewer its weights degenerate."""
 KEEP_OUT = FailureChoice(outcome="keep_out")
-OVERRIDES = ("duration_s=400.0", "formation.desired_position_m=[0.0,-50.0,0.0]", "limits.keep_out_m=40.5")
-"""400 s at 50 m with one burn, where a range of 40.5 m is some three sigmas away."""
+OVERRIDES = ("duration_s=100.0", "formation.desired_position_m=[0.0,-50.0,0.0]", "limits.keep_out_m=43.0")
+"""100 s at 50 m, where a range of 43 m is three sigmas away."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -41,8 +44,9 @@ def mission() -> ScenarioFile:
 
 
 @pytest.fixture(scope="module")
-def simulated(mission: ScenarioFile) -> SimulatedMargins:
-    """Margins of its runs to keep-out."""
+def simulated() -> SimulatedMargins:
+    """Margins to keep-out of runs that are long enough for a burn, by which noise reaches them."""
+    mission = scenario_loader.load("inspection", [*OVERRIDES, "duration_s=400.0"])
     return SimulatedMargins(standard_normal_space.make_space(mission), choose_failure(mission, KEEP_OUT), 3)
 
 
@@ -54,7 +58,7 @@ def test_redrawn_noise_changes_a_run_and_its_own_does_not(simulated: SimulatedMa
     keys[:, 1:] = rng.integers(1, 2**32, keys[:, 1:].shape, dtype=np.uint32)
     changes = np.abs(simulated(LatentPoints(own.x, keys)) - margins)
     one = int(np.argmax(changes))
-    assert 0.0 < changes[one] < 3.0
+    assert 0.0 < changes[one] < 2.0
     keys[:one], keys[one + 1 :] = own.keys[:one], own.keys[one + 1 :]
     alone = np.abs(simulated(LatentPoints(own.x, keys)) - margins)
     np.testing.assert_array_equal(np.delete(alone, one), 0.0)
@@ -65,7 +69,7 @@ def test_redrawn_noise_changes_a_run_and_its_own_does_not(simulated: SimulatedMa
 def estimated(mission: ScenarioFile, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a small estimate; tests must not change it."""
     out = tmp_path_factory.mktemp("estimate") / "p"
-    run_probability(mission, KEEP_OUT, EstimateSettings(budget=600), 3, out)
+    run_probability(mission, KEEP_OUT, EstimateSettings(budget=BUDGET), 3, out)
     return out
 
 
@@ -73,11 +77,11 @@ def test_the_result_has_what_was_promised(estimated: Path) -> None:
     content = json.loads((estimated / "probability.json").read_text())
     assert 1e-4 < content["probability"] < 2e-2
     assert content["interval_95"][0] < content["probability"] < content["interval_95"][1]
-    assert content["evaluations"] <= 600
+    assert content["evaluations"] <= BUDGET
     assert content["method"] in ("importance", "subset")
     assert content["failing_runs"]
-    farthest = [each["name"] for each in content["failing_runs"][0]["dispersions"][:3]]
-    assert any(name.startswith("initial.") for name in farthest)
+    farthest = content["design_points"][0]["dispersions"][0]["name"]
+    assert farthest.startswith("initial.relative_")
 
 
 def without_place(path: Path, folder: Path) -> str:
@@ -101,7 +105,8 @@ def test_a_killed_estimate_ends_with_the_same_bits(
     if by_folder_alone:
         assert main.main(["resume", str(killed), "--json"]) in (0, 3)
     else:
-        run_probability(mission, KEEP_OUT, EstimateSettings(budget=600), 3, killed)
+        run_probability(mission, KEEP_OUT, EstimateSettings(budget=BUDGET), 3, killed)
+    EstimateFolder(killed).read("probability.json")  # whose digest is right
     for path in estimated.rglob("*.json"):
         assert without_place(killed / path.relative_to(estimated), killed) == without_place(path, estimated)
 
@@ -117,7 +122,7 @@ def test_the_command_of_a_failing_run_simulates_that_failure(estimated: Path, tm
 
 def test_the_command_returns_a_finished_estimate(estimated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = [word for text in OVERRIDES for word in ("--set", text)]
-    words = ["probability", "inspection", *options, "--outcome", "keep_out", "--budget", "600", "--seed", "3"]
+    words = ["probability", "inspection", *options, "--outcome", "keep_out", "--budget", str(BUDGET), "--seed", "3"]
     status = main.main([*words, "--out", str(estimated), "--json"])
     content = json.loads(capsys.readouterr().out)
     assert status == (0 if content["trusted"] else 3)
