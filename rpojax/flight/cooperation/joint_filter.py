@@ -125,7 +125,9 @@ def propagate(
     dt: float,
 ) -> JointEstimate:
     """Estimate `dt` [s] later with the means already propagated; errors of the peers' views wait for their messages."""
-    decay, own_variance = _slow_process(tuning, replace(own, scale=estimate.own.scale, outline=estimate.own.outline), dt)
+    decay, own_variance = _slow_process(
+        tuning, replace(own, scale=estimate.own.scale, outline=estimate.own.outline), dt
+    )
     identity = jnp.eye(3, dtype=burn_covariance.dtype)
     unmodelled = tuning.relative_acceleration_noise**2 * dt * identity
     # A burn moves the servicer away from target and peers alike; half of an unmodelled acceleration is its own.

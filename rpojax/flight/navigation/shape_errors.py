@@ -42,14 +42,13 @@ class ShapeErrors:
 def shape_errors(
     tuning: OrbitFilterTuning, outline_correlation_time: Scalar, slow_scale: Scalar, r_TS_N: Vector, v_TS_N: Vector
 ) -> ShapeErrors:
-    """Errors of the boxes of a target at `r_TS_N` [m], moving by `v_TS_N` [m/s], whose outline correlates that long [s].
+    """Errors of the boxes of a target at `r_TS_N` [m] that moves by `v_TS_N` [m/s] from the servicer.
 
-    `slow_scale` [-] is the estimated log of its size over the expected one.
+    `outline_correlation_time` [s] is that of its outline, `slow_scale` [-] is the estimated log of its size over the expected one.
 
     What changes as the target tumbles loses its correlation with the outline: the fast part of the size, and the
-    centre. The slow part of the size is that of the tumble axis to the line of sight, and the size itself: it changes as
-    the line of sight turns, once an orbit from a station, hardly at all from a relative orbit that keeps its inertial
-    direction.
+    centre. The slow part of the size is that of the tumble axis to the line of sight, and the size itself: it changes
+    as the line of sight turns, once an orbit from a station, hardly from a relative orbit around the target.
     """
     tempo = outline_correlation_time / tuning.outline_time_constant
     lasting_variance = _CONSTANT_CENTER_SHARE**2 * perspective_variance(tuning, slow_scale, r_TS_N)
