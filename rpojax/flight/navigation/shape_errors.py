@@ -44,7 +44,8 @@ def shape_errors(
 ) -> ShapeErrors:
     """Errors of the boxes of a target at `r_TS_N` [m] that moves by `v_TS_N` [m/s] from the servicer.
 
-    `outline_correlation_time` [s] is that of its outline, `slow_scale` [-] is the estimated log of its size over the expected one.
+    `outline_correlation_time` [s] is that of its outline, `slow_scale` [-] the estimated log of its size over the
+    expected one.
 
     What changes as the target tumbles loses its correlation with the outline: the fast part of the size, and the
     centre. The slow part of the size is that of the tumble axis to the line of sight, and the size itself: it changes
