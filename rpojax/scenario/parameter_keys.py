@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.phases.phase_sections import MissionSection
+from rpojax.scenario.phases.phase_sections import MissionSection, PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import (
     CoverageSection,
@@ -87,6 +87,7 @@ def nominal_of_key(file: ScenarioFile, key: str) -> Any:
         or (isinstance(section, HandoverSection) and name == "covariance")
         or (isinstance(section, LinkSection) and name in ("period_s", "delay_s", "outages_s", "hears"))
         or (isinstance(section, MissionSection) and (not file.phases or name == "decision_period_s"))
+        or (isinstance(section, PhaseSection) and name == "control_period_s")
     ):
         return None
     value = getattr(section, name)

@@ -54,10 +54,10 @@ def orbit_period(orbit: TargetOrbit) -> Scalar:
 
 def least_clearance(
     drift: Drift, directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"], samples: int = 24
-) -> tuple[Float[Array, "d k"], Scalar]:
+) -> tuple[Float[Array, "d k"], Float[Array, "d k"]]:
     """Least distance from the target over that of the keep-out ellipsoid in the same direction.
 
-    Returned are that of each burn with the uncertainty of the estimate, and that without a burn by the estimate alone.
+    Returned are that of each burn with the uncertainty of the estimate, and by the estimate alone.
 
     Args:
         drift: what the drifts have in common
@@ -75,7 +75,7 @@ def least_clearance(
     signs = [(scale, other) for scale in (-1.0, 1.0) for other in (-1.0, 1.0)]
     ends = jnp.stack([jnp.zeros_like(drift.horizon), drift.horizon - drift.first_span])
 
-    def sample(least: tuple[Float[Array, "d k"], Scalar], time: Scalar) -> tuple[tuple[Array, Array], None]:
+    def sample(least: tuple[Array, Array], time: Scalar) -> tuple[tuple[Array, Array], None]:
         place = yamanaka_ankersen.advanced(drift.orbit, time)
 
         def passage(_: None, later: Scalar) -> tuple[None, Float[Array, "3 c"]]:
@@ -92,12 +92,12 @@ def least_clearance(
             ]
             near, far = a + base[0][:, None, None], b + base[1][:, None, None]
             of_burns = jnp.minimum(of_burns, _square_distance_to_line(near, far))
-        expected = _square_distance_to_line(first[:, -2][:, None, None], last[:, -2][:, None, None])[0, 0]
+        expected = _square_distance_to_line(a + first[:, -2][:, None, None], b + last[:, -2][:, None, None])
         return (of_burns, jnp.minimum(least[1], expected)), None
 
     shares = jnp.linspace(1.0 / samples, 1.0, samples, dtype=drift.state_H.dtype)
     times = yamanaka_ankersen.times_of_even_eccentric_anomalies(drift.orbit, drift.first_span, shares)
-    none = (jnp.full_like(sizes, jnp.inf), jnp.full_like(drift.horizon, jnp.inf))
+    none = (jnp.full_like(sizes, jnp.inf), jnp.full_like(sizes, jnp.inf))
     (of_burns, expected), _ = jax.lax.scan(sample, none, times)
     return gradient_safe.sqrt(of_burns), gradient_safe.sqrt(expected)
 

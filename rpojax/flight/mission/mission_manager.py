@@ -36,7 +36,7 @@ class Situation:
         lost: () bool, whether it has been out of sight for too long
         confident: () bool, whether the orbit filter passes its tests
         thruster_works: () bool
-        enters_keep_out: () bool, whether the servicer drifts into the keep-out zone before an abort could prevent it
+        enters_keep_out: () bool, whether the servicer may drift into the keep-out zone before an abort could prevent it
     """
 
     time: Array
@@ -80,7 +80,7 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
     held = (situation.time >= tuning.hold_at) & (situation.time < tuning.resume_at) & running & idle
     phase, by = jnp.where(held, settings.hold, phase), jnp.where(held, int(Transition.HOLD_COMMAND), by)
     resumed = (state.phase == settings.hold) & (state.entered_at < tuning.resume_at)
-    resumed &= situation.time >= tuning.resume_at
+    resumed &= idle & (situation.time >= tuning.resume_at)
     phase, by = jnp.where(resumed, state.held_phase, phase), jnp.where(resumed, int(Transition.RESUME_COMMAND), by)
     reason = _abort_reason(settings, phases, tuning, state, situation, timed_out & aborts_on_timeout)
     aborts = (reason != AbortReason.NONE) & (state.phase != settings.aborted)
@@ -142,8 +142,9 @@ def _abort_reason(
 ) -> Int[Array, ""]:
     """The first reason for an abort, 0 without one.
 
-    In a passively safe phase nothing but a command, a timeout or the threat of entering the keep-out zone is one: its
-    free motion needs neither navigation nor thrust.
+    In a passively safe phase nothing but a command, a timeout, the threat of entering the keep-out zone or a corridor
+    that was left is one: its free motion needs neither navigation nor thrust. The threat counts before the target has
+    been seen, too: a hand-over so uncertain that it may lead into the zone is left.
     """
     running = state.phase < settings.hold
     row = jnp.minimum(state.phase, settings.hold - 1)
@@ -158,7 +159,7 @@ def _abort_reason(
         (
             (situation.time >= tuning.abort_at, AbortReason.COMMAND),
             (timed_out, AbortReason.TIMEOUT),
-            (situation.enters_keep_out & state.has_seen_target, AbortReason.KEEP_OUT_PREDICTED),
+            (situation.enters_keep_out, AbortReason.KEEP_OUT_PREDICTED),
             (outside, AbortReason.CORRIDOR_LEFT),
             (situation.lost & watched, AbortReason.TARGET_LOST),
             (~situation.confident & watched, AbortReason.CONFIDENCE_LOST),

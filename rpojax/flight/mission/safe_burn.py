@@ -20,6 +20,12 @@ Flag = Bool[Array, ""]
 _SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Parts of the planned burn that are tried, the first safe one is taken [-]."""
 
+_NO_BURN: Final = (0, len(_SHARES) - 1)
+"""Place of no burn among those that are tried."""
+
+_ESTIMATE_WEIGHT: Final = 1e-3
+"""Weight of the clearance by the estimate alone, which decides where none is left with its uncertainty [-]."""
+
 _SIZES: Final = (0.05, 0.12, 0.3, 0.6, 1.0)
 """Sizes of other burns over the greatest that can be made in any direction [-]."""
 
@@ -37,7 +43,8 @@ _DIRECTIONS: Final = np.array(
 def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Flag) -> Vector:
     """Velocity change [m/s] of the next burn: as much of the planned one as is safe, else the smallest that is safe.
 
-    If nothing is safe, the one with the greatest clearance is made. A planned change that is not finite is returned.
+    If nothing is safe, the one with the greatest clearance is made; of those without any, the best by the estimate
+    alone. A planned change that is not finite is returned.
     A servicer that may wait makes no other burn while the drift is safe by the estimate alone: to know more is better
     than to leave a safe orbit for an uncertain one.
 
@@ -48,11 +55,12 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
     """
     burns = _burns(planned_H, greatest)
-    return _chosen(burns, *least_clearance(drift, burns.directions_H, burns.sizes), greatest, may_wait)
+    clearance, by_estimate = least_clearance(drift, burns.directions_H, burns.sizes)
+    return _chosen(burns, clearance, by_estimate, greatest, may_wait)
 
 
-Clearance = Callable[[Float[Array, "3 d"], Float[Array, "d k"]], tuple[Float[Array, "n d k"], Float[Array, " n"]]]
-"""Clearance from several others of burns in some directions and sizes, and that without a burn by the estimate."""
+Clearance = Callable[[Float[Array, "3 d"], Float[Array, "d k"]], tuple[Float[Array, "n d k"], Float[Array, "n d k"]]]
+"""Clearance from several others of burns in some directions and sizes, and that by the estimate alone."""
 
 
 @pytree
@@ -73,11 +81,12 @@ def safe_delta_v_among(
 ) -> SafeBurn:
     """Burn as by `safe_delta_v` that keeps clear of others, too; who they are is their number along the first axis."""
     burns = _burns(planned_H, greatest)
-    clearance, expected = least_clearance(drift, burns.directions_H, burns.sizes)
-    of_others, expected_of_others = others(burns.directions_H, burns.sizes)
-    alone = _chosen(burns, clearance, expected, greatest, may_wait)
+    clearance, by_estimate = least_clearance(drift, burns.directions_H, burns.sizes)
+    of_others, of_others_by_estimate = others(burns.directions_H, burns.sizes)
+    alone = _chosen(burns, clearance, by_estimate, greatest, may_wait)
     together = jnp.minimum(clearance, jnp.min(of_others, axis=0))
-    delta_v_H = _chosen(burns, together, jnp.minimum(expected, jnp.min(expected_of_others, axis=0)), greatest, may_wait)
+    by_estimate = jnp.minimum(by_estimate, jnp.min(of_others_by_estimate, axis=0))
+    delta_v_H = _chosen(burns, together, by_estimate, greatest, may_wait)
     # The planned burn as a whole, which is the first one, leads nearest to whom it is changed for.
     nearest = jnp.argmin(of_others[:, 0, 0], axis=0).astype(jnp.int32)
     is_other = jnp.any(jnp.abs(delta_v_H - alone) > 0.0, axis=0)
@@ -119,17 +128,22 @@ def _burns(planned_H: Vector, greatest: Scalar) -> _Burns:
 
 
 def _chosen(
-    burns: _Burns, clearance: Float[Array, "d k"], expected: Scalar, greatest: Scalar, may_wait: Flag
+    burns: _Burns,
+    clearance: Float[Array, "d k"],
+    by_estimate: Float[Array, "d k"],
+    greatest: Scalar,
+    may_wait: Flag,
 ) -> Vector:
-    """The burn [m/s] by the clearance of all of them, and that `expected` without one."""
+    """The burn [m/s] by the clearance of all of them, that by the estimate alone counts where no other is left."""
     of_planned, of_others = clearance[0], clearance[1:]
     others_H, sizes, planned_H = burns.others_H, burns.other_sizes, burns.planned_H
     is_safe = of_others >= 1.0
     # Of two burns of one size, the one with more clearance.
     cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))
-    best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, _least(-of_others))
+    widest = _least(-of_others - _ESTIMATE_WEIGHT * by_estimate[1:])
+    best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, widest)
     chosen = jnp.sum(others_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
-    chosen = jnp.where(may_wait & (expected >= 1.0), 0.0, chosen)
+    chosen = jnp.where(may_wait & (by_estimate[_NO_BURN] >= 1.0), 0.0, chosen)
     for number in reversed(range(len(_SHARES))):
         chosen = jnp.where(of_planned[number] >= 1.0, _SHARES[number] * planned_H, chosen)
     return jnp.where(gradient_safe.is_finite(planned_H), chosen, planned_H)

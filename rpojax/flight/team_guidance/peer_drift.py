@@ -108,8 +108,8 @@ def _effect(
 
 def least_clearance(
     drifts: PeerDrifts, directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"]
-) -> tuple[Float[Array, "peers d k"], Float[Array, " peers"]]:
-    """Least distance from each peer over that which is kept: of each burn, and without a burn by the estimate alone.
+) -> tuple[Float[Array, "peers d k"], Float[Array, "peers d k"]]:
+    """Least distance from each peer over that which is kept, of each burn: uncertain, and by the estimate alone.
 
     Args:
         drifts: relative to the peers

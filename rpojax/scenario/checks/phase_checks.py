@@ -33,8 +33,10 @@ def check_phases(file: ScenarioFile) -> None:
             raise ScenarioError("phases.name", phase.name, expected)
     _check_periods(file)
     place: np.ndarray | None = np.array(file.initial.relative_position_m)
+    _check_start(file, place)
     for phase in file.phases:
         _check_end(file, phase)
+        _check_speeds(phase)
         _check_keep_out(file, phase, place)
         if isinstance(phase.reference, kinds.TransferSection) and place is not None:
             _check_transfer(file, phase.name, phase.reference, place)
@@ -45,6 +47,9 @@ def _check_periods(file: ScenarioFile) -> None:
     decision, camera = file.mission.decision_period_s, file.rates.camera_hz
     _check_multiple("mission.decision_period_s", decision, 1.0 / camera, "camera periods")
     default, limit, lead = file.rates.formation_period_s, file.pointing.look_away_limit_s, file.formation.lead_s
+    if decision > lead:
+        expected = f"at most formation.lead_s = {lead:g}: an abort looks ahead by twice that, and burns a lead later"
+        raise ScenarioError("mission.decision_period_s", decision, expected)
     _check_multiple("rates.formation_period_s", default, decision, "mission.decision_period_s")
     for phase in file.phases:
         key, period = f"phases.{phase.name}.control_period_s", phase.control_period_s or default
@@ -76,15 +81,38 @@ def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
     for name, value in {**latest, "timeout_s": phase.timeout_s}.items():
         if value is not None and value > file.duration_s and (name != "timeout_s" or (not given and not is_last)):
             raise ScenarioError(f"{key}.{name}", value, f"an end within the run: duration_s = {file.duration_s:g}")
+    if phase.timeout_s is not None and phase.timeout_s < given.get("time_s", 0.0):
+        expected = f"at least until.time_s = {given['time_s']:g}, before which the phase cannot end otherwise"
+        raise ScenarioError(f"{key}.timeout_s", phase.timeout_s, expected)
+
+
+def _check_speeds(phase: PhaseSection) -> None:
+    """Refuses an approach whose last speed is its greatest."""
+    match phase.reference:
+        case kinds.ApproachSection(final_speed_m_s=final, max_speed_m_s=greatest) if final > greatest:
+            key = f"phases.{phase.name}.reference.final_speed_m_s"
+            raise ScenarioError(key, final, f"at most max_speed_m_s = {greatest:g}")
+
+
+def _check_start(file: ScenarioFile, start: np.ndarray) -> None:
+    """Refuses a start inside of the keep-out zone of the first phase."""
+    zone = file.phases[0].keep_out_m
+    if zone and np.linalg.norm(start / np.maximum(zone, 1e-9)) < 1.0:
+        expected = f"a start outside of phases.{file.phases[0].name}.keep_out_m = {list(zone)}"
+        raise ScenarioError("initial.relative_position_m", start.tolist(), expected)
 
 
 def _check_keep_out(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -> None:
     """Refuses a reference inside of its keep-out zone or outside of its corridor, from its `start` [m] where known."""
-    semi_axes = np.array(phase.keep_out_m or 3 * [file.limits.keep_out_m])
+    if phase.keep_out_m and min(phase.keep_out_m) < file.limits.keep_out_m:
+        expected = f"at least limits.keep_out_m = {file.limits.keep_out_m:g} m, by which runs are judged"
+        raise ScenarioError(f"phases.{phase.name}.keep_out_m", list(phase.keep_out_m), expected)
+    margin = file.mission.abort_margin_m
+    semi_axes = np.array(phase.keep_out_m or 3 * [file.limits.keep_out_m]) + margin
     places = _places(file, phase, start)
     key = f"phases.{phase.name}.reference"
     if len(places) and (clearance := np.min(np.linalg.norm(places / np.maximum(semi_axes, 1e-9), axis=1))) < 1.0:
-        expected = f"one outside of the keep-out zone of {semi_axes.max():g} m"
+        expected = f"one outside of the keep-out zone of {semi_axes.max():g} m, mission.abort_margin_m included"
         raise ScenarioError(key, f"{phase.reference.kind} at {clearance:.2g} of its radius", expected)
     if phase.corridor is None:
         return
@@ -103,7 +131,7 @@ def _in_corridor(corridor: CorridorSection, axis: np.ndarray, place: np.ndarray)
 
 
 def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -> np.ndarray:
-    """Places (n, 3) [m] of a reference that are known before flight, of a near-circular orbit."""
+    """Places (n, 3) [m] of a reference that are known before flight; transfers as about a circular orbit."""
     c, s = np.cos(_ANGLES), np.sin(_ANGLES)
     match phase.reference:
         case kinds.HoldSection(position_m=place):
@@ -113,18 +141,31 @@ def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -
         case kinds.ApproachSection(end_position_m=place):
             return np.array([place]) if start is None else np.linspace(start, place, len(_ANGLES))
         case kinds.RelativeOrbitSection() as orbit:
-            # A drift carries the motion along the track past the target: its clearance must be across the track.
-            lag = math.radians(orbit.radial_phase_deg - orbit.cross_track_phase_deg)
-            along = orbit.along_track_m + 2.0 * orbit.radial_m * s
-            level = -orbit.drift_per_orbit_m / (1.5 * 2.0 * np.pi)
-            x, z = level - orbit.radial_m * c, orbit.cross_track_m * np.sin(_ANGLES + lag)
-            return np.stack([x, 0.0 * along if orbit.drift_per_orbit_m else along, z], axis=1)
+            return _relative_orbit_places(file, orbit, min(phase.timeout_s or math.inf, file.duration_s))
         case kinds.FlyAroundSection() as circle:
             axis = np.array(circle.axis) / np.linalg.norm(circle.axis)
             first = np.linalg.svd(axis[None])[2][1:]
             return circle.radius_m * (c[:, None] * first[0] + s[:, None] * first[1])
         case _:
             return np.zeros((0, 3))
+
+
+def _relative_orbit_places(file: ScenarioFile, orbit: kinds.RelativeOrbitSection, longest_s: float) -> np.ndarray:
+    """Places (n, 3) [m] of a relative orbit over a time, as `flight.guidance.references.relative_orbit` has them."""
+    e, perigee = file.orbit.eccentricity, math.radians(file.orbit.argument_of_perigee_deg)
+    # The target's distance over the semi-latus rectum scales offset and cross-track motion.
+    distance = 1.0 / (1.0 + e * np.cos(_ANGLES - perigee))
+    radial, across = np.radians(orbit.radial_phase_deg), np.radians(orbit.cross_track_phase_deg)
+    level = -orbit.drift_per_orbit_m / (1.5 * 2.0 * np.pi)
+    x = level - orbit.radial_m * np.cos(_ANGLES - radial)
+    z = distance * orbit.cross_track_m * np.sin(_ANGLES - across)
+    swing = (1.0 + distance) * orbit.radial_m * np.sin(_ANGLES - radial)
+    drift = orbit.drift_per_orbit_m * longest_s * mean_motion(file) / (2.0 * np.pi)
+    # Quarters of an orbit: a place that is passed counts at any height of the motion.
+    steps = 1 + math.ceil(4.0 * abs(drift / orbit.drift_per_orbit_m)) if orbit.drift_per_orbit_m else 1
+    offsets = orbit.along_track_m + np.linspace(0.0, drift, steps)
+    y = swing + distance * offsets[:, None]
+    return np.stack(np.broadcast_arrays(x, y, z), axis=-1).reshape(-1, 3)
 
 
 def _end_m(phase: PhaseSection) -> np.ndarray | None:

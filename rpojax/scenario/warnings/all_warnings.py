@@ -5,6 +5,7 @@ from rpojax.scenario.warnings.control_authority import control_warnings
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.filter_beliefs import belief_warnings
 from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
+from rpojax.scenario.warnings.phase_warnings import phase_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
 from rpojax.scenario.warnings.target_size import small_box_warnings
 
@@ -17,6 +18,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
         *light_warnings(file, reach),
         *keep_out_warnings(file, reach),
         *control_warnings(file, reach),
+        *phase_warnings(file, reach),
         *belief_warnings(file, reach),
     ]
     # With phases the station of `formation` is not used.

@@ -194,6 +194,19 @@ def test_the_threat_of_the_keep_out_zone_is_a_reason_in_every_phase() -> None:
     assert found.abort_reason == AbortReason.KEEP_OUT_PREDICTED
 
 
+def test_the_threat_of_the_keep_out_zone_counts_before_the_target_was_seen() -> None:
+    never = replace(ALWAYS, time=jnp.float64(1e6))
+    found = mission_manager.update(settings(), tuning(never), start(seen=False), situation(20.0, enters_keep_out=True))
+    assert found.abort_reason == AbortReason.KEEP_OUT_PREDICTED
+
+
+def test_a_phase_is_not_resumed_before_a_decided_burn_is_finished() -> None:
+    held = replace(start(HOLD), held_phase=jnp.int32(1), entered_at=jnp.float64(40.0))
+    for pending, phase in ((True, HOLD), (False, 1)):
+        now = situation(120.0, burn_pending=pending)
+        assert mission_manager.update(settings(), tuning(ALWAYS, resume_at=100.0), held, now).phase == phase
+
+
 def test_leaving_the_corridor_is_a_reason_in_its_phase_alone() -> None:
     never = replace(ALWAYS, time=jnp.float64(1e6))
     aside = 1.0 + 60.0 * np.tan(np.deg2rad(10.0))

@@ -94,7 +94,7 @@ def test_passages_of_the_perigee_of_an_elliptic_orbit_are_not_missed(latitude: f
         constants = jnp.asarray(np.random.default_rng(number).normal(size=6) * [20.0, 15.0, 15.0, 0.0, 15.0, 15.0])
         state = free_motion(orbit, jnp.float64(0.0), constants)
         drift = replace(drift_of(state.tolist(), 1.0), orbit=orbit, first_span=period, horizon=period)
-        found = float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1])
+        found = float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1][0, 0])
         places = jax.vmap(lambda t, c=constants: free_motion(advanced(orbit, t), t, c)[:3])(times)
         expected = float(jnp.linalg.norm(places, axis=1).min())
         assert expected - 1e-6 < found < expected + 1.5, number
@@ -127,8 +127,16 @@ def test_a_servicer_on_a_safe_orbit_waits_until_it_knows_enough() -> None:
     planned = jnp.array([0.0, 8e-3, 0.0])
     np.testing.assert_array_equal(safe_delta_v(unknown, planned, jnp.float64(GREATEST), YES), jnp.zeros(3))
     assert np.linalg.norm(safe_delta_v(unknown, planned, jnp.float64(GREATEST), NO)) > 0.0
-    expected = float(least_clearance(unknown, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1])
+    expected = float(least_clearance(unknown, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1][0, 0])
     assert expected * 12.0 == pytest.approx(least_range(np.array(ELLIPSE)), rel=0.02)
+
+
+def test_where_nothing_is_certain_the_best_burn_by_the_estimate_is_made() -> None:
+    heading = np.array([-12.0, -27.0, 0.0, 0.0, 0.045, 0.0])
+    lost = drift_of(heading.tolist(), sigmas=3.0, covariance_H=1e4 * UNCERTAIN)
+    found = np.asarray(safe_delta_v(lost, jnp.zeros(3), jnp.float64(GREATEST), NO))
+    assert least_range(heading) < 3.0
+    assert least_range(heading + np.concatenate([np.zeros(3), found])) > 18.0
 
 
 def test_a_servicer_that_drifts_into_the_keep_out_zone_does_not_wait() -> None:

@@ -8,9 +8,11 @@ import pytest
 from scenario_error_assertions import assert_one_line
 
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
+from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
-from rpojax.flight.guidance.references import transfer
+from rpojax.flight.guidance.references import relative_orbit, transfer
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 from rpojax.scenario.checks import phase_checks
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
@@ -50,7 +52,32 @@ BAD: dict[str, tuple[list[dict[str, Any]], str, tuple[str, ...]]] = {
     "inside the keep-out zone": (
         [LAST | {"keep_out_m": [10.0, 40.0, 10.0]}],
         "phases.near.reference",
-        ("keep-out zone", "40 m"),
+        ("keep-out zone", "42 m"),
+    ),
+    "inside the margin of the zone": (
+        [LAST | {"keep_out_m": [10.0, 29.0, 10.0]}],
+        "phases.near.reference",
+        ("31 m", "abort_margin_m"),
+    ),
+    "zone smaller than the one that judges": (
+        [LAST | {"keep_out_m": [3.0, 12.0, 12.0]}],
+        "phases.near.keep_out_m",
+        ("limits.keep_out_m = 10 m",),
+    ),
+    "start inside the first zone": (
+        [LAST | {"keep_out_m": [12.0, 55.0, 12.0], "reference": TRANSFER | {"position_m": [0.0, -60.0, 0.0]}}],
+        "initial.relative_position_m",
+        ("phases.near.keep_out_m",),
+    ),
+    "times out before it may end": (
+        [FIRST | {"timeout_s": 300.0}, LAST],
+        "phases.far.timeout_s",
+        ("until.time_s = 600",),
+    ),
+    "ends faster than it goes": (
+        [LAST | {"reference": APPROACH | {"final_speed_m_s": 0.03}}],
+        "phases.near.reference.final_speed_m_s",
+        ("max_speed_m_s = 0.02",),
     ),
     "outside its corridor": (
         [LAST | {"corridor": {"axis": [0.0, 1.0, 0.0], "half_angle_deg": 10.0, "width_m": 1.0}}],
@@ -123,6 +150,38 @@ def test_impulses_of_a_transfer_are_those_of_its_reference(tables: dict[str, Any
         np.testing.assert_allclose(points[number], state(number * interval + 1e-6)[:3], atol=1e-5)
     np.testing.assert_allclose(impulses[-1], -state(duration - 1e-6)[3:], atol=1e-7)
     assert np.min(np.linalg.norm(way - state(0.5 * interval)[:3], axis=1)) < 0.5
+
+
+@pytest.mark.parametrize("eccentricity", [0.0, 0.7])
+def test_places_of_a_relative_orbit_are_those_of_its_reference(tables: dict[str, Any], eccentricity: float) -> None:
+    shape = {"radial": 40.0, "radial_phase": 0.4, "cross_track": 50.0, "cross_track_phase": 1.1, "along_track": -300.0}
+    section = {"kind": "relative_orbit", "radial_m": 40.0, "cross_track_m": 50.0, "along_track_m": -300.0}
+    section |= {"radial_phase_deg": float(np.degrees(0.4)), "cross_track_phase_deg": float(np.degrees(1.1))}
+    orbit = tables["orbit"] | {"eccentricity": eccentricity, "semi_major_axis_m": 24.4e6}
+    file = scenario_loader.validate(tables | {"orbit": orbit, "phases": [LAST | {"reference": section}]})
+    places = phase_checks._relative_orbit_places(file, file.phases[0].reference, 1e4)  # pyright: ignore
+    zero = jnp.asarray(0.0)
+    reference = RelativeOrbit(**{k: jnp.asarray(v) for k, v in shape.items()}, drift_per_orbit=zero, join=zero)
+    perigee = np.radians(file.orbit.argument_of_perigee_deg)
+    ex, ey = (jnp.asarray(eccentricity * each(perigee)) for each in (np.cos, np.sin))
+    target = TargetOrbit(argument_of_latitude=zero, ex=ex, ey=ey, semi_major_axis=jnp.asarray(24.4e6))
+    entry = PhaseEntry(relative_state=jnp.zeros(6))
+    for place, u in zip(places, np.linspace(0.0, 2.0 * np.pi, len(places)), strict=True):
+        if round(np.degrees(u)) % 30 == 0:
+            there = relative_orbit.state(reference, entry, replace(target, argument_of_latitude=jnp.asarray(u)), zero)
+            np.testing.assert_allclose(place, there[:3], atol=1e-6)
+
+
+def test_a_drift_that_does_not_reach_the_target_within_the_run_is_accepted(tables: dict[str, Any]) -> None:
+    walk = {"kind": "relative_orbit", "radial_m": 20.0, "along_track_m": -500.0, "drift_per_orbit_m": 50.0}
+    scenario_loader.validate(tables | {"phases": [LAST | {"reference": walk}]})
+
+
+def test_decisions_are_made_within_what_an_abort_looks_ahead(tables: dict[str, Any]) -> None:
+    rates, mission = tables["rates"] | {"formation_period_s": 280.0}, tables["mission"] | {"decision_period_s": 70.0}
+    with pytest.raises(ScenarioError) as caught:
+        scenario_loader.validate(tables | {"rates": rates, "mission": mission, "phases": [LAST]})
+    assert_one_line(caught.value, "mission.decision_period_s", "formation.lead_s = 60")
 
 
 @pytest.mark.parametrize("name", BAD)
