@@ -160,10 +160,18 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
     except (FileError, UnicodeDecodeError) as error:
         if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not is_folder(path)):
             raise ScenarioError("scenario", f"{source} ({error.found})", error.expected) from None
-        near = did_you_mean(str(source), packaged_names())
-        expected = f"{', '.join(packaged_names())} or a readable TOML file{near}"
-        raise ScenarioError("scenario", str(source), expected) from None
+        raise ScenarioError("scenario", str(source), _instead_of(path)) from None
     return text.replace("\r\n", "\n").replace("\r", "\n"), path.parent
+
+
+def _instead_of(missing: Path) -> str:
+    """What was expected in place of a file that is not there, with the scenario or the file beside it most like it."""
+    try:
+        beside = sorted(str(path) for path in missing.parent.glob("*.toml"))
+    except OSError:
+        beside = []
+    near = did_you_mean(str(missing), [*packaged_names(), *beside])
+    return f"{', '.join(packaged_names())} or a readable TOML file{near}"
 
 
 def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
