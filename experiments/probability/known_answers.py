@@ -68,11 +68,12 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--budget", type=int, default=10_000)
     parser.add_argument("--method", default="auto")
-    parser.add_argument("--set", choices=("public", "held-out", "noise"), default="public", dest="group")
+    parser.add_argument("--set", choices=("public", "held-out", "unseen", "noise"), default="public", dest="group")
     parser.add_argument("--only", default="", help="Part of the name of a problem.")
     parser.add_argument("--out", type=Path, help="File to which the lines are added.")
     options = parser.parse_args()
-    problems = known_problems.HELD_OUT if options.group == "held-out" else known_problems.PUBLIC
+    sets = {"held-out": known_problems.HELD_OUT, "unseen": known_problems.UNSEEN}
+    problems = sets.get(options.group, known_problems.PUBLIC)
     method: MethodChoice = options.method
     lines = []
     for problem in problems:

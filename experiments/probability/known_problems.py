@@ -9,7 +9,8 @@ import numpy as np
 from jax.scipy.special import ndtr
 from jaxtyping import Array
 from scipy.integrate import quad
-from scipy.stats import chi2, norm
+from scipy.stats import binom, chi2, ncx2, norm
+from scipy.stats import t as student
 
 
 @dataclass(frozen=True)
@@ -175,5 +176,50 @@ HELD_OUT = (
     Problem("never", lambda z: 5.0 + z[:, 0] ** 2, 4, 0.0),
     Problem("always", lambda z: -1.0 - z[:, 0] ** 2, 4, 1.0),
     Problem("frequent", lambda z: 0.5 - z[:, 0], 2, float(norm.sf(0.5))),
+)
+"""Problems that were once held out; the annealing of proposals was repaired with them."""
+
+
+def _vote(z: Array) -> Array:
+    return 2.4 - jnp.sort(z, axis=1)[:, -4]
+
+
+def _ratio(z: Array) -> Array:
+    return 9.0 * jnp.sqrt(jnp.mean(z[:, 1:] ** 2, axis=1)) - z[:, 0]
+
+
+def _ball(z: Array) -> Array:
+    return jnp.sum((z - 2.0) ** 2, axis=1) - 4.0
+
+
+def _weighted(z: Array) -> Array:
+    weights = 0.8 ** jnp.arange(z.shape[1])
+    return 4.1 - z @ (weights / jnp.linalg.norm(weights))
+
+
+UNSEEN = (
+    Problem("four of six, 6 d", _vote, 6, float(binom.sf(3, 6, norm.sf(2.4)))),
+    Problem("ratio, 6 d", _ratio, 6, float(student.sf(9.0, 5))),
+    Problem("ball around a far point, 8 d", _ball, 8, float(ncx2.cdf(4.0, 8, 32.0))),
+    Problem(
+        "product, 2 d",
+        lambda z: 9.0 - z[:, 0] * z[:, 1],
+        2,
+        _average(lambda x: float(norm.sf(9.0 / max(abs(x), 1e-9)))),
+    ),
+    Problem(
+        "saddle, 2 d",
+        lambda z: 14.0 - z[:, 0] ** 2 + z[:, 1] ** 2,
+        2,
+        _average(lambda y: 2.0 * float(norm.sf(math.sqrt(14.0 + y * y)))),
+    ),
+    Problem("one lasting and forty small, 41 d", _weighted, 41, float(norm.sf(4.1))),
+    Problem("shell, 3 d", lambda z: 5.0 - jnp.linalg.norm(z, axis=1), 3, float(chi2.sf(25.0, 3))),
+    Problem(
+        "slope that changes by a thousand, 3 d",
+        lambda z: jnp.where(z[:, 0] > 3.0, 1e-3 * (4.3 - z[:, 0]), 1.3e-3 + 3.0 - z[:, 0]),
+        3,
+        float(norm.sf(4.3)),
+    ),
 )
 """Problems on which nothing was tuned."""

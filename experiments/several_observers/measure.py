@@ -19,15 +19,16 @@ import rpojax
 rpojax.prepare_process()
 
 from rpojax.campaign.execution.batch_engine import BatchEngine  # noqa: E402
-from rpojax.core.pytree import concatenate  # noqa: E402
 from rpojax.scenario.loading import scenario_loader  # noqa: E402
+from rpojax.simulation.channels import CHANNELS  # noqa: E402
 
 Channels = dict[str, np.ndarray]
 Case = tuple[str, str, list[str]]
 """Name, scenario, overrides."""
 
 STATIONS = str(Path(__file__).parent / "stations.toml")
-KEPT = ("nees_relative", "relative_error_H", "relative_sigma_H", "rho_H", "rho_desired_H", "box_accepted", "running")
+KEPT = ("nees_relative", "relative_error_H", "relative_sigma_H", "rho_H", "rho_desired_H", "box_accepted", "running",
+        "log_size")  # fmt: skip
 """Channels that are kept, of those that the scenario has: only phases have a desired position that moves."""
 CARRIER = [
     "gps_differences.kind=carrier",
@@ -35,6 +36,10 @@ CARRIER = [
     "navigation.difference_error_sigma_m=0.007",
 ]
 SHORT = ["duration_s=3000"]
+SIZE = 1.5
+"""True size over the belief, where the size is wrong."""
+
+CHANNELS["log_size"] = lambda tick: tick.telemetry.flight.orbit.relative.scale[0]
 
 
 def stations(angle_deg: float, overrides: list[str]) -> list[str]:
@@ -92,9 +97,9 @@ def groups() -> dict[str, list[Case]]:
         ],
         "size": [
             (
-                "size 1.5 of the belief, sigma 0.5",
+                f"size {SIZE} of the belief, sigma 0.5",
                 ellipse,
-                [*SHORT, "target.scale=1.5", "navigation.target_size_sigma=0.5"],
+                [*SHORT, f"target.scale={SIZE}", "navigation.target_size_sigma=0.5"],
             )
         ],
         "black_camera": [
@@ -124,7 +129,16 @@ def simulate(case: Case, runs: int, seed: int) -> tuple[Channels, float]:
         count = min(engine.capacity, runs - first)
         names = [name for name in KEPT if name in segments[0]]
         parts.append({name: np.concatenate([each[name] for each in segments])[:, :count] for name in names})
-    return concatenate(parts, axis=1), engine.scenario.tick_s
+    return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}, engine.scenario.tick_s
+
+
+def size_error(channels: Channels) -> dict[str, object]:
+    """How far the size that each servicer believes at the end is from the true one, as a share of it."""
+    error = np.abs(np.expm1(channels["log_size"][-1].astype(float) - np.log(SIZE)))
+    return {
+        f"size error at the end, {name}": _rounded(np.quantile(error, share, axis=0))
+        for name, share in (("median", 0.5), ("p95 of runs", 0.95))
+    }
 
 
 def figures(channels: Channels, tick_s: float) -> dict[str, object]:
@@ -155,7 +169,7 @@ def _rounded(values: np.ndarray) -> list[float]:
 
 def _unseen(channels: Channels, tick_s: float) -> np.ndarray:
     """Longest time (runs,) in which nobody accepts a box, after the first one [s]."""
-    seen = channels["box_accepted"].any(axis=2)
+    seen = channels["box_accepted"].max(axis=2)
     tick = np.arange(len(seen))[:, None]
     last = np.maximum.accumulate(np.where(seen, tick, -1), axis=0)
     return np.where(last >= 0, tick - last, 0).max(axis=0) * tick_s
@@ -179,7 +193,8 @@ def main() -> None:
     for group in arguments.only:
         for case in groups()[group]:
             begin = time.perf_counter()
-            found = figures(*simulate(case, arguments.runs, arguments.seed))
+            channels, tick_s = simulate(case, arguments.runs, arguments.seed)
+            found = figures(channels, tick_s) | (size_error(channels) if group == "size" else {})
             line = {"case": case[0], "runs": arguments.runs, **found, "wall_s": round(time.perf_counter() - begin)}
             print(json.dumps(line), flush=True)
             if arguments.out:
