@@ -283,14 +283,17 @@ def advance(tuning, case: Case, world: World, delta_v, drift_T, drift, keys) -> 
         return decay * x + sigma * jnp.sqrt(1.0 - decay**2) * jax.random.normal(keys[k], x.shape)
 
     center = jnp.sqrt(shape_errors.center_variance(tuning, jnp.zeros(()), world.d[:3, 0]))
-    errors = shape_errors.shape_errors(tuning, tuning.outline_time_constant, jnp.zeros(()), world.d[:3, 0])
-    walk = jnp.sqrt(errors.bearing_process_variance)
+    errors = [
+        shape_errors.shape_errors(tuning, tuning.outline_time_constant, jnp.zeros(()), world.d[:3, i], world.d[3:, i])
+        for i in range(N)
+    ]
+    walk = jnp.sqrt(errors[0].bearing_process_variance)
     return replaced(
         world,
         r_SN_N=r_after,
         v_SN_N=v_after,
         d=d,
-        scale=gm(world.scale, tuning.scale_sigma[:, None], tuning.scale_time_constant[:, None], 8),
+        scale=gm(world.scale, tuning.scale_sigma[:, None], jnp.stack([of.scale_time_constant for of in errors], -1), 8),
         bias=world.bias + walk * jax.random.normal(keys[9], world.bias.shape),
         center=gm(world.center, center, tuning.center_time_constant, 10),
         aspect=gm(world.aspect, jnp.sqrt(0.2), tuning.outline_time_constant, 11),

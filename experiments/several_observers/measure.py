@@ -36,6 +36,8 @@ CARRIER = [
     "navigation.difference_error_sigma_m=0.007",
 ]
 SHORT = ["duration_s=3000"]
+UNHEARD = "team.keep_out_m=0"
+"""Without messages nobody knows where the others are."""
 SIZE = 1.5
 """True size over the belief, where the size is wrong."""
 
@@ -56,7 +58,7 @@ def stations(angle_deg: float, overrides: list[str]) -> list[str]:
 
 def groups() -> dict[str, list[Case]]:
     """Cases by group."""
-    sharing = ("none", "boxes", "estimates", "central", "naive")
+    sharing = ("boxes", "estimates", "central", "naive")
     ellipse = "cooperative_inspection"
     return {
         "geometry": [
@@ -72,6 +74,7 @@ def groups() -> dict[str, list[Case]]:
             ("two at 200 m, alone", "cooperative_far", ["navigation.sharing=none"]),
         ],
         "losses": [
+            ("none", ellipse, [*SHORT, "navigation.sharing=none", UNHEARD]),
             *((f"{method}, no loss", ellipse, [*SHORT, f"navigation.sharing={method}"]) for method in sharing),
             *(
                 (
@@ -90,7 +93,7 @@ def groups() -> dict[str, list[Case]]:
                 ["duration_s=4000", f"navigation.sharing={method}", *more],
             )
             for method, more in (
-                ("none", []),
+                ("none", [UNHEARD]),
                 ("boxes", ["link.outages_s=[[1500.0, 3300.0]]"]),
                 ("estimates", ["link.outages_s=[[1500.0, 3300.0]]"]),
             )

@@ -5,17 +5,19 @@ Passive safety is not their subject: free drifts are propagated over an hour, an
 
 import argparse
 import math
-import os
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
-
 import numpy as np
 
 import rpojax
+
+if "jax" not in sys.modules:  # as where a test loads this file
+    rpojax.prepare_process()
+
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.scenario.loading import scenario_loader
 

@@ -125,7 +125,9 @@ def propagate(
     dt: float,
 ) -> JointEstimate:
     """Estimate `dt` [s] later with the means already propagated; errors of the peers' views wait for their messages."""
-    decay, own_variance = _slow_process(tuning, replace(estimate.own, r_TS_N=own.r_TS_N), dt)
+    decay, own_variance = _slow_process(
+        tuning, replace(own, scale=estimate.own.scale, outline=estimate.own.outline), dt
+    )
     identity = jnp.eye(3, dtype=burn_covariance.dtype)
     unmodelled = tuning.relative_acceleration_noise**2 * dt * identity
     # A burn moves the servicer away from target and peers alike; half of an unmodelled acceleration is its own.
@@ -150,7 +152,7 @@ def _slow_process(
 ) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
     """Decay over `dt` [s] of the errors of size, bearing and centre of a view, and their process variance."""
     errors = shape_errors.shape_errors(
-        tuning, outline_correlation.correlation_time(own.outline), own.scale[0], own.r_TS_N
+        tuning, outline_correlation.correlation_time(own.outline), own.scale[0], own.r_TS_N, own.v_TS_N
     )
     one = jnp.ones(2, dtype=errors.scale_variance.dtype)
     decay = jnp.concatenate(
@@ -239,7 +241,12 @@ def _peer_process(
 ) -> tuple[Array, Array]:
     """Decay over `dt` [s] of a peer's slow errors, and their process variance."""
     state = estimate.peers[peer]
-    view = replace(estimate.own, scale=state[6:8] * jnp.array([1.0, 0.0]), r_TS_N=estimate.own.r_TS_N - state[:3])
+    view = replace(
+        estimate.own,
+        scale=state[6:8] * jnp.array([1.0, 0.0]),
+        r_TS_N=estimate.own.r_TS_N - state[:3],
+        v_TS_N=estimate.own.v_TS_N - state[3:6],
+    )
     decay, variance = _slow_process(tuning, view, dt)
     gps_decay = jnp.exp(-dt / baseline.error_time_constant)
     gps_variance = baseline.error_sigma**2 * (1.0 - gps_decay**2)

@@ -171,7 +171,8 @@ def _fast_errors(tuning: OrbitFilterTuning, estimate: JointEstimate, peer: int) 
     """Errors of a peer's boxes that come from the target's shape."""
     state = estimate.peers[peer]
     time = outline_correlation.correlation_time(estimate.own.outline)
-    return shape_errors.shape_errors(tuning, time, state[MOTION], estimate.own.r_TS_N - state[:3])
+    r, v = estimate.own.r_TS_N - state[:3], estimate.own.v_TS_N - state[3:6]
+    return shape_errors.shape_errors(tuning, time, state[MOTION], r, v)
 
 
 def _white(variance: Scalar, interval: Scalar, time_constant: Scalar) -> Scalar:

@@ -112,7 +112,7 @@ def predict(
     too; without it lasting errors are part of `burn_covariance`.
     """
     errors = shape_errors.shape_errors(
-        tuning, outline_correlation.correlation_time(estimate.outline), estimate.scale[0], r_TS_N
+        tuning, outline_correlation.correlation_time(estimate.outline), estimate.scale[0], r_TS_N, v_TS_N
     )
     scale_decay = jnp.exp(-dt / errors.scale_time_constant)
     one = jnp.ones(2, dtype=scale_decay.dtype)

@@ -14,6 +14,10 @@ _CONSTANT_CENTER_SHARE = 0.33
 bias covers."""
 _LARGEST_SCALE_TEMPO = 20.0
 """Longest correlation of the size over that at the nominal outline: the line of sight turns once an orbit."""
+_NOMINAL_TURN_RATE = 1.1e-3
+"""Rate of a line of sight that turns once in 95 minutes [rad/s]: that of a station on a low orbit."""
+_TURN_TIMES = (0.25, 40.0)
+"""Limits of the correlation time of the slow part of the size, by that at the nominal rate."""
 
 
 @pytree
@@ -36,20 +40,23 @@ class ShapeErrors:
 
 
 def shape_errors(
-    tuning: OrbitFilterTuning, outline_correlation_time: Scalar, slow_scale: Scalar, r_TS_N: Vector
+    tuning: OrbitFilterTuning, outline_correlation_time: Scalar, slow_scale: Scalar, r_TS_N: Vector, v_TS_N: Vector
 ) -> ShapeErrors:
-    """Errors of the boxes of a target at `r_TS_N` [m] whose outline has that correlation time [s].
+    """Errors of the boxes of a target at `r_TS_N` [m] that moves by `v_TS_N` [m/s] from the servicer.
 
-    `slow_scale` [-] is the estimated log of its size over the expected one.
+    `outline_correlation_time` [s] is that of its outline, `slow_scale` [-] the estimated log of its size over the
+    expected one.
 
     What changes as the target tumbles loses its correlation with the outline: the fast part of the size, and the
-    centre. The slow part of the size is that of the tumble axis to the line of sight, and the size itself.
+    centre. The slow part of the size is that of the tumble axis to the line of sight, and the size itself: it changes
+    as the line of sight turns, once an orbit from a station, hardly from a relative orbit around the target.
     """
     tempo = outline_correlation_time / tuning.outline_time_constant
     lasting_variance = _CONSTANT_CENTER_SHARE**2 * perspective_variance(tuning, slow_scale, r_TS_N)
     # The size itself stays: it adds to the variance, but not to its growth.
     constancy = 1.0 + tuning.target_size_sigma**2 / tuning.scale_sigma[0] ** 2
-    factors = jnp.stack([constancy * jnp.ones_like(tempo), jnp.minimum(tempo, _LARGEST_SCALE_TEMPO)])
+    slow = _turn_time(r_TS_N, v_TS_N)
+    factors = jnp.stack([constancy * slow, jnp.minimum(tempo, _LARGEST_SCALE_TEMPO)])
     return ShapeErrors(
         scale_variance=scale_variance(tuning),
         scale_time_constant=tuning.scale_time_constant * factors,
@@ -57,8 +64,18 @@ def shape_errors(
         center_time_constant=tuning.center_time_constant * tempo,
         bearing_process_variance=2.0
         * lasting_variance
-        / (jnp.sum(r_TS_N * r_TS_N, axis=0) * tuning.scale_time_constant[0]),
+        / (jnp.sum(r_TS_N * r_TS_N, axis=0) * tuning.scale_time_constant[0] * slow),
     )
+
+
+def _turn_time(r_TS_N: Vector, v_TS_N: Vector) -> Scalar:
+    """Time in which the line of sight turns by an angle, by that at the nominal rate."""
+    across = jnp.cross(r_TS_N, v_TS_N, axis=0)
+    square = jnp.sum(r_TS_N * r_TS_N, axis=0)
+    shortest, longest = _TURN_TIMES
+    # Rates are added to none in quadrature, so that the derivative is defined without motion.
+    rate_square = jnp.sum(across * across, axis=0) / square**2 + (_NOMINAL_TURN_RATE / longest) ** 2
+    return jnp.maximum(_NOMINAL_TURN_RATE / jnp.sqrt(rate_square), shortest)
 
 
 def scale_variance(tuning: OrbitFilterTuning) -> Float[Array, "2"]:
