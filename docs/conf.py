@@ -42,6 +42,7 @@ gallery_files = "docs/made"  # folder that make_gallery.py wrote; empty for a si
 nb_execution_mode = "off"  # notebooks are committed with their results; tests/test_notebooks.py executes them
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_inline", "colon_fence"]
 myst_heading_anchors = 4
+highlight_language = "none"  # blocks without a language are shell commands
 
 html_theme = "furo"
 html_title = f"rpojax {release}"

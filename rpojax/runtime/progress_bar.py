@@ -151,6 +151,8 @@ class _PlainLines:
     def __call__(self, progress: Progress) -> None:
         text = self._rate.describe(progress) if progress.compiled else _COMPILING
         done = f"simulating, {progress.done:.0f} of {count_runs(progress.total)}"
+        if progress.done >= progress.total:
+            done = "free drifts and metrics of the last runs"
         self.sign_of_life.note(done if progress.compiled else "compiling")
         if progress.done == 0.0:
             self._console.print(f"rpojax: {text}", soft_wrap=True)

@@ -27,6 +27,15 @@ def test_lines_in_a_file_are_printed_at_every_quarter(capsys: pytest.CaptureFixt
     assert captured.out == ""
 
 
+def test_after_the_last_run_the_sign_of_life_is_not_that_of_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    stages: list[str] = []
+    monkeypatch.setattr(sign_of_life.SignOfLife, "note", lambda sign, stage: stages.append(stage))
+    with progress_bar.run_progress(100.0, quiet=False) as watch:
+        tell(watch)
+    assert stages[0] == "compiling"
+    assert stages[-2:] == ["simulating, 3 of 4 runs", "free drifts and metrics of the last runs"]
+
+
 def test_a_terminal_shows_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "80")

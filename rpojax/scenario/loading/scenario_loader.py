@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import itertools
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -27,6 +28,8 @@ from rpojax.untrusted.structure_limits import StructureError
 from rpojax.untrusted.toml_reading import parse_toml
 
 _MAX_EXTENDS_DEPTH = 8
+_MOST_BESIDE = 500
+"""Most files beside one that is not there that are compared with its name."""
 
 
 def packaged_names() -> list[str]:
@@ -160,10 +163,18 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
     except (FileError, UnicodeDecodeError) as error:
         if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not is_folder(path)):
             raise ScenarioError("scenario", f"{source} ({error.found})", error.expected) from None
-        near = did_you_mean(str(source), packaged_names())
-        expected = f"{', '.join(packaged_names())} or a readable TOML file{near}"
-        raise ScenarioError("scenario", str(source), expected) from None
+        raise ScenarioError("scenario", str(source), _instead_of(path)) from None
     return text.replace("\r\n", "\n").replace("\r", "\n"), path.parent
+
+
+def _instead_of(missing: Path) -> str:
+    """What was expected in place of a file that is not there, with the scenario or the file beside it most like it."""
+    try:
+        beside = sorted(str(path) for path in itertools.islice(missing.parent.glob("*.toml"), _MOST_BESIDE))
+    except (OSError, ValueError):  # a name with a zero byte is a ValueError
+        beside = []
+    near = did_you_mean(str(missing), [*packaged_names(), *beside])
+    return f"{', '.join(packaged_names())} or a readable TOML file{near}"
 
 
 def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from rpojax.errors import ScenarioError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
 
@@ -33,6 +33,8 @@ def load(reference: str) -> tuple[str, Plugin]:
         raise ScenarioError("plugin", reference, f"a function {function!r} in that file")
     try:
         found = setup()
+    except RpojaxError:  # it says what was found and expected, such as an argument that a stage does not have
+        raise
     except Exception as error:
         raise _failure(reference, error) from error
     if not isinstance(found, Plugin):

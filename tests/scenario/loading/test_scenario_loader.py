@@ -50,6 +50,15 @@ def test_the_error_of_an_unknown_scenario_lists_the_packaged_ones(source: str) -
     assert source in str(caught.value)
 
 
+def test_a_misspelt_file_is_answered_with_the_one_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "debris.toml").write_text('extends = "inspection"\nname = "debris"\n')
+    with pytest.raises(ScenarioError, match=r"did you mean '.*/debris\.toml'"):
+        scenario_loader.load(tmp_path / "debris.tml")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ScenarioError, match=r"did you mean 'debris\.toml'"):
+        scenario_loader.load("debis.toml")
+
+
 def test_a_byte_order_mark_is_skipped(tmp_path: Path) -> None:
     path = tmp_path / "marked.toml"
     path.write_text('extends = "inspection"\nname = "marked"\n', encoding="utf-8-sig")

@@ -125,6 +125,13 @@ def test_a_file_that_is_no_plugin_is_refused_in_one_line(example: Path, source: 
     assert "\n" not in str(refused.value)
 
 
+def test_an_argument_that_a_stage_does_not_have_is_named(example: Path) -> None:
+    source = (example.parent / "mine.py").read_text()
+    (example.parent / "mine.py").write_text(source.replace("deviation", "deviaton"))
+    with pytest.raises(RpojaxError, match=r"^stages\.formation_law: found the argument 'deviaton', expected .*deviat"):
+        rpojax.load(example, allow_plugin=True)
+
+
 @pytest.mark.parametrize("reference", ["mine.py", "mine.py:", ":setup", "no_such.py:setup", 3])
 def test_a_reference_of_another_form_is_refused(example: Path, reference: object) -> None:
     example.write_text(example.read_text().replace('"mine.py:setup"', repr(reference)))

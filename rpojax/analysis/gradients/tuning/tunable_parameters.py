@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.tuning.coordinate_transforms import Coordinate, LogCoordinate, LogitCoordinate
 from rpojax.errors import ScenarioError
+from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
@@ -133,7 +134,9 @@ def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParame
         elif name in TUNABLE:
             selected[name] = True
         else:
-            raise ScenarioError("parameters", name, f"one of {', '.join(GROUPS)}, or a key of theirs", is_argument=True)
+            near = did_you_mean(name, [*GROUPS, *TUNABLE])
+            expected = f"one of {', '.join(GROUPS)}, or a key of theirs{near}"
+            raise ScenarioError("parameters", name, expected, is_argument=True)
     nominal, coordinates, held = {}, {}, []
     for key, by_name in selected.items():
         value = np.asarray(nominal_of_key(file, key), dtype=np.float64)

@@ -50,6 +50,7 @@ def test_names_may_overlap() -> None:
     ("names", "overrides", "message"),
     [
         (["navigate"], [], "parameters: found 'navigate', expected one of navigation, gate, formation,"),
+        (["navigation.edge_noise"], [], "did you mean 'navigation.edge_noise_px'"),
         (["servicer.mass_kg"], [], "parameters: found 'servicer.mass_kg'"),
         (["formation.velocity_weight"], [], r"formation.velocity_weight: found \[0.0, 0.0, 0.0\], expected a positive"),
         (["gate"], ["navigation.gate_sigma=15"], "parameters: found 'gate', expected at least one number"),
