@@ -188,7 +188,7 @@ def test_a_scenario_without_phases_has_no_channels_of_a_mission() -> None:
     assert not {"phase", "abort_reason", "rho_desired_H"} & set(channels)
 
 
-def planned_delta_v(file: ScenarioFile, **numbers: jax.Array) -> jax.Array:
+def planned_delta_v(file: ScenarioFile, stages: Stages | None = None, **numbers: jax.Array) -> jax.Array:
     """Velocity change of the burn that is planned at 200 s, with the state of the start and a target in sight.
 
     `numbers` are those of the reference of the phase `only`.
@@ -197,7 +197,7 @@ def planned_delta_v(file: ScenarioFile, **numbers: jax.Array) -> jax.Array:
     pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), recent_detections=jnp.asarray(5.0))
     state = replace(state, flight=replace(state.flight, pointing=pointing), tick=state.tick + 200)
     changed = dispersed_values.apply_to_params(params, {f"phases.only.reference.{k}": v for k, v in numbers.items()})
-    loop = Loop(scenario, changed, Stages())
+    loop = Loop(scenario, changed, stages or Stages())
     tick = step_stages.manage_mission(loop, step_stages.sense(loop, state))
     return step_stages.plan_burn(loop, tick).flight.plan.delta_v_N
 
@@ -209,6 +209,14 @@ def test_a_held_station_needs_the_burns_of_a_mission_without_phases() -> None:
     expected = planned_delta_v(scenario_loader.validate(tables))
     assert jnp.linalg.norm(expected) > 1e-3
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-3 * float(jnp.linalg.norm(expected)))
+
+
+def test_a_burn_is_judged_as_the_look_away_limit_shortens_it() -> None:
+    station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -50.0, 0.0]}}
+    file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"phases": [station]})
+    # Half a metre per second towards the target passes it within two control periods; what the limit leaves does not.
+    towards = Stages(formation_law=lambda gain, deviation: jnp.array([0.0, 0.5, 0.0]) + 0.0 * (gain @ deviation))
+    assert 0.02 < float(jnp.linalg.norm(planned_delta_v(file, towards))) < 0.1
 
 
 def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_few_frames() -> None:

@@ -140,7 +140,7 @@ def _chosen(
     is_safe = of_others >= 1.0
     # Of two burns of one size, the one with more clearance.
     cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))
-    widest = _least(-of_others - _ESTIMATE_WEIGHT * by_estimate[1:])
+    widest = _least(-of_others - _ESTIMATE_WEIGHT * by_estimate[1:] / (1.0 + by_estimate[1:]))
     best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, widest)
     chosen = jnp.sum(others_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
     chosen = jnp.where(may_wait & (by_estimate[_NO_BURN] >= 1.0), 0.0, chosen)

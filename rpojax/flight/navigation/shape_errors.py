@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
+from rpojax.core.vectors import cross
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
 Vector = Float[Array, "3"]
@@ -13,7 +14,8 @@ _CONSTANT_CENTER_SHARE = 0.33
 """Part of the offset by perspective that a tumble does not average out; 0.4 of compact bodies, less what the bearing
 bias covers."""
 _LARGEST_SCALE_TEMPO = 20.0
-"""Longest correlation of the size over that at the nominal outline: the line of sight turns once an orbit."""
+"""Longest correlation of the fast part of the size, over that at the nominal outline: then it is like the slow part
+of a low orbit."""
 _NOMINAL_TURN_RATE = 1.1e-3
 """Rate of a line of sight that turns once in 95 minutes [rad/s]: that of a station on a low orbit."""
 _TURN_TIMES = (0.25, 40.0)
@@ -49,7 +51,7 @@ def shape_errors(
 
     What changes as the target tumbles loses its correlation with the outline: the fast part of the size, and the
     centre. The slow part of the size is that of the tumble axis to the line of sight, and the size itself: it changes
-    as the line of sight turns, once an orbit from a station, hardly from a relative orbit around the target.
+    as the line of sight turns: once an orbit from a station, about half as fast from an orbit around the target.
     """
     tempo = outline_correlation_time / tuning.outline_time_constant
     lasting_variance = _CONSTANT_CENTER_SHARE**2 * perspective_variance(tuning, slow_scale, r_TS_N)
@@ -70,7 +72,7 @@ def shape_errors(
 
 def _turn_time(r_TS_N: Vector, v_TS_N: Vector) -> Scalar:
     """Time in which the line of sight turns by an angle, by that at the nominal rate."""
-    across = jnp.cross(r_TS_N, v_TS_N, axis=0)
+    across = cross(r_TS_N, v_TS_N)
     square = jnp.sum(r_TS_N * r_TS_N, axis=0)
     shortest, longest = _TURN_TIMES
     # Rates are added to none in quadrature, so that the derivative is defined without motion.

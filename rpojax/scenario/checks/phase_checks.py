@@ -14,6 +14,8 @@ from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
+_NEARLY_CIRCULAR = 0.01
+"""Eccentricity up to which a drift is that of a circular orbit."""
 
 
 def check_phases(file: ScenarioFile) -> None:
@@ -81,13 +83,19 @@ def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
     for name, value in {**latest, "timeout_s": phase.timeout_s}.items():
         if value is not None and value > file.duration_s and (name != "timeout_s" or (not given and not is_last)):
             raise ScenarioError(f"{key}.{name}", value, f"an end within the run: duration_s = {file.duration_s:g}")
-    if phase.timeout_s is not None and phase.timeout_s < given.get("time_s", 0.0):
-        expected = f"at least until.time_s = {given['time_s']:g}, before which the phase cannot end otherwise"
-        raise ScenarioError(f"{key}.timeout_s", phase.timeout_s, expected)
+    if phase.timeout_s is None:
+        return
+    for name in ("time_s", "arrival_for_s", "range_sigma_for_s"):
+        if phase.timeout_s < given.get(name, 0.0):
+            expected = f"at least until.{name} = {given[name]:g}, before which the phase cannot end otherwise"
+            raise ScenarioError(f"{key}.timeout_s", phase.timeout_s, expected)
+    if not given and not is_last and phase.on_timeout != "next":
+        expected = "next, or until, as other phases follow and nothing else leads to them"
+        raise ScenarioError(f"{key}.on_timeout", phase.on_timeout, expected)
 
 
 def _check_speeds(phase: PhaseSection) -> None:
-    """Refuses an approach whose last speed is its greatest."""
+    """Refuses an approach whose last speed is above its greatest."""
     match phase.reference:
         case kinds.ApproachSection(final_speed_m_s=final, max_speed_m_s=greatest) if final > greatest:
             key = f"phases.{phase.name}.reference.final_speed_m_s"
@@ -151,8 +159,14 @@ def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -
 
 
 def _relative_orbit_places(file: ScenarioFile, orbit: kinds.RelativeOrbitSection, longest_s: float) -> np.ndarray:
-    """Places (n, 3) [m] of a relative orbit over a time, as `flight.guidance.references.relative_orbit` has them."""
+    """Places (n, 3) [m] of a relative orbit over a time, as `flight.guidance.references.relative_orbit` has them.
+
+    Of a drift they are, at each height of the motion, the ends of the way along the track and the place at which it
+    passes the target. None are known of a drift on an elliptic orbit, where it changes the radial motion, too.
+    """
     e, perigee = file.orbit.eccentricity, math.radians(file.orbit.argument_of_perigee_deg)
+    if orbit.drift_per_orbit_m and e > _NEARLY_CIRCULAR:
+        return np.zeros((0, 3))
     # The target's distance over the semi-latus rectum scales offset and cross-track motion.
     distance = 1.0 / (1.0 + e * np.cos(_ANGLES - perigee))
     radial, across = np.radians(orbit.radial_phase_deg), np.radians(orbit.cross_track_phase_deg)
@@ -161,11 +175,10 @@ def _relative_orbit_places(file: ScenarioFile, orbit: kinds.RelativeOrbitSection
     z = distance * orbit.cross_track_m * np.sin(_ANGLES - across)
     swing = (1.0 + distance) * orbit.radial_m * np.sin(_ANGLES - radial)
     drift = orbit.drift_per_orbit_m * longest_s * mean_motion(file) / (2.0 * np.pi)
-    # Quarters of an orbit: a place that is passed counts at any height of the motion.
-    steps = 1 + math.ceil(4.0 * abs(drift / orbit.drift_per_orbit_m)) if orbit.drift_per_orbit_m else 1
-    offsets = orbit.along_track_m + np.linspace(0.0, drift, steps)
-    y = swing + distance * offsets[:, None]
-    return np.stack(np.broadcast_arrays(x, y, z), axis=-1).reshape(-1, 3)
+    first, last = (swing + distance * (orbit.along_track_m + part) for part in (0.0, drift))
+    nearest = np.clip(0.0, np.minimum(first, last), np.maximum(first, last))
+    ways = [first, nearest, last] if drift else [first]
+    return np.concatenate([np.stack([x, y, z], axis=1) for y in ways])
 
 
 def _end_m(phase: PhaseSection) -> np.ndarray | None:

@@ -170,10 +170,11 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
 def _instead_of(missing: Path) -> str:
     """What was expected in place of a file that is not there, with the scenario or the file beside it most like it."""
     try:
-        beside = sorted(str(path) for path in itertools.islice(missing.parent.glob("*.toml"), _MOST_BESIDE))
+        beside = sorted(path.name for path in itertools.islice(missing.parent.glob("*.toml"), _MOST_BESIDE))
     except (OSError, ValueError):  # a name with a zero byte is a ValueError
         beside = []
-    near = did_you_mean(str(missing), [*packaged_names(), *beside])
+    # Names alone are compared: two files of one long folder are always alike.
+    near = did_you_mean(missing.name, [*packaged_names(), *beside])
     return f"{', '.join(packaged_names())} or a readable TOML file{near}"
 
 

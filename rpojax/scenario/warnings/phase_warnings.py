@@ -39,8 +39,11 @@ def _time_warnings(file: ScenarioFile) -> list[str]:
     begin = 0.0
     for phase, following in zip(file.phases, file.phases[1:], strict=False):
         times = phase.until.model_dump() if phase.until else {}
-        least = max(times.get("time_s") or 0.0, (times.get("ground_go_s") or 0.0) - begin)
-        begin += least if times else phase.timeout_s or 0.0
+        lasting = [times.get(name) or 0.0 for name in ("time_s", "arrival_for_s", "range_sigma_for_s")]
+        least = max(*lasting, (times.get("ground_go_s") or 0.0) - begin)
+        if phase.timeout_s and phase.on_timeout == "next":
+            least = min(least, phase.timeout_s) if times else phase.timeout_s
+        begin += least
         if begin >= file.duration_s:
             until = f"begins {begin:g} s after the start at the earliest"
             return [f"phases.{following.name}: {until}, expected within duration_s = {file.duration_s:g}"]
@@ -58,7 +61,10 @@ def _pointing_warnings(phase: PhaseSection) -> list[str]:
 
 
 def _speed_warnings(file: ScenarioFile, reach: DispersedReach, phase: PhaseSection) -> list[str]:
-    """Speeds that one burn can neither reach nor stop, and circles whose turn in a control period is beyond a burn."""
+    """Speeds that one burn can neither reach nor stop, and circles whose turn in a control period is beyond a burn.
+
+    What a burn gives is that in the best direction, with the longest turn that a thruster off the boresight may need.
+    """
     match phase.reference:
         case kinds.ApproachSection(max_speed_m_s=needed):
             key = "max_speed_m_s"

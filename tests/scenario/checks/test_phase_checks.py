@@ -74,6 +74,16 @@ BAD: dict[str, tuple[list[dict[str, Any]], str, tuple[str, ...]]] = {
         "phases.far.timeout_s",
         ("until.time_s = 600",),
     ),
+    "times out before it may have arrived": (
+        [FIRST | {"until": {"arrival_box_m": [1.0, 1.0, 1.0], "arrival_for_s": 700.0}, "timeout_s": 600.0}, LAST],
+        "phases.far.timeout_s",
+        ("until.arrival_for_s = 700",),
+    ),
+    "leads nowhere": (
+        [{k: v for k, v in FIRST.items() if k != "until"} | {"timeout_s": 600.0}, LAST],
+        "phases.far.on_timeout",
+        ("other phases follow",),
+    ),
     "ends faster than it goes": (
         [LAST | {"reference": APPROACH | {"final_speed_m_s": 0.03}}],
         "phases.near.reference.final_speed_m_s",
@@ -175,6 +185,14 @@ def test_places_of_a_relative_orbit_are_those_of_its_reference(tables: dict[str,
 def test_a_drift_that_does_not_reach_the_target_within_the_run_is_accepted(tables: dict[str, Any]) -> None:
     walk = {"kind": "relative_orbit", "radial_m": 20.0, "along_track_m": -500.0, "drift_per_orbit_m": 50.0}
     scenario_loader.validate(tables | {"phases": [LAST | {"reference": walk}]})
+
+
+@pytest.mark.parametrize("along_track_m", np.arange(-160.0, -150.0, 0.5).tolist())
+def test_a_drift_through_the_zone_is_refused_wherever_it_begins(tables: dict[str, Any], along_track_m: float) -> None:
+    walk = {"kind": "relative_orbit", "along_track_m": along_track_m, "drift_per_orbit_m": 55.0}
+    with pytest.raises(ScenarioError) as caught:
+        scenario_loader.validate(tables | {"duration_s": 30000.0, "phases": [LAST | {"reference": walk}]})
+    assert_one_line(caught.value, "phases.near.reference", "keep-out zone")
 
 
 def test_decisions_are_made_within_what_an_abort_looks_ahead(tables: dict[str, Any]) -> None:
