@@ -185,7 +185,10 @@ def manage_mission(
         horizon=soon,
     )
     none = jnp.zeros_like(predicted.state_H[:3, None])
-    clearance, _ = drift_clearance.least_clearance(drift, none, none[:1], _SAMPLES_BEFORE_ABORT)
+    clearance, by_estimate = drift_clearance.least_clearance(drift, none, none[:1], _SAMPLES_BEFORE_ABORT)
+    # As for its burns: on a passively safe orbit to know more is better than to leave it by an uncertain estimate.
+    is_passive = constant_of_phase(state.phase, _passively_safe(settings))
+    least = jnp.where(is_passive, by_estimate[0, 0], clearance[0, 0])
     situation = Situation(
         time=time,
         state_H=predicted.state_H,
@@ -198,7 +201,7 @@ def manage_mission(
         lost=_is_lost(params, memory),
         confident=memory.health.confident,
         thruster_works=burn_decision.thruster_works(params, memory, time),
-        enters_keep_out=clearance[0, 0] < 1.0,
+        enters_keep_out=least < 1.0,
     )
     return stages.call("mission_manager", settings=settings, tuning=tuning, state=state, situation=situation)
 

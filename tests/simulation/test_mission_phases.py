@@ -219,6 +219,25 @@ def test_a_burn_is_judged_as_the_look_away_limit_shortens_it() -> None:
     assert 0.02 < float(jnp.linalg.norm(planned_delta_v(file, towards))) < 0.1
 
 
+@pytest.mark.parametrize(
+    ("passively_safe", "reason"), [(False, AbortReason.KEEP_OUT_PREDICTED), (True, AbortReason.NONE)]
+)
+def test_an_uncertain_estimate_is_a_threat_but_not_on_a_passively_safe_orbit(
+    passively_safe: bool, reason: AbortReason
+) -> None:
+    station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
+    station["passively_safe"] = passively_safe
+    file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"phases": [station]})
+    scenario, params, state = single_run.initialise_run(file)
+    relative = state.flight.orbit.relative
+    uncertain = replace(relative, covariance=100.0 * relative.covariance)
+    flight = replace(state.flight, orbit=replace(state.flight.orbit, relative=uncertain))
+    loop, begun = Loop(scenario, params, Stages()), replace(state, flight=flight, tick=state.tick + 200)
+    decided = step_stages.manage_mission(loop, step_stages.sense(loop, begun)).flight.mission
+    assert decided is not None
+    assert int(decided.abort_reason) == reason
+
+
 def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_few_frames() -> None:
     station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
     file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"phases": [station]})
