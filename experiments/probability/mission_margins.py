@@ -1,9 +1,8 @@
 """Margins of simulated runs of a scenario to a failure, as the scripts of this folder need them."""
 
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+import rpojax
 
-prepare_jax(cache=True)
-set_loop_fusion_flag(rendered=False)
+rpojax.prepare_process()
 
 from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice  # noqa: E402
 from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure  # noqa: E402

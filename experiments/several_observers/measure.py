@@ -19,6 +19,7 @@ import rpojax
 rpojax.prepare_process()
 
 from rpojax.campaign.execution.batch_engine import BatchEngine  # noqa: E402
+from rpojax.core.pytree import concatenate  # noqa: E402
 from rpojax.scenario.loading import scenario_loader  # noqa: E402
 from rpojax.simulation.channels import CHANNELS  # noqa: E402
 
@@ -132,7 +133,7 @@ def simulate(case: Case, runs: int, seed: int) -> tuple[Channels, float]:
         count = min(engine.capacity, runs - first)
         names = [name for name in KEPT if name in segments[0]]
         parts.append({name: np.concatenate([each[name] for each in segments])[:, :count] for name in names})
-    return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}, engine.scenario.tick_s
+    return concatenate(parts, axis=1), engine.scenario.tick_s
 
 
 def size_error(channels: Channels) -> dict[str, object]:

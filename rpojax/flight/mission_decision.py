@@ -291,10 +291,11 @@ def plan_burn(
     drift = _drift_after_burn(settings, tuning, state, predicted, passive, period)
     greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
     planned_H, may_wait = jnp.where(keeps, planned_H, 0.0), passive & ~aborted
-    # What is judged is what will be made: the look-away limit shortens the burn.
+    # The planned burn is judged as the look-away limit shortens it.
     planned_N = apply_transposed(predicted.R_CN, planned_H)
-    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, planned_N, pointing.q_BN, tick_s)
-    planned_H = planned_H * (limit / jnp.maximum(gradient_safe.norm(planned_H), jnp.maximum(limit, 1e-12)))
+    planned_H = planned_H * burn_planning.share_within_limit(
+        params.pointing, params.vehicle, planned_N, pointing.q_BN, tick_s
+    )
     decided = state.team
     if team is None or decided is None or not settings.keeps_clear:
         safe_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)

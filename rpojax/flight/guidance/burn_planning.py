@@ -102,6 +102,17 @@ def largest_delta_v(
     return _longest_on_time(pointing, turn_time, dt) * vehicle.thrust / vehicle.mass
 
 
+def share_within_limit(
+    pointing: PointingTuning, vehicle: VehicleModel, delta_v_N: Vector, q_look: Float[Array, "4"], dt: float
+) -> Scalar:
+    """Part of a velocity change [m/s] that is left where the look-away limit shortens its burn, 1 where it does not.
+
+    Arguments are those of `largest_delta_v`.
+    """
+    limit = largest_delta_v(pointing, vehicle, delta_v_N, q_look, dt)
+    return limit / jnp.maximum(gradient_safe.norm(delta_v_N), jnp.maximum(limit, _LEAST_DELTA_V))
+
+
 def _turn_to_burn(
     pointing: PointingTuning, vehicle: VehicleModel, direction_N: Vector, q_look: Float[Array, "4"]
 ) -> tuple[Vector, Scalar]:
@@ -116,6 +127,10 @@ def _longest_on_time(pointing: PointingTuning, turn_time: Scalar, dt: float) -> 
     settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
     margin = _SCHEDULE_TICKS * dt + _TARGET_MOTION_TIME
     return jnp.maximum(pointing.look_away_limit - 2.0 * turn_time - settle_time - margin, 0.0)
+
+
+_LEAST_DELTA_V = 1e-12
+"""Least velocity change that is divided by: far below any burn [m/s]."""
 
 
 _SETTLE_TICKS = 3.0

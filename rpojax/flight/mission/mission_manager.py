@@ -36,7 +36,8 @@ class Situation:
         lost: () bool, whether it has been out of sight for too long
         confident: () bool, whether the orbit filter passes its tests
         thruster_works: () bool
-        enters_keep_out: () bool, whether the servicer may drift into the keep-out zone before an abort could prevent it
+        enters_keep_out: () bool, whether the servicer may drift into the keep-out zone before an abort could prevent it;
+            on a passively safe orbit whether it does so by the estimate alone
     """
 
     time: Array
@@ -144,7 +145,7 @@ def _abort_reason(
 
     In a passively safe phase nothing but a command, a timeout, the threat of entering the keep-out zone or a corridor
     that was left is one: its free motion needs neither navigation nor thrust. The threat counts before the target has
-    been seen, too: a hand-over so uncertain that it may lead into the zone is left.
+    been seen, too.
     """
     running = state.phase < settings.hold
     row = jnp.minimum(state.phase, settings.hold - 1)

@@ -140,7 +140,6 @@ def _in_corridor(corridor: CorridorSection, axis: np.ndarray, place: np.ndarray)
 
 def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -> np.ndarray:
     """Places (n, 3) [m] of a reference that are known before flight; transfers as about a circular orbit."""
-    c, s = np.cos(_ANGLES), np.sin(_ANGLES)
     match phase.reference:
         case kinds.HoldSection(position_m=place):
             return np.array([place])
@@ -153,7 +152,8 @@ def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -
         case kinds.FlyAroundSection() as circle:
             axis = np.array(circle.axis) / np.linalg.norm(circle.axis)
             first = np.linalg.svd(axis[None])[2][1:]
-            return circle.radius_m * (c[:, None] * first[0] + s[:, None] * first[1])
+            turns = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+            return circle.radius_m * turns @ first
         case _:
             return np.zeros((0, 3))
 
