@@ -3,11 +3,9 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight import burn_decision, phase_goal
@@ -15,7 +13,7 @@ from rpojax.flight.control import formation_law, periodic_lqr_gain, reference_go
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.flight_records import FlightMemory, FlightParams
-from rpojax.flight.guidance import burn_planning, line_of_sight_uncertainty
+from rpojax.flight.guidance import burn_planning
 from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.other_pointing import OtherPointing
@@ -28,6 +26,7 @@ from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, of_phase
 from rpojax.flight.mission.safe_burn import SafeBurn
 from rpojax.flight.mission.team_mission import TeamMission
+from rpojax.flight.motion_prediction import Prediction, predict_to_burn
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.stages import Stages
 from rpojax.flight.team_guidance import peer_drift, team_knowledge
@@ -39,77 +38,6 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 Flag = Bool[Array, ""]
-
-
-@pytree
-class Prediction:
-    """Estimated relative motion now and at the middle of a burn that is decided now.
-
-    Attributes:
-        orbit: of the target now
-        state_H: (6,) now [m, m/s]
-        burn_orbit: of the target at the burn
-        burn_state_H: (6,) at the burn, without another one before [m, m/s]
-        R_CN: (3, 3) Hill frame at the burn
-        range_ratio_sigma: () 1-sigma of the range over the range [-]
-        covariance_H: (6, 6) of the state now
-        burn_covariance_H: (6, 6) of that at the burn
-    """
-
-    orbit: TargetOrbit
-    state_H: Array
-    burn_orbit: TargetOrbit
-    burn_state_H: Array
-    R_CN: Array
-    range_ratio_sigma: Array
-    covariance_H: Array
-    burn_covariance_H: Array
-
-
-def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar | None = None) -> Prediction:
-    """Relative motion up to a burn that is decided now, or `after` [s]."""
-    lead = params.formation.lead if after is None else params.formation.lead + after
-    relative, servicer = estimate.relative, estimate.servicer
-    r_TN_N, v_TN_N = servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N
-    R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
-    state_H = jnp.concatenate(inertial_to_hill(-relative.r_TS_N, -relative.v_TS_N, R_HN, omega_HN_N))
-    orbit = yamanaka_ankersen.target_orbit(r_TN_N, v_TN_N)
-    burn_orbit = yamanaka_ankersen.advanced(orbit, lead)
-    constants = yamanaka_ankersen.constants_of_motion(orbit, state_H)
-    transition = yamanaka_ankersen.free_motion(
-        burn_orbit,
-        params.formation.lead,
-        yamanaka_ankersen.constants_of_motion(orbit, jnp.eye(6, dtype=state_H.dtype)),
-    )
-    covariance_H = _in_hill_frame(relative.covariance[:6, :6], R_HN, omega_HN_N)
-    angle = burn_orbit.argument_of_latitude - orbit.argument_of_latitude
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    return Prediction(
-        orbit=orbit,
-        state_H=state_H,
-        burn_orbit=burn_orbit,
-        burn_state_H=yamanaka_ankersen.free_motion(burn_orbit, lead, constants),
-        R_CN=jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]]),
-        range_ratio_sigma=line_of_sight_uncertainty.relative_range_sigma(estimate),
-        covariance_H=covariance_H,
-        burn_covariance_H=_mapped(transition, covariance_H),
-    )
-
-
-def _in_hill_frame(covariance_N: Float[Array, "6 6"], R_HN: Matrix, omega_HN_N: Vector) -> Float[Array, "6 6"]:
-    """Covariance of the relative position and velocity in H, from that in N."""
-    identity = jnp.eye(6, dtype=covariance_N.dtype)
-    columns = [
-        jnp.concatenate(inertial_to_hill(identity[:3, number], identity[3:, number], R_HN, omega_HN_N))
-        for number in range(6)
-    ]
-    return _mapped(jnp.stack(columns, axis=1), covariance_N)
-
-
-def _mapped(matrix: Float[Array, "6 6"], covariance: Float[Array, "6 6"]) -> Float[Array, "6 6"]:
-    """Covariance of a linear function of a state."""
-    half = jnp.sum(matrix[:, :, None] * covariance[None], axis=1)
-    return jnp.sum(half[:, None] * matrix[None], axis=2)
 
 
 def initial_state(

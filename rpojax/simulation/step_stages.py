@@ -13,7 +13,7 @@ from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.team_mission import TeamMission
-from rpojax.flight.mission_decision import Prediction
+from rpojax.flight.motion_prediction import Prediction, predict_to_burn
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
@@ -92,10 +92,10 @@ def manage_mission(loop: Loop, tick: Tick) -> Tick:
     flight, mission = loop.params.flight, loop.scenario.mission
     if mission is None:
         return tick
-    shape = jax.eval_shape(mission_decision.predict_to_burn, flight, tick.flight.orbit)
+    shape = jax.eval_shape(predict_to_burn, flight, tick.flight.orbit)
 
     def decide(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:
-        predicted = mission_decision.predict_to_burn(flight, memory.orbit)
+        predicted = predict_to_burn(flight, memory.orbit)
         return mission_decision.manage_mission(loop.stages, mission, flight, memory, predicted, tick.time), predicted
 
     def keep(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:

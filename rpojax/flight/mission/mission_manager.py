@@ -36,8 +36,8 @@ class Situation:
         lost: () bool, whether it has been out of sight for too long
         confident: () bool, whether the orbit filter passes its tests
         thruster_works: () bool
-        enters_keep_out: () bool, whether the servicer may drift into the keep-out zone before an abort could prevent it;
-            on a passively safe orbit whether it does so by the estimate alone
+        enters_keep_out: () bool, whether the servicer may drift into the keep-out zone before an abort could prevent
+            it; in a passively safe phase whether it does so by the estimate alone
     """
 
     time: Array
