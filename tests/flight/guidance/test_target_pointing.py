@@ -53,3 +53,33 @@ def test_the_look_rate_is_the_derivative_of_the_look_attitude(params: Params, se
     (before, _), (_, omega), (after, _) = (look_attitude(params.flight.vehicle, at(t)) for t in (-h, 0.0, h))
     expected = rate_between(np.asarray(before), np.asarray(after), 2 * h)
     np.testing.assert_allclose(omega, expected, atol=1e-8)  # truncation h^2 times the cube of a rate of 6e-3 rad/s
+
+
+@given(SEEDS)
+def test_near_the_orbit_normal_the_camera_hardly_turns_about_its_axis(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
+    # Errors of the estimate of 3 mm at 30 m, about a target exactly along the normal.
+    lines = [unit(normal + 1e-4 * rng.normal(size=3)) for _ in range(2)]
+    first, second = (rendezvous_scene.estimate(params.flight, 30.0 * line) for line in lines)
+    q_before = random_unit(rng, 4)
+    q_first, _ = look_attitude(params.flight.vehicle, first, q_before)
+    q_second, omega = look_attitude(params.flight.vehicle, second, q_first)
+    np.testing.assert_allclose(boresight(params.flight, q_second), lines[1], atol=1e-9)
+    turned = rate_between(np.asarray(q_first), np.asarray(q_second), 1.0)
+    assert np.linalg.norm(turned) <= np.linalg.norm(lines[1] - lines[0]) + 1e-9
+    assert abs(np.asarray(omega)[0]) < EXACT  # the boresight is body x
+
+
+@given(SEEDS)
+def test_far_from_the_orbit_normal_the_attitude_before_does_not_matter(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
+    line = unit(unit(np.cross(normal, random_unit(rng))) + rng.uniform(-5.0, 5.0) * normal)
+    known = rendezvous_scene.estimate(params.flight, 30.0 * line)
+    for after, alone in zip(
+        look_attitude(params.flight.vehicle, known, random_unit(rng, 4)),
+        look_attitude(params.flight.vehicle, known),
+        strict=True,
+    ):
+        np.testing.assert_allclose(after, alone, atol=EXACT)
