@@ -289,9 +289,7 @@ def _tracks(baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float
     """Estimates of the peers in the messages, moved to now and to this servicer, (peers, ...)."""
     track = news.messages.track
     assert track is not None
-    sent = SplitEstimate(
-        mean=track.state, correlated=track.correlated, independent=track.covariance - track.correlated
-    )
+    sent = SplitEstimate(mean=track.state, correlated=track.correlated, independent=track.covariance - track.correlated)
     now = _moved(sent, orbit, delay) if delay > 0.0 else sent
     of_peer = (baselines.covariance - baselines.of_own)[:, :6, :6]
     return replace(now, mean=now.mean + baselines.mean[:, :6], independent=now.independent + of_peer)

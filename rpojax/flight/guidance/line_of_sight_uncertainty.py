@@ -41,9 +41,7 @@ def uncertainty_cone(estimate: OrbitEstimate, sigmas: Scalar) -> Scalar:
     return jnp.minimum(sigmas * bearing_sigma(estimate) / outside, math.pi)
 
 
-def is_within_frame(
-    estimate: OrbitEstimate, sigmas: Scalar, half_frame_tangent: Float[Array, "2"]
-) -> Bool[Array, ""]:
+def is_within_frame(estimate: OrbitEstimate, sigmas: Scalar, half_frame_tangent: Float[Array, "2"]) -> Bool[Array, ""]:
     """Whether a frame centred on the estimate shows the target wherever it is within some `sigmas` [-].
 
     `half_frame_tangent` are the tangents of half of the frame's angles.
