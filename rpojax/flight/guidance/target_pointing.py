@@ -32,22 +32,28 @@ def look_attitude(
     v_TS_N = estimate.relative.v_TS_N
     line_of_sight_rate = (v_TS_N - jnp.sum(v_TS_N * line_of_sight, axis=0) * line_of_sight) / distance
     normal = gradient_safe.normalize(cross(estimate.servicer.r_SN_N, estimate.servicer.v_SN_N))
-    R_KN = look_at(line_of_sight, normal)
     elevation = jnp.sum(normal * line_of_sight, axis=0)
+    is_near_normal = jnp.abs(elevation) > _NEAR_NORMAL
+    # Exactly along the normal any roll will do.
+    right = jnp.where(jnp.abs(elevation) > _ALONG_NORMAL, gradient_safe.normalize(estimate.servicer.v_SN_N), normal)
+    R_KN = look_at(line_of_sight, right)
+    arm = gradient_safe.norm(normal - elevation * line_of_sight)
     roll_arm_rate = -elevation * jnp.sum(line_of_sight_rate * R_KN[1], axis=0)
-    roll_rate = roll_arm_rate / gradient_safe.norm(normal - elevation * line_of_sight)
+    roll_rate = jnp.where(is_near_normal, 0.0, roll_arm_rate / jnp.where(is_near_normal, 1.0, arm))
     omega_N = cross(line_of_sight, line_of_sight_rate) + roll_rate * line_of_sight
     q_KB = quaternion.normalize(vehicle.camera_mounting)
     q_BN = quaternion.multiply(quaternion.conjugate(q_KB), quaternion.from_matrix(R_KN))
     if q_before is not None:
-        is_near_normal = jnp.abs(elevation) > _NEAR_NORMAL
         q_BN = jnp.where(is_near_normal, _nearest_look_attitude(q_KB, line_of_sight, q_before), q_BN)
-        omega_N = jnp.where(is_near_normal, cross(line_of_sight, line_of_sight_rate), omega_N)
     return q_BN, rotate(q_BN, omega_N)
 
 
 _NEAR_NORMAL = math.cos(math.radians(10.0))
 """Cosine of the angle from the orbit normal within which it does not tell the camera's x axis."""
+
+
+_ALONG_NORMAL = 1.0 - 1e-12
+"""Cosine of that angle within which the direction of the x axis is lost in rounding."""
 
 
 def _nearest_look_attitude(
@@ -57,7 +63,8 @@ def _nearest_look_attitude(
     boresight_B = rotate(quaternion.conjugate(q_KB), jnp.array([0.0, 0.0, 1.0], dtype=q_KB.dtype))
     boresight_N = rotate(quaternion.conjugate(q_before), boresight_B)
     turn = quaternion.rotation_vector_between(boresight_N, line_of_sight)
-    return quaternion.multiply(q_before, quaternion.exp(-turn))
+    # The attitude is carried from tick to tick, and with it the rounding of its length.
+    return quaternion.normalize(quaternion.multiply(q_before, quaternion.exp(-turn)))
 
 
 @pytree

@@ -101,9 +101,13 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
 
 
 def _confirmed(params: Params, tick: Tick, news_used: Bool[Array, " peers"]) -> Bool[Array, ""]:
-    """Whether what others see stands for a box of one's own: where it tells that the target is in the own frame."""
+    """Whether what others see stands for a box of one's own.
+
+    Until the target is acquired it must tell that the target is in the own frame: else the camera would not search.
+    """
     sigmas, half_frame = params.flight.pointing.search_sigmas, tick.measurements.box.half_frame_tangent
-    return jnp.any(news_used) & line_of_sight_uncertainty.is_within_frame(tick.flight.orbit, sigmas, half_frame)
+    is_in_frame = line_of_sight_uncertainty.is_within_frame(tick.flight.orbit, sigmas, half_frame)
+    return jnp.any(news_used) & (tick.flight.pointing.acquired | is_in_frame)
 
 
 def _coordinate(loop: TeamLoop, state: TeamState, ticks: Tick, received: Bool[Array, "N N"]) -> tuple[Tick, TeamState]:

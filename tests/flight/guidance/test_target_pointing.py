@@ -1,6 +1,8 @@
 """Look attitude: camera on the target, roll towards the orbit normal, and its rate."""
 
+import jax.numpy as jnp
 import numpy as np
+import pytest
 import rendezvous_scene
 from hypothesis import given
 from numpy_reference import (
@@ -11,9 +13,12 @@ from numpy_reference import (
     rotation_matrix,
     unit,
 )
-from simulated_guidance import boresight, look_attitude
+from simulated_guidance import NO, TIME, YES, boresight, guide, look_attitude, plan, push_gently
 
 from rpojax.core.pytree import replace
+from rpojax.flight.guidance import attitude_guidance
+from rpojax.flight.guidance.line_of_sight_uncertainty import is_within_frame
+from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.scenario.params import Params
 
@@ -83,3 +88,41 @@ def test_far_from_the_orbit_normal_the_attitude_before_does_not_matter(params: P
         strict=True,
     ):
         np.testing.assert_allclose(after, alone, atol=EXACT)
+
+
+def test_along_the_orbit_normal_itself_there_is_an_attitude_without_roll_rate(params: Params) -> None:
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
+    known = rendezvous_scene.estimate(params.flight, 30.0 * normal, np.array([0.01, 0.02, -0.01]))
+    q_BN, omega = look_attitude(params.flight.vehicle, known)
+    np.testing.assert_allclose(np.linalg.norm(q_BN), 1.0, atol=EXACT)
+    np.testing.assert_allclose(boresight(params.flight, q_BN), normal, atol=1e-9)
+    assert np.linalg.norm(omega) < 0.03 / 30.0  # that of the line of sight
+
+
+def test_guidance_near_the_orbit_normal_begins_no_slew_though_the_estimate_is_noisy(params: Params) -> None:
+    rng = np.random.default_rng(1)
+    flight = params.flight
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
+
+    def noisy() -> OrbitEstimate:
+        return rendezvous_scene.estimate(flight, 30.0 * normal + 0.01 * rng.normal(size=3))
+
+    first = noisy()
+    state = attitude_guidance.initial_pointing(flight.vehicle, first)
+    none = plan(push_gently, flight, first, NO)
+    for tick in range(20):
+        arguments = (flight.pointing, flight.vehicle, noisy(), none, state, YES, YES, TIME + tick)
+        state, mode = guide(*arguments, 1.0)
+        assert int(mode) == Mode.LOOK
+    assert float(state.reference.slew_age) >= 20.0
+
+
+@pytest.mark.parametrize(("offset", "fits"), [(0.9, True), (1.1, False)])
+def test_a_frame_holds_the_uncertainty_up_to_half_of_its_angle(params: Params, offset: float, fits: bool) -> None:
+    known = rendezvous_scene.estimate(params.flight, np.array([30.0, 0.0, 0.0]))
+    covariance = 1e-12 * np.eye(12)
+    half_angle = np.radians(5.0)
+    covariance[1, 1] = (offset * half_angle * 30.0 / 3.0) ** 2
+    known = replace(known, relative=replace(known.relative, covariance=jnp.asarray(covariance)))
+    half_frame = jnp.array([np.tan(half_angle), 2.0 * np.tan(half_angle)])
+    assert bool(is_within_frame(known, jnp.asarray(3.0), half_frame)) == fits
