@@ -72,7 +72,10 @@ def advance(burns: BurnSum, gravity_gradient: Matrix, delta_v_N: Vector, covaria
 
 
 def since(now: BurnEffect, before: BurnEffect, from_start: Float[Array, "6 6"], time: Array) -> BurnEffect:
-    """Effect of the burns between two sums, at the time to which `from_start` leads, `time` [s] since the start, equal in all runs."""
+    """Effect of the burns between two sums, at the time to which `from_start` leads.
+
+    That is `time` [s] since the start, equal in all runs.
+    """
     # Fused into the second product, the first one would be repeated for every element of it.
     half = fusion_barrier(product(from_start, now.covariance - before.covariance), time)
     covariance = product(half, from_start.T)
