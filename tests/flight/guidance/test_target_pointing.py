@@ -13,7 +13,7 @@ from numpy_reference import (
     rotation_matrix,
     unit,
 )
-from simulated_guidance import NO, TIME, YES, boresight, guide, look_attitude, plan, push_gently
+from simulated_guidance import TIME, YES, boresight, guide, look_attitude, plan, push_gently
 
 from rpojax.core.pytree import replace
 from rpojax.flight.guidance import attitude_guidance
@@ -109,7 +109,7 @@ def test_guidance_near_the_orbit_normal_begins_no_slew_though_the_estimate_is_no
 
     first = noisy()
     state = attitude_guidance.initial_pointing(flight.vehicle, first)
-    none = plan(push_gently, flight, first, NO)
+    none = plan(push_gently, flight, first, False)
     for tick in range(20):
         arguments = (flight.pointing, flight.vehicle, noisy(), none, state, YES, YES, TIME + tick)
         state, mode = guide(*arguments, 1.0)
