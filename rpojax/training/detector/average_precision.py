@@ -13,17 +13,15 @@ _RECALLS = np.linspace(0.0, 1.0, 101)
 
 @dataclasses.dataclass(frozen=True)
 class Matches:
-    """Detections of all images, matched to true boxes at one threshold of IoU.
+    """Detections of all images by falling score, matched to true boxes at one threshold of IoU.
 
     Attributes:
-        score: (n,) of each detection
         is_right: (n,) whether it has a true box that counts
         is_counted: (n,) whether it counts, right or wrong
         image: (n,) index of its image
         true_counts: (images,) true boxes of each image that count
     """
 
-    score: np.ndarray
     is_right: np.ndarray
     is_counted: np.ndarray
     image: np.ndarray
@@ -38,9 +36,9 @@ class Matches:
         true_count = float(weight @ self.true_counts)
         if true_count == 0.0:
             return float("nan")
-        order = np.argsort(-self.score, kind="mergesort")
-        right, counted, times = self.is_right[order], self.is_counted[order], weight[self.image[order]]
-        hits, misses = np.cumsum(times * (right & counted)), np.cumsum(times * (~right & counted))
+        times = weight[self.image]
+        hits = np.cumsum(times * (self.is_right & self.is_counted))
+        misses = np.cumsum(times * (~self.is_right & self.is_counted))
         recall = hits / true_count
         precision = hits / np.maximum(hits + misses, 1e-12)
         precision = np.maximum.accumulate(precision[::-1])[::-1]
@@ -90,7 +88,9 @@ def match_detections(
             score.append(scores[index][order])
             right.append(hit & ~of_ignored)
             counted.append(np.where(hit, ~of_ignored, ~unmatched_ignored[order]))
-        results.append(Matches(np.concatenate(score), np.concatenate(right), np.concatenate(counted), image, counts))
+        falling = np.argsort(-np.concatenate(score), kind="mergesort")
+        is_right, is_counted = np.concatenate(right)[falling], np.concatenate(counted)[falling]
+        results.append(Matches(is_right, is_counted, image[falling], counts))
     return results
 
 

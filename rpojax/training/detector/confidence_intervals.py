@@ -18,7 +18,7 @@ def wilson_interval(hits: int, total: int) -> Interval | None:
     share, square = hits / total, _QUANTILE**2
     center = (share + square / (2 * total)) / (1.0 + square / total)
     half = _QUANTILE * np.sqrt(share * (1.0 - share) / total + square / (4 * total**2)) / (1.0 + square / total)
-    return round(max(0.0, center - half), 4), round(min(1.0, center + half), 4)
+    return round(float(max(0.0, center - half)), 4), round(float(min(1.0, center + half)), 4)
 
 
 def bootstrap_interval(statistic: Callable[[np.ndarray], float], images: int, seed: int = 0) -> Interval | None:
