@@ -37,6 +37,8 @@ from rpojax.vision.radiance_field.field_file import load_field
 FIELD_OF_VIEW_DEG = 10.0
 SIZE_PX = 128
 RANGES_M = (20.0, 60.0)
+SCALES = (1.0, 0.5, 0.25, 0.125)
+"""Of whole photographs."""
 SIDES_PX = (12, 16, 24, 32, 48, 64, 96)
 _BATCH = 16
 
@@ -194,21 +196,20 @@ def _time_of(call: Callable[[], Any]) -> dict[str, float]:
 
 
 def _photographs(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
-    """Photographs as they are, shrunk in front of backgrounds, and empty backgrounds."""
+    """Photographs at several scales, shrunk in front of backgrounds, and empty backgrounds."""
     known = json.loads((arguments.folder / "boxes.json").read_text())["images"]
     earth = earth_textures.load_earth_textures(held_out=True)
     rows, shrunk = [], []
     for name, entry in known.items():
         image = image_files.read_image(arguments.folder / name)
         real = [ScoredBox(*(float(edge) for edge in box[:4]), score=1.0) for box in entry["boxes"]]
-        found = detect_multiscale(params, image)
-        rows.append({"file": name, "found": _hits(real, found), "of": len(real), "false": _false_boxes(real, found)})
+        rows += [{"file": name, **_at_scale(params, image, real, scale)} for scale in SCALES]
         for side in SIDES_PX:
             for kind in ("own", "black", "stars", "earth", "limb") if _on_black(image) else ("own",):
                 shrunk += [(side, kind, *_detect_shrunk(params, image, box, side, kind, earth)) for box in real]
     empty = {kind: _boxes_per_empty_frame(params, kind, earth) for kind in ("earth", "limb", "night", "glint", "stars")}
     return {
-        "alone": rows,
+        "whole": rows,
         "recall_shrunk": _mean([hit for *_, hit, _ in shrunk]),
         "false_boxes_shrunk": _mean([wrong for *_, wrong in shrunk]),
         "by_side": {str(side): _mean([hit for s, _, hit, _ in shrunk if s == side]) for side in SIDES_PX},
@@ -217,6 +218,21 @@ def _photographs(arguments: argparse.Namespace, params: DetectorParams) -> dict[
             for kind in ("own", "black", "stars", "earth", "limb")
         },
         "boxes_per_empty_frame": empty,
+    }
+
+
+def _at_scale(params: DetectorParams, image: np.ndarray, real: list[ScoredBox], scale: float) -> dict[str, Any]:
+    """Boxes found in a photograph shrunk by a scale, of how many, and false ones."""
+    sides = [max(1, round(n * scale)) for n in image.shape[1::-1]]
+    small = np.asarray(cv2.resize(image, sides, interpolation=cv2.INTER_AREA)) if scale < 1.0 else image
+    known = [ScoredBox(*(scale * float(edge) for edge in (b.left, b.top, b.right, b.bottom)), score=1.0) for b in real]
+    found = detect_multiscale(params, small)
+    return {
+        "scale": scale,
+        "found": _hits(known, found),
+        "of": len(real),
+        "false": _false_boxes(known, found),
+        "long_side_px": [round(max(b.right - b.left, b.bottom - b.top)) for b in known],
     }
 
 

@@ -20,6 +20,7 @@ class DeviceMesh:
     def __init__(self, devices: Sequence[Any]) -> None:
         self._mesh = Mesh(np.array(devices), (_ROWS,))
         self.sharding = NamedSharding(self._mesh, _BY_ROWS)
+        self._whole = NamedSharding(self._mesh, _WHOLE)
 
     @property
     def size(self) -> int:
@@ -29,6 +30,10 @@ class DeviceMesh:
     def place(self, arrays: T) -> T:
         """A pytree of arrays with their rows spread over the devices."""
         return jax.device_put(arrays, self.sharding)
+
+    def copy(self, arrays: T) -> T:
+        """A pytree of arrays, whole on every device."""
+        return jax.device_put(arrays, self._whole)
 
     def by_rows(self, function: Callable[..., T], whole: int = 0) -> Callable[..., T]:
         """`function` called by each device with its share of the rows; results are joined.

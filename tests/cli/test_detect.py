@@ -150,6 +150,10 @@ def test_data_are_made_and_not_overwritten(call: Call, tmp_path: Path) -> None:
     assert again.status == 2
     assert "--force" in again.err
     assert (tmp_path / "data" / "training" / "annotations.json").read_bytes() == made
+    empty = call(
+        *words[:3], tmp_path / "data" / "empty", *words[4:], "--views", "1", "--generator", "2-empty", "--json"
+    )
+    assert empty.json["validation"] == {"images": 3, "empty": 3, "boxes": 0}
 
 
 @pytest.mark.parametrize("words", [("--epochs", "0"), ("--minutes", "0")])

@@ -1,5 +1,6 @@
 """The commands of `rpojax detector`: synthetic data, training, evaluation."""
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -15,6 +16,7 @@ from rpojax.runtime.progress_bar import item_progress
 
 if TYPE_CHECKING:
     from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
+    from rpojax.training.synthetic_data.composites import CompositeMix
     from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 Seed = Annotated[int, arg(metavar="S", help="Seed.")]
@@ -38,6 +40,10 @@ def data(
     ] = 500,
     craft: Annotated[int, arg(metavar="N", help="Spacecraft beside the packaged target.")] = 72,
     views: Annotated[int, arg(metavar="N", help="Ray-traced views of each.")] = 14,
+    generator: Annotated[
+        Literal["1", "2", "1-empty", "2-empty"],
+        arg(metavar="NAME", help="What pictures show: 2, 1 as for the first packaged weights, or no spacecraft."),
+    ] = "2",
     seed: Seed = 0,
     preview: Annotated[Path | None, arg(metavar="PNG", help="Write the first pictures with their boxes.")] = None,
     force: Force = False,
@@ -49,34 +55,70 @@ def data(
     claim_folder(out)
     if preview:
         claim(preview, force, (".png", ".jpg"))
-    from rpojax.training.synthetic_data import detection_dataset, earth_textures, spacecraft_sprites
+    from rpojax.training.synthetic_data import composites, detection_dataset
 
-    parts = ((_TRAINING, count, craft, False), (_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), True))
-    made = {name: f"{number} of {variety} craft x {views} views, seed {seed}" for name, number, variety, _ in parts}
-    done = {name: not force and detection_dataset.is_complete(out / name, made[name]) for name in made}
-    for name in made:
-        if not (force or done[name]) and (out / name / detection_dataset.ANNOTATIONS).exists():
-            raise OutputError(f"{out / name}: holds another data set already; --force replaces it")
+    mix = composites.GENERATORS[int(generator[0])]
+    if generator.endswith("empty"):
+        mix = dataclasses.replace(mix, empty=1.0)
+    name = "" if generator == "1" else f", generator {generator}"
+    parts = [
+        _DataPart(
+            folder,
+            number,
+            variety,
+            views,
+            seed,
+            held_out,
+            f"{number} of {variety} craft x {views} views, seed {seed}{name}",
+        )
+        for folder, number, variety, held_out in (
+            (_TRAINING, count, craft, False),
+            (_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), True),
+        )
+    ]
+    missing = [part for part in parts if force or not detection_dataset.is_complete(out / part.name, part.provenance)]
+    for part in missing:
+        if not force and (out / part.name / detection_dataset.ANNOTATIONS).exists():
+            raise OutputError(f"{out / part.name}: holds another data set already; --force replaces it")
     work = out.with_name(out.name + ".work")
     with resumable(work):
-        for name, number, variety, held_out in parts:
-            if done[name]:
-                continue
-            with item_progress(f"ray tracing for {name}", quiet=as_json) as watch:
-                found = spacecraft_sprites.trace_sprites(work / "sprites", variety, views, seed, held_out, watch)
-            with item_progress(f"composing for {name}", quiet=as_json) as watch:
-                earth = earth_textures.load_earth_textures(held_out, seed)
-                detection_dataset.write_dataset(
-                    out / name, number, 2 * seed + held_out, found, earth, made[name], watch
-                )
+        for part in missing:
+            _make_part(part, out, work, mix, quiet=as_json)
     content: dict[str, Any] = {"data": str(out), "views": str(work)}
-    for name, *_ in parts:
-        content[name] = detection_dataset.summary(out / name)
+    for part in parts:
+        content[part.name] = detection_dataset.summary(out / part.name)
     if preview:
         _preview(detection_dataset.read_dataset(out / _TRAINING, limit=96), preview)
         content["preview"] = str(preview)
     _print_result(content, as_json)
     return 0
+
+
+@dataclasses.dataclass(frozen=True)
+class _DataPart:
+    """Number of pictures of a data set, of how many spacecraft and views; `provenance` tells it from others."""
+
+    name: str
+    number: int
+    craft: int
+    views: int
+    seed: int
+    held_out: bool
+    provenance: str
+
+
+def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quiet: bool) -> None:
+    """Traces the spacecraft of a data set, and composes its pictures."""
+    from rpojax.training.synthetic_data import detection_dataset, earth_textures, spacecraft_sprites
+
+    with item_progress(f"ray tracing for {part.name}", quiet=quiet) as watch:
+        found = spacecraft_sprites.trace_sprites(
+            work / "sprites", part.craft, part.views, part.seed, part.held_out, watch
+        )
+    with item_progress(f"composing for {part.name}", quiet=quiet) as watch:
+        earth = earth_textures.load_earth_textures(part.held_out, part.seed)
+        number = 2 * part.seed + part.held_out
+        detection_dataset.write_dataset(out / part.name, part.number, number, found, earth, part.provenance, watch, mix)
 
 
 def train(
@@ -102,7 +144,6 @@ def train(
     from rpojax.vision.detector.detector_file import load_detector, round_to_half_precision, save_detector
 
     begun, before = load_detector(start) if start else (None, {})
-
     known, unseen = _training_and_validation(dataset)
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")

@@ -1,5 +1,6 @@
 """Average precision by the rule of COCO (Lin et al., 2014): 101 recalls, greedy matching by falling score."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +11,41 @@ IOU_THRESHOLDS = np.linspace(0.5, 0.95, 10)
 _RECALLS = np.linspace(0.0, 1.0, 101)
 
 
+@dataclasses.dataclass(frozen=True)
+class Matches:
+    """Detections of all images by falling score, matched to true boxes at one threshold of IoU.
+
+    Attributes:
+        is_right: (n,) whether it has a true box that counts
+        is_counted: (n,) whether it counts, right or wrong
+        image: (n,) index of its image
+        true_counts: (images,) true boxes of each image that count
+    """
+
+    is_right: np.ndarray
+    is_counted: np.ndarray
+    image: np.ndarray
+    true_counts: np.ndarray
+
+    def average_precision(self, repeats: np.ndarray | None = None) -> float:
+        """Mean over 101 recalls of the largest precision at that recall or a larger one; NaN without true boxes.
+
+        `repeats` (images,) says how often each image counts, as in a bootstrap; by default once.
+        """
+        weight = np.ones(len(self.true_counts)) if repeats is None else repeats
+        true_count = float(weight @ self.true_counts)
+        if true_count == 0.0:
+            return float("nan")
+        times = weight[self.image]
+        hits = np.cumsum(times * (self.is_right & self.is_counted))
+        misses = np.cumsum(times * (~self.is_right & self.is_counted))
+        recall = hits / true_count
+        precision = hits / np.maximum(hits + misses, 1e-12)
+        precision = np.maximum.accumulate(precision[::-1])[::-1]
+        place = np.searchsorted(recall, _RECALLS, side="left")
+        return float(np.append(precision, 0.0)[np.minimum(place, len(precision))].mean())
+
+
 def average_precision(
     boxes: Sequence[np.ndarray],
     scores: Sequence[np.ndarray],
@@ -18,16 +54,32 @@ def average_precision(
     ignored_boxes: Sequence[np.ndarray] | None = None,
     thresholds: np.ndarray = IOU_THRESHOLDS,
 ) -> np.ndarray:
-    """Average precision at every threshold of IoU; NaN without true boxes.
+    """Average precision at every threshold of IoU; NaN without true boxes; arguments as of `match_detections`."""
+    matches = match_detections(boxes, scores, truth, ignored_truth, ignored_boxes, thresholds)
+    return np.array([at_threshold.average_precision() for at_threshold in matches])
+
+
+def match_detections(
+    boxes: Sequence[np.ndarray],
+    scores: Sequence[np.ndarray],
+    truth: Sequence[np.ndarray],
+    ignored_truth: Sequence[np.ndarray] | None = None,
+    ignored_boxes: Sequence[np.ndarray] | None = None,
+    thresholds: np.ndarray = IOU_THRESHOLDS,
+) -> list[Matches]:
+    """Detections matched to true boxes at every threshold of IoU.
 
     For each image boxes (n, 4) with scores (n,), and true boxes (m, 4). Matches of true boxes in `ignored_truth` (m,)
     do not count, nor do unmatched boxes in `ignored_boxes` (n,), such as those outside of a range of sizes.
     """
     results = []
+    image = np.repeat(np.arange(len(boxes)), [len(found) for found in boxes])
+    ignored_real = ignored_truth or [np.zeros(len(real), bool) for real in truth]
+    counts = np.array([len(real) - int(ignored.sum()) for real, ignored in zip(truth, ignored_real, strict=True)])
     for threshold in thresholds:
         score, right, counted = [], [], []
         for index, real in enumerate(truth):
-            ignored = np.zeros(len(real), bool) if ignored_truth is None else ignored_truth[index]
+            ignored = ignored_real[index]
             unmatched_ignored = np.zeros(len(boxes[index]), bool) if ignored_boxes is None else ignored_boxes[index]
             order = np.argsort(-scores[index], kind="mergesort")
             matched = _match(pairwise_iou(boxes[index][order], real), ignored, float(threshold))
@@ -36,15 +88,10 @@ def average_precision(
             score.append(scores[index][order])
             right.append(hit & ~of_ignored)
             counted.append(np.where(hit, ~of_ignored, ~unmatched_ignored[order]))
-        true_count = sum(len(real) for real in truth)
-        if ignored_truth is not None:
-            true_count -= sum(int(ignored.sum()) for ignored in ignored_truth)
-        results.append(
-            _mean_interpolated_precision(
-                np.concatenate(score), np.concatenate(right), np.concatenate(counted), true_count
-            )
-        )
-    return np.array(results)
+        falling = np.argsort(-np.concatenate(score), kind="mergesort")
+        is_right, is_counted = np.concatenate(right)[falling], np.concatenate(counted)[falling]
+        results.append(Matches(is_right, is_counted, image[falling], counts))
+    return results
 
 
 def _match(iou: np.ndarray, ignored: np.ndarray, threshold: float) -> np.ndarray:
@@ -65,17 +112,3 @@ def _match(iou: np.ndarray, ignored: np.ndarray, threshold: float) -> np.ndarray
             taken[chosen] = True
             found[index] = chosen
     return found
-
-
-def _mean_interpolated_precision(score: np.ndarray, right: np.ndarray, counted: np.ndarray, true_count: int) -> float:
-    """Mean over 101 recalls of the largest precision at that recall or a larger one."""
-    if true_count == 0:
-        return float("nan")
-    order = np.argsort(-score, kind="mergesort")
-    right, counted = right[order], counted[order]
-    hits, misses = np.cumsum(right & counted), np.cumsum(~right & counted)
-    recall = hits / true_count
-    precision = hits / np.maximum(hits + misses, 1e-12)
-    precision = np.maximum.accumulate(precision[::-1])[::-1]
-    place = np.searchsorted(recall, _RECALLS, side="left")
-    return float(np.append(precision, 0.0)[np.minimum(place, len(precision))].mean())

@@ -1,19 +1,23 @@
-"""Batches of augmented images, prepared ahead by a thread."""
+"""Batches of augmented images, prepared ahead by threads."""
 
-import queue
-import threading
+import collections
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
+from rpojax.runtime.jax_environment import available_cores
 from rpojax.training.detector.augmentation import Batch, augment_batch
 from rpojax.training.detector.training_options import NetworkTrainingOptions
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
+_MAX_THREADS = 8
+
 
 class BatchPrefetcher:
-    """Batches from a step on; without a time limit a batch depends on seed and step alone.
+    """Batches from a step on, in order; without a time limit a batch depends on seed and step alone.
 
     `progress` is the fraction of the training that is done; whether batches are of crops follows it some steps later.
+    As many threads prepare them as there are cores, so that an accelerator does not wait for one.
     """
 
     def __init__(
@@ -26,45 +30,36 @@ class BatchPrefetcher:
     ) -> None:
         self.progress = progress
         self._data, self._options, self._steps_per_epoch, self._step = data, options, steps_per_epoch, first_step
-        self._batches: queue.Queue[Batch] = queue.Queue(maxsize=4)
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._threads = min(available_cores(), _MAX_THREADS)
+        self._batches: collections.deque[Future[Batch]] = collections.deque()
 
     def next(self) -> Batch:
         """The batch of the next step."""
-        while True:
-            try:
-                return self._batches.get(timeout=10.0)
-            except queue.Empty:
-                if not self._thread.is_alive():
-                    raise RuntimeError("the thread that prepares batches has ended") from None
+        self._fill()
+        batch = self._batches.popleft().result()
+        self._fill()
+        return batch
 
-    def _run(self) -> None:
-        while not self._ended.is_set():
-            batch = self._prepare(self._step)
+    def _fill(self) -> None:
+        """Has as many batches in preparation as there are threads, and two."""
+        while len(self._batches) < self._threads + 2:
+            self._batches.append(self._executor.submit(self._prepare, self._step, self.progress))
             self._step += 1
-            while not self._ended.is_set():
-                try:
-                    self._batches.put(batch, timeout=0.2)
-                    break
-                except queue.Full:
-                    continue
 
-    def _prepare(self, step: int) -> Batch:
+    def _prepare(self, step: int, clock: float) -> Batch:
         progress = step / (self._options.epochs * self._steps_per_epoch)
         if self._options.limit_s is not None:
-            progress = max(progress, self.progress)
+            progress = max(progress, clock)
         indices = image_indices(len(self._data), self._options, self._steps_per_epoch, step)
         rng = np.random.default_rng([self._options.seed, 1, step])
         return augment_batch(self._data, indices, rng, crops=progress < self._options.pieces_share)
 
     def __enter__(self) -> "BatchPrefetcher":
-        self._thread.start()
+        self._executor = ThreadPoolExecutor(self._threads, thread_name_prefix="augmentation")
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._ended.set()
-        self._thread.join()
+        self._executor.shutdown(wait=True, cancel_futures=True)
 
 
 def image_indices(count: int, options: NetworkTrainingOptions, steps_per_epoch: int, step: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.detector.average_precision import average_precision
+from rpojax.training.detector.average_precision import Matches, match_detections
+from rpojax.training.detector.box_ranges import IsOutside, outside_contrast_range, outside_size_range
+from rpojax.training.detector.confidence_intervals import bootstrap_interval, wilson_interval
+from rpojax.training.detector.pair_recall import pair_recalls
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector.box_decoding import Detections
 from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, detect
@@ -19,8 +22,10 @@ from rpojax.vision.intersection_over_union import pairwise_iou
 MIN_SIDE_PX = 16.0
 """Least long side of a box that counts in the overall metrics."""
 SIZE_BINS_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
+CONTRAST_BINS = (0.0, 10.0, 25.0, 60.0, 1e9)
 BOXES_PER_IMAGE = 8
 _BATCH = 50
+_LARGE_ENOUGH = outside_size_range(MIN_SIDE_PX)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,57 +59,103 @@ def _detect(detector: Callable[[Any, jax.Array, int], Detections], params: Any, 
     return detector(params, images, BOXES_PER_IMAGE)
 
 
-def long_side(boxes: np.ndarray) -> np.ndarray:
-    """Longer side (n,) [px] of boxes (n, 4)."""
-    return np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) if len(boxes) else np.zeros(0)
-
-
 def detection_metrics(
-    found: ImageDetections, data: DetectionDataset, min_px: float = MIN_SIDE_PX, max_px: float = 1e9
+    found: ImageDetections,
+    data: DetectionDataset,
+    is_outside: IsOutside = _LARGE_ENOUGH,
+    intervals: bool = False,
 ) -> dict[str, Any]:
-    """Metrics over the true boxes whose long side is in a range [px]; boxes outside of it are ignored.
+    """Metrics over the true boxes that are not outside of a range, by default one of sizes from `MIN_SIDE_PX` on.
 
-    `median_iou` and `recall` count misses as 0; `false_alarms_per_empty_frame` counts boxes over the threshold in
-    images without a spacecraft.
+    `is_outside` gives a flag for each of the boxes (n, 4) in an image (p, p, 3); found boxes without a true one are
+    ignored by it too. `median_iou` and `recall` count misses as 0; `false_alarms_per_empty_frame` counts boxes over the
+    threshold in images without a spacecraft. With `intervals`, `interval_95` has the interval of each figure.
     """
-    ignored_truth = [_outside_size_range(boxes, min_px, max_px) for boxes in data.boxes]
-    ignored_boxes = [_outside_size_range(boxes, min_px, max_px) for boxes in found.boxes]
-    precision = average_precision(found.boxes, found.scores, data.boxes, ignored_truth, ignored_boxes)
+    ignored_truth = [is_outside(image, real) for image, real in zip(data.images, data.boxes, strict=True)]
+    ignored_boxes = [is_outside(image, boxes) for image, boxes in zip(data.images, found.boxes, strict=True)]
+    matches = match_detections(found.boxes, found.scores, data.boxes, ignored_truth, ignored_boxes)
+    best = _best_overlaps(found, data, ignored_truth)
+    overlaps = np.concatenate(best)
+    empty = _boxes_in_empty_frames(found, data)
+    precision = [at_threshold.average_precision() for at_threshold in matches]
+    metrics = {
+        "boxes": len(overlaps),
+        "map50": _rounded(precision[0]),
+        "map50_95": _rounded(np.mean(precision)),
+        "median_iou": _rounded(np.median(overlaps)) if len(overlaps) else None,
+        "recall": _rounded(np.mean(overlaps >= 0.5)) if len(overlaps) else None,
+        "empty_frames": len(empty),
+        "false_alarms_per_empty_frame": _rounded(np.mean(empty)) if len(empty) else None,
+    }
+    return {**metrics, "interval_95": _intervals(matches, best, empty)} if intervals else metrics
+
+
+def _best_overlaps(
+    found: ImageDetections, data: DetectionDataset, ignored_truth: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """For each image the IoU of every true box that counts with the best box over the threshold, or 0."""
     best = []
     for boxes, scores, real, ignored in zip(found.boxes, found.scores, data.boxes, ignored_truth, strict=True):
         iou = pairwise_iou(boxes[scores >= SCORE_THRESHOLD], real.astype(np.float64))
-        best += list(np.max(iou, axis=0, initial=0.0)[~ignored])
-    empty = [
-        int((s >= SCORE_THRESHOLD).sum()) for s, real in zip(found.scores, data.boxes, strict=True) if len(real) == 0
-    ]
+        best.append(np.max(iou, axis=0, initial=0.0)[~ignored])
+    return best
+
+
+def _boxes_in_empty_frames(found: ImageDetections, data: DetectionDataset) -> np.ndarray:
+    """Number of boxes over the threshold in each image without a spacecraft."""
+    numbers = [(s >= SCORE_THRESHOLD).sum() for s, real in zip(found.scores, data.boxes, strict=True) if len(real) == 0]
+    return np.array(numbers, int)
+
+
+def _intervals(matches: Sequence[Matches], best: Sequence[np.ndarray], empty: np.ndarray) -> dict[str, Any]:
+    """Intervals of 95 % of the metrics; of false alarms that of the fraction of empty frames with a box."""
+    images, overlaps = len(best), np.concatenate(best)
+    image = np.repeat(np.arange(images), [len(values) for values in best])
+
+    def median_of(repeats: np.ndarray) -> float:
+        return float(np.median(np.repeat(overlaps, repeats[image].astype(int)))) if repeats[image].any() else np.nan
+
     return {
-        "boxes": len(best),
-        "map50": _rounded(precision[0]),
-        "map50_95": _rounded(precision.mean()),
-        "median_iou": _rounded(np.median(best)) if best else None,
-        "recall": _rounded(np.mean(np.array(best) >= 0.5)) if best else None,
-        "empty_frames": len(empty),
-        "false_alarms_per_empty_frame": _rounded(np.mean(empty)) if empty else None,
+        "map50": bootstrap_interval(matches[0].average_precision, images),
+        "map50_95": bootstrap_interval(
+            lambda times: float(np.mean([m.average_precision(times) for m in matches])), images
+        ),
+        "median_iou": bootstrap_interval(median_of, images),
+        "recall": wilson_interval(int((overlaps >= 0.5).sum()), len(overlaps)),
+        "empty_frames_with_a_box": wilson_interval(int((empty > 0).sum()), len(empty)),
     }
 
 
 def evaluation_report(found: ImageDetections, data: DetectionDataset) -> dict[str, Any]:
-    """Overall metrics, and by apparent size, by background, and for the packaged target and others."""
-    by_size = {}
-    for low, high in itertools.pairwise(SIZE_BINS_PX):
-        name = f"{low:g} to {high:g} px" if high < 1e9 else f"from {low:g} px"
-        by_size[name] = _without_empty_frames(detection_metrics(found, data, low, high))
+    """Overall metrics with intervals, and by apparent size, contrast, background, neighbours, and craft."""
     return {
         "images": len(data),
         "threshold": SCORE_THRESHOLD,
         "least_side_px": MIN_SIDE_PX,
-        **detection_metrics(found, data),
-        "by_size": by_size,
+        **detection_metrics(found, data, intervals=True),
+        "by_size": _metrics_by_range(found, data, SIZE_BINS_PX, "px", outside_size_range),
+        "by_contrast": _metrics_by_range(found, data, CONTRAST_BINS, "codes", outside_contrast_range),
         "by_background": _metrics_by_name(data.backgrounds, found, data),
+        "pairs": pair_recalls(found.boxes, found.scores, data.boxes, SCORE_THRESHOLD, MIN_SIDE_PX),
         "by_craft": {
             name: _without_empty_frames(values) for name, values in _metrics_by_name(data.craft, found, data).items()
         },
     }
+
+
+def _metrics_by_range(
+    found: ImageDetections,
+    data: DetectionDataset,
+    bins: Sequence[float],
+    unit: str,
+    outside: Callable[[float, float], IsOutside],
+) -> dict[str, Any]:
+    """Metrics of boxes in each range of a quantity."""
+    parts = {}
+    for low, high in itertools.pairwise(bins):
+        name = f"{low:g} to {high:g} {unit}" if high < 1e9 else f"from {low:g} {unit}"
+        parts[name] = _without_empty_frames(detection_metrics(found, data, outside(low, high), intervals=True))
+    return parts
 
 
 def _metrics_by_name(
@@ -115,18 +166,14 @@ def _metrics_by_name(
     for name in sorted(set(names)):
         chosen = np.array([i for i, other in enumerate(names) if other == name])
         part = ImageDetections([found.boxes[i] for i in chosen], [found.scores[i] for i in chosen])
-        parts[name] = detection_metrics(part, data.subset(chosen))
+        parts[name] = detection_metrics(part, data.subset(chosen), intervals=True)
     return parts
 
 
 def _without_empty_frames(values: dict[str, Any]) -> dict[str, Any]:
     """Metrics without those of empty images, which do not depend on the size of boxes."""
-    return {name: value for name, value in values.items() if "empty" not in name}
-
-
-def _outside_size_range(boxes: np.ndarray, min_px: float, max_px: float) -> np.ndarray:
-    side = long_side(boxes)
-    return (side < min_px) | (side >= max_px)
+    inner = {"interval_95": _without_empty_frames(values["interval_95"])} if "interval_95" in values else {}
+    return {name: value for name, value in values.items() if "empty" not in name} | inner
 
 
 def _rounded(value: Any) -> float | None:

@@ -5,6 +5,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from rpojax.training.detector.augmentation import Batch
 from rpojax.vision.detector.box_decoding import STRIDE, maps_from_channels
 from rpojax.vision.detector.proposal_network import NETWORK
 from rpojax.vision.intersection_over_union import generalized_iou
@@ -14,24 +15,22 @@ _MIN_HEAT_SIGMA_PX = 2.0
 _MIN_EDGE_HEAT = 0.3
 
 
-def proposal_loss(
-    params: dict[str, Any], frozen: Any, key: jax.Array, images: jax.Array, boxes: jax.Array, weight: jax.Array
-) -> jax.Array:
+def proposal_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: Batch) -> jax.Array:
     """Loss of the network's parameters; see `training_loop.Loss`."""
     del frozen, key
-    return maps_loss(NETWORK.apply({"params": params}, images), boxes, weight)  # pyright: ignore[reportArgumentType]
+    return maps_loss(NETWORK.apply({"params": params}, batch.images), batch)  # pyright: ignore[reportArgumentType]
 
 
-def maps_loss(raw: jax.Array, boxes: jax.Array, weight: jax.Array) -> jax.Array:
-    """Loss of the network's channels (n, y, x, 5) for boxes (n, m, 4) [px] with weights (n, m) as in `Batch`."""
+def maps_loss(raw: jax.Array, batch: Batch) -> jax.Array:
+    """Loss of the network's channels (n, y, x, 5) for the boxes of a batch."""
     maps = maps_from_channels(raw)
-    heat, edges = jax.vmap(_image_loss)(maps.heatmap, maps.edges, raw[..., 1:], boxes, weight)
-    count = jnp.maximum(jnp.sum(jnp.where(weight > 0.0, 1.0, 0.0).astype(jnp.float32)), 1.0)
+    heat, edges = jax.vmap(_image_loss)(maps.heatmap, maps.edges, raw[..., 1:], batch.boxes, batch.weight, batch.known)
+    count = jnp.maximum(jnp.sum(jnp.where(batch.weight > 0.0, 1.0, 0.0).astype(jnp.float32)), 1.0)
     return (jnp.sum(heat) + 2.0 * jnp.sum(edges)) / count
 
 
 def _image_loss(
-    heat: jax.Array, edges: jax.Array, raw: jax.Array, boxes: jax.Array, weight: jax.Array
+    heat: jax.Array, edges: jax.Array, raw: jax.Array, boxes: jax.Array, weight: jax.Array, known: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """Sums over the cells of an image of the heat loss and of the edge loss."""
     rows, columns = heat.shape
@@ -61,9 +60,15 @@ def _image_loss(
     target_box = jnp.einsum("myx,mc->yxc", owner, boxes)
     cell_center = jnp.stack(jnp.broadcast_arrays(x, y.T, x, y.T), axis=-1)
     sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)[None, None, :]
-    distance = jnp.mean(jnp.abs(raw - jnp.arcsinh(sign * (target_box - cell_center) / STRIDE)), axis=-1)
-    edge_loss = (1.0 - generalized_iou(edges, target_box)) + distance
+    shown = jnp.einsum("myx,mc->yxc", owner, known)
+    distance = jnp.mean(shown * jnp.abs(raw - jnp.arcsinh(sign * (target_box - cell_center) / STRIDE)), axis=-1)
+    edge_loss = (1.0 - generalized_iou(edges, with_unknown_edges(target_box, edges, shown))) + distance
     return jnp.sum(heat_loss), jnp.sum(edge_weight * edge_loss)
+
+
+def with_unknown_edges(target: jax.Array, found: jax.Array, known: jax.Array) -> jax.Array:
+    """True boxes (..., 4) with the edges found in place of those not known (..., 4), which then have no loss."""
+    return jnp.where(known > 0.0, target, jax.lax.stop_gradient(found))
 
 
 def _focal_loss(logit: jax.Array, target: jax.Array, positive: jax.Array) -> jax.Array:

@@ -5,6 +5,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from rpojax.training.detector.augmentation import Batch
+from rpojax.training.detector.proposal_loss import with_unknown_edges
 from rpojax.vision.detector import box_decoding, proposal_network
 from rpojax.vision.detector.box_decoding import ProposalMaps
 from rpojax.vision.detector.refinement_network import NETWORK, boxes_from_channels
@@ -23,17 +25,17 @@ _NEGATIVE_IOU = 0.15
 """IoU with a true box from which a candidate is positive, and up to which it is negative."""
 
 
-def refinement_loss(
-    params: dict[str, Any], frozen: Any, key: jax.Array, images: jax.Array, boxes: jax.Array, weight: jax.Array
-) -> jax.Array:
+def refinement_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: Batch) -> jax.Array:
     """Loss of the network's parameters; `frozen` are those of the proposal network, see `training_loop.Loss`."""
-    maps = proposal_network.forward(frozen, images)
-    keys = jax.random.split(key, images.shape[0])
-    candidates = jax.lax.stop_gradient(jax.vmap(_candidate_boxes)(maps.heatmap, maps.edges, boxes, weight, keys))
-    crops, crop_px = jax.vmap(crop_boxes)(images, candidates)
+    maps = proposal_network.forward(frozen, batch.images)
+    keys = jax.random.split(key, batch.images.shape[0])
+    candidates = jax.lax.stop_gradient(
+        jax.vmap(_candidate_boxes)(maps.heatmap, maps.edges, batch.boxes, batch.weight, keys)
+    )
+    crops, crop_px = jax.vmap(crop_boxes)(batch.images, candidates)
     raw = NETWORK.apply({"params": params}, crops.reshape(-1, *crops.shape[2:]))
     raw = raw.reshape(*candidates.shape[:2], 5)  # pyright: ignore[reportAttributeAccessIssue]
-    edge, quality, positive = jax.vmap(_image_loss)(raw, crop_px, candidates, boxes, weight)
+    edge, quality, positive = jax.vmap(_image_loss)(raw, crop_px, candidates, batch.boxes, batch.weight, batch.known)
     return (2.0 * jnp.sum(edge) + jnp.sum(quality)) / jnp.maximum(jnp.sum(positive), 1.0)
 
 
@@ -59,21 +61,26 @@ def _candidate_boxes(
 
 
 def _image_loss(
-    raw: jax.Array, crop_px: jax.Array, candidates: jax.Array, boxes: jax.Array, weight: jax.Array
+    raw: jax.Array,
+    crop_px: jax.Array,
+    candidates: jax.Array,
+    boxes: jax.Array,
+    weight: jax.Array,
+    known: jax.Array,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Losses (n,) of edges and of quality, and 1 for positive candidates."""
     found, logit = boxes_from_channels(raw, crop_px)
     iou = pairwise_iou(candidates, boxes)
     true_iou = jnp.where((weight > 0.0)[None, :], iou, 0.0)
     owner = jax.nn.one_hot(jnp.argmax(true_iou, axis=1), boxes.shape[0], dtype=jnp.float32)
-    target_box = owner @ boxes
+    target_box, shown = owner @ boxes, owner @ known
     best = jnp.max(true_iou, axis=1)
     positive = (best >= _POSITIVE_IOU).astype(jnp.float32)
     uncertain = jnp.any(jnp.where((weight < 0.0)[None, :], iou, 0.0) > 0.05, axis=1) | (best > _NEGATIVE_IOU)
     counted = jnp.where(uncertain, positive, 1.0)
     side = jnp.tile(crop_px[:, 2:] - crop_px[:, :2], (1, 2))
-    distance = jnp.mean(jnp.abs(found - target_box) / side, axis=-1)
-    giou = generalized_iou(found, target_box)
-    quality = jax.lax.stop_gradient(positive * jnp.clip(giou, 0.0, 1.0))
+    distance = jnp.mean(shown * jnp.abs(found - target_box) / side, axis=-1)
+    giou = generalized_iou(found, with_unknown_edges(target_box, found, shown))
+    quality = jax.lax.stop_gradient(positive * jnp.clip(generalized_iou(found, target_box), 0.0, 1.0))
     cross_entropy = -quality * jax.nn.log_sigmoid(logit) - (1.0 - quality) * jax.nn.log_sigmoid(-logit)
     return positive * (1.0 - giou + 4.0 * distance), counted * cross_entropy, positive

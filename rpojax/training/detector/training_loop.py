@@ -37,8 +37,8 @@ _MOMENTUM = 0.9
 _KERNEL_RATE_FACTOR = 10.0
 """Learning rate of kernels by that of the other arrays."""
 
-Loss = Callable[[Params, Any, jax.Array, jax.Array, jax.Array, jax.Array], jax.Array]
-"""Of a network's parameters, frozen parameters, a random key, and images, boxes and weights as in `Batch`."""
+Loss = Callable[[Params, Any, jax.Array, Batch], jax.Array]
+"""Of a network's parameters, frozen parameters, a random key and a batch."""
 Evaluate = Callable[[Params], dict[str, Any]]
 """Metrics of a network's parameters on the validation images."""
 
@@ -61,6 +61,7 @@ class _Problem:
     frozen: Any
     options: NetworkTrainingOptions
     steps_per_epoch: int
+    mesh: DeviceMesh
 
     @property
     def steps(self) -> int:
@@ -88,7 +89,7 @@ def train_network(
     learning rate schedule ends at the limit.
     """
     start_time = time.monotonic()
-    problem = _Problem(loss, _optimizer(), frozen, options, max(1, len(data) // options.batch))
+    problem = _training_problem(loss, frozen, options, data)
     params = with_channel_gains(start)
     state = TrainingState(params, params, problem.optimizer.init(params))
     history: list[NetworkTrainingProgress] = []
@@ -99,6 +100,8 @@ def train_network(
         done = history[-1].done
         start_time -= history[-1].elapsed_s
         progress = problem.progress(done, history[-1].elapsed_s)
+    # Where each step leaves it: otherwise the step would be compiled again for the second one.
+    state = TrainingState(*problem.mesh.copy(_state_arrays(state)))
     with BatchPrefetcher(data, options, problem.steps_per_epoch, done, progress) as batches:
         while done < problem.steps and progress < 1.0:
             state, done, progress = _run_epoch(problem, state, batches, done, progress, start_time)
@@ -111,6 +114,12 @@ def train_network(
                 checkpoints.write_checkpoint(checkpoint, key, _state_arrays(state), entries)
             on_progress(history[-1])
     return apply_channel_gains(state.averaged_params), history
+
+
+def _training_problem(loss: Loss, frozen: Any, options: NetworkTrainingOptions, data: DetectionDataset) -> _Problem:
+    """What stays the same, with frozen parameters on as many devices as divide the number of images of a batch."""
+    mesh = DeviceMesh(jax.devices()[: math.gcd(options.batch, jax.device_count())])
+    return _Problem(loss, _optimizer(), mesh.copy(frozen), options, max(1, len(data) // options.batch), mesh)
 
 
 def _run_epoch(
@@ -136,15 +145,12 @@ def _state_arrays(state: TrainingState) -> tuple[Params, Params, Any]:
 def _run_step(
     problem: _Problem, state: TrainingState, settings: jax.Array, key: jax.Array, batch: Batch
 ) -> TrainingState:
-    # As many devices as divide the number of images.
-    mesh = DeviceMesh(jax.devices()[: math.gcd(len(batch.images), jax.device_count())])
-    arrays = mesh.place((batch.images, batch.boxes, batch.weight))
+    arrays = problem.mesh.place(batch)
+    whole = problem.mesh.copy((settings, key))
     # One step at a time: with several in flight and few cores, the parts of one may wait for those of another for ever.
     return TrainingState(
         *jax.block_until_ready(
-            _training_step(
-                problem.loss, problem.optimizer, _state_arrays(state), problem.frozen, settings, key, *arrays
-            )
+            _training_step(problem.loss, problem.optimizer, _state_arrays(state), problem.frozen, *whole, arrays)
         )
     )
 
@@ -157,14 +163,12 @@ def _training_step(
     frozen: Any,
     settings: jax.Array,
     key: jax.Array,
-    images: jax.Array,
-    boxes: jax.Array,
-    weight: jax.Array,
+    batch: Batch,
 ) -> tuple[Params, Params, Any]:
     """One step; `settings` are the learning rate and the decay of the moving average."""
     params, average, optimizer_state = state
     rate, decay = settings[0], settings[1]
-    gradient = jax.grad(lambda p: loss(apply_channel_gains(p), frozen, key, images, boxes, weight))(params)
+    gradient = jax.grad(lambda p: loss(apply_channel_gains(p), frozen, key, batch))(params)
     with jax.numpy_dtype_promotion("standard"):  # optax raises a float to an integer power
         update, optimizer_state = optimizer.update(gradient, optimizer_state, params)
     params = jax.tree.map(lambda p, u: p - rate * u, params, update)

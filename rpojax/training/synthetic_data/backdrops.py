@@ -17,7 +17,7 @@ from rpojax.training.synthetic_data.earth_views import (
 
 Rng = np.random.Generator
 
-BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon")
+BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city")
 
 
 def paint_backdrop(rng: Rng, kind: str, earth: EarthTextures, size_px: int) -> np.ndarray:
@@ -131,6 +131,53 @@ def _night(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     return image + space
 
 
+def _city(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
+    """City lights near by: clusters of lamps and the roads between them, over dark ground under faint clouds."""
+    import cv2
+
+    view = random_earth_view(rng, earth, size_px, limb=bool(rng.random() < 0.3), sun_height=(-1.0, -0.2))
+    ground = ground_image(rng, earth, view, float(rng.beta(1.0, 2.0)))
+    centers = rng.uniform(-0.2, 1.2, (int(rng.integers(1, 8)), 2)) * size_px
+    places = [_cluster(rng, center, size_px) for center in centers]
+    places += [_road(rng, *rng.permutation(centers)[:2]) for _ in range(int(rng.integers(0, 6))) if len(centers) > 1]
+    lamps = np.concatenate(places)
+    pixel = np.floor(lamps).astype(int)
+    pixel = pixel[((pixel >= 0) & (pixel < size_px)).all(axis=1)]
+    lights = np.zeros((size_px, size_px), np.float32)
+    np.add.at(lights, (pixel[:, 1], pixel[:, 0]), np.exp(rng.normal(scale=1.0, size=len(pixel))).astype(np.float32))
+    sharp = cv2.GaussianBlur(lights, (0, 0), float(rng.uniform(0.3, 1.2)))
+    glow = cv2.GaussianBlur(lights, (0, 0), float(rng.uniform(2.0, 6.0)))
+    brightness = float(np.exp(rng.uniform(np.log(0.03), np.log(0.8))))
+    color = np.array([1.0, rng.uniform(0.55, 0.95), rng.uniform(0.25, 0.8)])
+    seen = ((sharp + rng.uniform(0.0, 0.6) * glow) * (1.0 - 0.8 * ground.clouds) * ground.hit)[..., None]
+    moonlight = float(np.exp(rng.uniform(np.log(1e-4), np.log(0.01))))
+    dark = moonlight * (ground.color + ground.clouds[..., None]) * ground.hit[..., None]
+    return dark + brightness * seen * color
+
+
+def _cluster(rng: Rng, center: np.ndarray, size_px: int) -> np.ndarray:
+    """Places (n, 2) [px] of the lamps of a city, dense at its centre, many on a grid of streets."""
+    count = int(np.exp(rng.uniform(np.log(15.0), np.log(600.0))))
+    reach = float(rng.uniform(0.02, 0.15)) * size_px
+    places = rng.normal(size=(count, 2)) * rng.exponential(reach, (count, 1))
+    if rng.random() < 0.5:
+        spacing = float(rng.uniform(2.0, 6.0))
+        along = rng.integers(0, 2, count)
+        rows = np.arange(count)
+        places[rows, along] = np.round(places[rows, along] / spacing) * spacing
+    angle = rng.uniform(0.0, np.pi)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return center + places @ turn.T
+
+
+def _road(rng: Rng, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Places (n, 2) [px] of lamps on a bent road between two cities."""
+    way = np.sort(rng.random(int(rng.integers(20, 150))))[:, None]
+    across = (end - start)[::-1] * np.array([-1.0, 1.0])
+    bend = rng.normal(scale=0.15) * np.sin(np.pi * way) + 0.01 * rng.normal(size=way.shape)
+    return start + way * (end - start) + bend * across
+
+
 def _glint(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """Sea with the specular reflection of the Sun."""
     view = random_earth_view(rng, earth, size_px, limb=bool(rng.random() < 0.3), sun_height=(0.05, 0.9))
@@ -162,4 +209,5 @@ _BACKDROPS: dict[str, Callable[[Rng, EarthTextures, int], np.ndarray]] = {
     "night": _night,
     "glint": _glint,
     "moon": _moon,
+    "city": _city,
 }

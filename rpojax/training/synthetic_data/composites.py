@@ -1,169 +1,214 @@
 """Random composites of sprites and backdrops, with the boxes of the spacecraft in them."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
 from rpojax.training.synthetic_data.backdrops import BACKDROP_KINDS, paint_backdrop
+from rpojax.training.synthetic_data.camera_artefacts import add_artefacts
 from rpojax.training.synthetic_data.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.foreground import add_reflections, add_structure
 from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
-from rpojax.training.synthetic_data.visible_box import visible_box
-from rpojax.vision.intersection_over_union import intersection_area
+from rpojax.training.synthetic_data.sprite_layers import Layer, near_layers, random_layer
+from rpojax.training.synthetic_data.visible_box import known_edges, visible_box
+from rpojax.vision.intersection_over_union import intersection_area, pairwise_iou
 
 Rng = np.random.Generator
 
 SIZE_PX = 128
-EMPTY_FRACTION = 0.2
-_TWO_CRAFT_FRACTION = 0.06
 _TARGET_FRACTION = 0.25
-_CUT_FRACTION = 0.1
-_BACKDROP_PROBABILITIES = {
-    "black": 0.2,
-    "stars": 0.12,
-    "earth": 0.22,
-    "limb": 0.21,
-    "night": 0.1,
-    "glint": 0.1,
-    "moon": 0.05,
+_MAX_PAIR_IOU = 0.5
+_MIN_SHOWN_FRACTION = 0.35
+"""Least part of a spacecraft that another one leaves free."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CompositeMix:
+    """What composites show how often.
+
+    Attributes:
+        backdrops: probability of each kind of backdrop
+        target_backdrops: the same for images of the packaged target
+        empty: fraction of images without a spacecraft
+        apart: fraction of the others with two spacecraft whose boxes do not overlap
+        near: fraction of the others with two that are near each other, touch or overlap
+        foreground: fraction with structure at the frame's edge, and with reflections in a window
+    """
+
+    backdrops: Mapping[str, float]
+    target_backdrops: Mapping[str, float]
+    empty: float
+    apart: float
+    near: float
+    foreground: float
+
+
+GENERATORS: Mapping[int, CompositeMix] = {
+    1: CompositeMix(
+        backdrops={
+            "black": 0.2,
+            "stars": 0.12,
+            "earth": 0.22,
+            "limb": 0.21,
+            "night": 0.1,
+            "glint": 0.1,
+            "moon": 0.05,
+        },
+        target_backdrops={
+            "black": 0.55,
+            "stars": 0.15,
+            "earth": 0.1,
+            "limb": 0.08,
+            "night": 0.05,
+            "glint": 0.04,
+            "moon": 0.03,
+        },
+        empty=0.2,
+        apart=0.06,
+        near=0.0,
+        foreground=0.0,
+    ),
+    2: CompositeMix(
+        backdrops={
+            "black": 0.14,
+            "stars": 0.08,
+            "earth": 0.31,
+            "limb": 0.19,
+            "night": 0.07,
+            "glint": 0.12,
+            "moon": 0.04,
+            "city": 0.05,
+        },
+        target_backdrops={
+            "black": 0.4,
+            "stars": 0.12,
+            "earth": 0.2,
+            "limb": 0.12,
+            "night": 0.05,
+            "glint": 0.06,
+            "moon": 0.02,
+            "city": 0.03,
+        },
+        empty=0.16,
+        apart=0.04,
+        near=0.2,
+        foreground=0.06,
+    ),
 }
-_TARGET_BACKDROP_PROBABILITIES = {
-    "black": 0.55,
-    "stars": 0.15,
-    "earth": 0.1,
-    "limb": 0.08,
-    "night": 0.05,
-    "glint": 0.04,
-    "moon": 0.03,
-}
+"""Mixes by number; 1 is that of the first packaged detector, kept so that its figures can be compared."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Composite:
-    """Image (p, p, 3) of 8 bit sRGB codes, boxes (n, 4) left, top, right, bottom [px], backdrop and spacecraft."""
+    """An image with spacecraft.
+
+    Attributes:
+        image: (p, p, 3) 8 bit sRGB codes
+        boxes: (n, 4) left, top, right, bottom [px]
+        background: kind of backdrop
+        craft: name of the spacecraft of each box
+        known: (n, 4) whether the image shows each edge
+    """
 
     image: np.ndarray
     boxes: np.ndarray
     background: str
     craft: tuple[str, ...]
+    known: np.ndarray
 
 
-def random_composite(rng: Rng, sprites: list[Sprite], earth: EarthTextures, size_px: int = SIZE_PX) -> Composite:
+def random_composite(
+    rng: Rng,
+    sprites: list[Sprite],
+    earth: EarthTextures,
+    size_px: int = SIZE_PX,
+    mix: CompositeMix = GENERATORS[1],
+) -> Composite:
     """Image with none, one or two spacecraft, exposed by a random sensor."""
     targets = [sprite for sprite in sprites if sprite.craft == PACKAGED_TARGET]
     others = [sprite for sprite in sprites if sprite.craft != PACKAGED_TARGET]
     of_target = bool(targets) and (not others or rng.random() < _TARGET_FRACTION)
-    shares = _TARGET_BACKDROP_PROBABILITIES if of_target else _BACKDROP_PROBABILITIES
-    kind = str(rng.choice(BACKDROP_KINDS, p=[shares[name] for name in BACKDROP_KINDS]))
-    number = 0 if rng.random() < EMPTY_FRACTION else 2 if rng.random() < _TWO_CRAFT_FRACTION else 1
+    shares = mix.target_backdrops if of_target else mix.backdrops
+    kind = str(rng.choice(BACKDROP_KINDS, p=[shares.get(name, 0.0) for name in BACKDROP_KINDS]))
+    number, near = _random_number(rng, mix)
     background = paint_backdrop(rng, kind, earth, size_px) * np.float32(np.exp(rng.uniform(np.log(0.4), np.log(1.6))))
     sensor = ImageSensor(float(np.exp(rng.uniform(np.log(4e3), np.log(5e4)))), float(rng.uniform(2.0, 20.0)))
+    if mix.foreground and rng.random() < mix.foreground:
+        background = add_structure(rng, background).astype(np.float32)
+    scene = _Scene(background, np.zeros((0, 4)), np.zeros((0, 4), bool))
+    chosen: list[Sprite] = []
     for _ in range(30):
-        chosen = [_random_sprite(rng, targets if of_target else others) for _ in range(number)]
-        layers = [_random_layer(rng, sprite, size_px, kind, of_target) for sprite in chosen]
-        image, boxes = _merge_layers(background, layers, sensor)
-        if len(boxes) == number and not _any_overlap(boxes):
+        drawn = [_random_sprite(rng, targets if of_target else others) for _ in range(number)]
+        layers = (
+            near_layers(rng, drawn, size_px, kind, of_target)
+            if near
+            else [random_layer(rng, sprite, size_px, kind, of_target) for sprite in drawn]
+        )
+        merged = _merge_layers(background, layers, sensor)
+        if len(merged.boxes) == number and not (_is_crowded(layers, merged) if near else _any_overlap(merged.boxes)):
+            scene, chosen = merged, drawn
             break
-    else:
-        image, boxes, chosen = background, np.zeros((0, 4)), []
-    image = _add_artefacts(rng, image)
-    return Composite(expose_image(rng, image, sensor), boxes, kind, tuple(sprite.craft for sprite in chosen))
+    image = add_artefacts(rng, scene.image)
+    if mix.foreground and rng.random() < mix.foreground:
+        image = add_reflections(rng, image).astype(np.float32)
+    codes = expose_image(rng, image, sensor)
+    return Composite(codes, scene.boxes, kind, tuple(sprite.craft for sprite in chosen), scene.known)
+
+
+def _random_number(rng: Rng, mix: CompositeMix) -> tuple[int, bool]:
+    """Number of spacecraft, and whether two are near each other."""
+    if rng.random() < mix.empty:
+        return 0, False
+    draw = rng.random()
+    return (2, draw >= mix.apart) if draw < mix.apart + mix.near else (1, False)
 
 
 def _random_sprite(rng: Rng, sprites: list[Sprite]) -> Sprite:
     return sprites[int(rng.integers(len(sprites)))]
 
 
-def _random_layer(rng: Rng, sprite: Sprite, size_px: int, kind: str, is_target: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (p, p, 3) and alpha (p, p) of a sprite at a random size and place, under random light."""
-    side = _random_side(rng, size_px, is_target)
-    sun, shine = _random_light(rng, kind, is_target)
-    tint = np.array([1.0, 1.0, 1.0]) if is_target else 1.0 + rng.normal(scale=0.08, size=3)
-    color = (sun * sprite.sunlit + shine * sprite.earth_shine) * tint.astype(np.float32)
-    pixels = np.concatenate([np.minimum(color, 4.0), sprite.alpha[..., None]], axis=2).astype(np.float32)
-    scale = side / max(sprite.alpha.shape)
-    height, width = (scale * n for n in sprite.alpha.shape)
-    slack_x, slack_y = size_px - width, size_px - height
-    corner = [rng.uniform(min(0.0, s), max(0.0, s)) for s in (slack_x, slack_y)]
-    if rng.random() < _CUT_FRACTION:
-        corner = [rng.uniform(-0.5 * extent, size_px - 0.5 * extent) for extent in (width, height)]
-    resampled = _resample(pixels, scale, corner, size_px)
-    return resampled[..., :3], np.clip(resampled[..., 3], 0.0, 1.0)
+@dataclasses.dataclass(frozen=True)
+class _Scene:
+    """Linear image (p, p, 3), boxes (n, 4), and which edges (n, 4) are known."""
+
+    image: np.ndarray
+    boxes: np.ndarray
+    known: np.ndarray
 
 
-def _random_side(rng: Rng, size_px: int, is_target: bool) -> float:
-    """Random long side [px] of a spacecraft; most are 10 to 60 of 128 px, of the packaged target 13 to 45."""
-    if is_target and rng.random() < 0.75:
-        return float(np.exp(rng.uniform(np.log(0.1), np.log(0.36)))) * size_px
-    if rng.random() < 0.55:
-        return float(np.exp(rng.uniform(np.log(0.08), np.log(0.5)))) * size_px
-    return float(np.exp(rng.uniform(np.log(0.06), np.log(1.15)))) * size_px
-
-
-def _random_light(rng: Rng, kind: str, is_target: bool) -> tuple[float, float]:
-    """Random irradiance of the Sun and of uniform light; before a bright background sometimes hardly any."""
-    if is_target:
-        return float(np.exp(rng.normal(scale=0.25))), float(rng.choice([0.0, 0.0, rng.uniform(0.0, 0.1)]))
-    bright = kind in ("earth", "limb", "glint", "moon")
-    if bright and rng.random() < 0.2:
-        return float(rng.choice([0.0, rng.uniform(0.0, 0.05)])), float(rng.uniform(0.0, 0.03))
-    sun = float(np.exp(rng.uniform(np.log(0.4), np.log(2.5))))
-    return sun, sun * float(np.exp(rng.uniform(np.log(0.01), np.log(0.5 if bright else 0.25))))
-
-
-def _resample(pixels: np.ndarray, scale: float, corner: list[float], size_px: int) -> np.ndarray:
-    """Premultiplied pixels (h, w, c) resampled by a scale, with their upper left corner [px] in a canvas."""
-    import cv2
-
-    fine = 2
-    # Area averaging to nearly the final size first, against aliasing in the exact resampling that follows.
-    rough = [max(1, int(np.ceil(n * min(1.0, scale * fine)))) for n in pixels.shape[:2]]
-    small = cv2.resize(pixels, rough[::-1], interpolation=cv2.INTER_AREA)
-    ratio = [fine * scale * n / r for n, r in zip(pixels.shape[:2], rough, strict=True)]
-    shift = [fine * c + 0.5 * r - 0.5 for c, r in zip(corner, ratio[::-1], strict=True)]
-    matrix = np.array([[ratio[1], 0.0, shift[0]], [0.0, ratio[0], shift[1]]])
-    canvas = cv2.warpAffine(np.asarray(small), matrix, (fine * size_px, fine * size_px), flags=cv2.INTER_LINEAR)
-    return np.asarray(cv2.resize(canvas, (size_px, size_px), interpolation=cv2.INTER_AREA))
-
-
-def _merge_layers(
-    background: np.ndarray, layers: list[tuple[np.ndarray, np.ndarray]], sensor: ImageSensor
-) -> tuple[np.ndarray, np.ndarray]:
+def _merge_layers(background: np.ndarray, layers: list[Layer], sensor: ImageSensor) -> _Scene:
     """The background with all layers, later ones in front, and the boxes of those that are visible."""
+    image, alphas = _blend(background, layers)
+    boxes, known = [], []
+    for index, alpha in enumerate(alphas):
+        box = visible_box(image, background, alpha, sensor)
+        if box is None:
+            continue
+        hidden, _ = _blend(background, layers[:index] + layers[index + 1 :])
+        boxes.append(box)
+        known.append(known_edges(image, hidden, alpha, box, sensor))
+    return _Scene(image, np.array(boxes).reshape(-1, 4), np.array(known, bool).reshape(-1, 4))
+
+
+def _blend(background: np.ndarray, layers: list[Layer]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """The background with all layers, and the fraction (p, p) of each that is not behind later ones."""
     image, alphas = background, []
     for color, alpha in layers:
         image = color + image * (1.0 - alpha[..., None])
         alphas = [other * (1.0 - alpha) for other in alphas] + [alpha]
-    boxes = [box for alpha in alphas if (box := visible_box(image, background, alpha, sensor)) is not None]
-    return image, np.array(boxes).reshape(-1, 4)
+    return image, alphas
+
+
+def _is_crowded(layers: list[Layer], scene: _Scene) -> bool:
+    """Whether one of two spacecraft hides most of the other, or their boxes are nearly the same."""
+    (_, rear), (_, front) = layers
+    shown = float((rear * (1.0 - front)).sum()) / max(float(rear.sum()), 1e-6)
+    return shown < _MIN_SHOWN_FRACTION or bool(pairwise_iou(scene.boxes[:1], scene.boxes[1:])[0, 0] > _MAX_PAIR_IOU)
 
 
 def _any_overlap(boxes: np.ndarray) -> bool:
     """Whether any two boxes overlap."""
     return bool(np.triu(intersection_area(boxes[:, None], boxes[None]), 1).any())
-
-
-def _add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:
-    """The image with random camera artefacts: hot pixels, particle tracks, ghosts of the Sun."""
-    import cv2
-
-    size = image.shape[0]
-    image = np.ascontiguousarray(image, np.float32)
-    if rng.random() < 0.12:
-        for _ in range(int(rng.integers(1, 8))):
-            row, column = rng.integers(0, size, 2)
-            image[row, column] += np.float32(rng.uniform(0.05, 1.0)) * rng.uniform(0.2, 1.0, 3).astype(np.float32)
-    if rng.random() < 0.06:
-        start = rng.integers(0, size, 2)
-        end = start + rng.integers(-12, 13, 2)
-        track = np.zeros((size, size), np.float32)
-        cv2.line(track, tuple(map(int, start)), tuple(map(int, end)), float(rng.uniform(0.1, 1.0)), 1, cv2.LINE_AA)
-        image = image + track[..., None]
-    if rng.random() < 0.08:
-        y, x = np.mgrid[:size, :size].astype(np.float32)
-        for _ in range(int(rng.integers(1, 4))):
-            center, radius = rng.uniform(0.0, size, 2), rng.uniform(3.0, 40.0)
-            disc = 1.0 / (1.0 + np.exp((np.hypot(x - center[0], y - center[1]) - radius) / rng.uniform(0.5, 6.0)))
-            image = image + np.float32(rng.uniform(0.005, 0.15)) * disc[..., None] * rng.uniform(0.3, 1.0, 3)
-    return image.astype(np.float32)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.training.synthetic_data.composites import SIZE_PX, random_composite
+from rpojax.training.synthetic_data.composites import GENERATORS, SIZE_PX, Composite, CompositeMix, random_composite
 from rpojax.training.synthetic_data.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
@@ -34,12 +34,14 @@ class DetectionDataset:
         boxes: for every image (m, 4) left, top, right, bottom [px]
         backgrounds: background as the data set names it, or 'unknown'
         craft: 'target' for images of the packaged target, else 'other'
+        known: for every image (m, 4) whether the image shows each edge; without it all count as known
     """
 
     images: np.ndarray
     boxes: tuple[np.ndarray, ...]
     backgrounds: tuple[str, ...]
     craft: tuple[str, ...] = ()
+    known: tuple[np.ndarray, ...] = ()
 
     def __len__(self) -> int:
         return len(self.images)
@@ -51,7 +53,12 @@ class DetectionDataset:
             tuple(self.boxes[i] for i in indices),
             tuple(self.backgrounds[i] for i in indices),
             tuple(self.craft[i] for i in indices) if self.craft else (),
+            tuple(self.known[i] for i in indices) if self.known else (),
         )
+
+    def known_edges(self, index: int) -> np.ndarray:
+        """Whether an image shows each edge (m, 4) of its boxes."""
+        return self.known[index] if self.known else np.ones((len(self.boxes[index]), 4), bool)
 
 
 def write_dataset(
@@ -62,28 +69,21 @@ def write_dataset(
     earth: EarthTextures,
     provenance: str = "",
     on_progress: Callable[[int, int], None] = lambda done, total: None,
+    mix: CompositeMix = GENERATORS[1],
 ) -> None:
     """Writes `count` composites as PNG images, then `annotations.json`, without which a folder is no data set.
 
     `provenance` is stored for `is_complete`.
     """
-    import cv2
-
     (folder / "images").mkdir(parents=True, exist_ok=True)
     (folder / ANNOTATIONS).unlink(missing_ok=True)
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for index in range(count):
-        composite = random_composite(np.random.default_rng([seed, index]), sprites, earth)
-        name = f"images/{index:06d}.png"
-        if not cv2.imwrite(str(folder / name), composite.image[..., ::-1]):
-            raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
-        height, width = composite.image.shape[:2]
-        images.append(
-            {"id": index + 1, "file_name": name, "width": width, "height": height, "background": composite.background}
-        )
-        for box, craft in zip(composite.boxes, composite.craft, strict=True):
-            annotations.append(_annotation(len(annotations) + 1, index + 1, box, craft))
+        composite = random_composite(np.random.default_rng([seed, index]), sprites, earth, mix=mix)
+        images.append(_write_composite(folder, index, composite))
+        for box, known, craft in zip(composite.boxes, composite.known, composite.craft, strict=True):
+            annotations.append(_annotation(len(annotations) + 1, index + 1, box, known, craft))
         on_progress(index + 1, count)
     content = {
         "info": {"description": f"ray-traced spacecraft, seed {seed}", "made": provenance},
@@ -96,6 +96,23 @@ def write_dataset(
     partial.replace(folder / ANNOTATIONS)
 
 
+def _write_composite(folder: Path, index: int, composite: Composite) -> dict[str, Any]:
+    """Writes the image of a composite; returns its entry in the annotations."""
+    import cv2
+
+    name = f"images/{index:06d}.png"
+    if not cv2.imwrite(str(folder / name), composite.image[..., ::-1]):
+        raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
+    height, width = composite.image.shape[:2]
+    return {
+        "id": index + 1,
+        "file_name": name,
+        "width": width,
+        "height": height,
+        "background": composite.background,
+    }
+
+
 def is_complete(folder: Path, provenance: str) -> bool:
     """Whether a folder holds a complete data set of the given provenance."""
     try:
@@ -104,7 +121,7 @@ def is_complete(folder: Path, provenance: str) -> bool:
         return False
 
 
-def _annotation(number: int, image: int, box: np.ndarray, craft: str) -> dict[str, Any]:
+def _annotation(number: int, image: int, box: np.ndarray, known: np.ndarray, craft: str) -> dict[str, Any]:
     left, top, right, bottom = (round(float(edge), 3) for edge in box)
     sides = [round(right - left, 3), round(bottom - top, 3)]
     return {
@@ -115,12 +132,13 @@ def _annotation(number: int, image: int, box: np.ndarray, craft: str) -> dict[st
         "area": round(sides[0] * sides[1], 3),
         "iscrowd": 0,
         "craft": craft,
+        "known_edges": [bool(edge) for edge in known],
     }
 
 
 def summary(folder: Path) -> dict[str, int]:
     """Numbers of images, of those without a spacecraft, and of boxes."""
-    _, boxes = _parse(folder / ANNOTATIONS)
+    _, boxes, _ = _parse(folder / ANNOTATIONS)
     return {
         "images": len(boxes),
         "empty": sum(len(found) == 0 for found in boxes),
@@ -135,8 +153,8 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     be used.
     """
     path = folder / ANNOTATIONS
-    images, boxes = _parse(path)
-    images, boxes = images[:limit], boxes[:limit]
+    images, boxes, known = _parse(path)
+    images, boxes, known = images[:limit], boxes[:limit], known[:limit]
     arrays, scaled = [], []
     for entry, found in zip(images, boxes, strict=True):
         place = _inside(folder, entry["file_name"])
@@ -145,11 +163,11 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
         scaled.append((found * picture.scale).astype(np.float32))
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
     craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
-    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft)
+    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft, tuple(known))
 
 
-def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
-    """Entries of the images of an annotations file, and their boxes (n, 4)."""
+def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.ndarray]]:
+    """Entries of the images of an annotations file, their boxes (n, 4), and which edges (n, 4) are known."""
     try:
         content = read_json(path, FileKind.ANNOTATIONS)
     except RpojaxError as error:
@@ -166,6 +184,7 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
             for entry in content["images"]
         ]
         by_image: dict[Any, list[list[float]]] = {entry["id"]: [] for entry in images}
+        known: dict[Any, list[list[bool]]] = {entry["id"]: [] for entry in images}
         by_number = {entry["id"]: entry for entry in images}
         kinds = {note.get("category_id") for note in content["annotations"]}
         if len(kinds) > 1:
@@ -175,12 +194,25 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
                 raise ValueError(f"a crowd in image {note['image_id']}, where each spacecraft has its box")
             left, top, width, height = _box(note["bbox"], by_number[note["image_id"]])
             by_image[note["image_id"]].append([left, top, left + width, top + height])
+            known[note["image_id"]].append(_four_flags(note.get("known_edges", [True] * 4)))
             by_number[note["image_id"]]["craft"] = note.get("craft")
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DatasetError(f"{path}: found a fault at {error}, expected images and annotations as in COCO") from None
     if not images:
         raise DatasetError(f"{path}: found no images, expected at least one")
-    return images, [np.array(by_image[entry["id"]]).reshape(-1, 4) for entry in images]
+    boxes = [np.array(by_image[entry["id"]]).reshape(-1, 4) for entry in images]
+    return images, boxes, [np.array(known[entry["id"]], bool).reshape(-1, 4) for entry in images]
+
+
+def _four_flags(values: Any) -> list[bool]:
+    """Flags of the four edges of a box.
+
+    Raises:
+        ValueError: they are not four.
+    """
+    if not (isinstance(values, list) and len(values) == 4):
+        raise ValueError(f"known_edges {values!r}, expected four flags")
+    return [bool(value) for value in values]
 
 
 def _box(values: Any, image: Mapping[str, Any]) -> tuple[float, float, float, float]:

@@ -4,6 +4,9 @@ Visible are the pixels that the spacecraft covers by at least a tenth and that d
 least five of 255 codes and twice the noise of the sensor. A dark spacecraft in front of a bright limb thus has its
 whole box, and a part as dark as the space behind it is outside of the box, since the image does not show its edge. An
 edge lies within its pixel where the covered fraction ends.
+
+An edge is known if the image shows it: after blur, it must differ there from what it hides by more than noise and
+the clutter around. The others are in the label, but left out of the loss of a training.
 """
 
 import numpy as np
@@ -15,6 +18,13 @@ _MIN_CODE_DIFFERENCE = 5.0 / 255.0
 _MIN_NOISE_SIGMAS = 2.0
 _MIN_ALPHA = 0.1
 _MIN_AREA_PX = 4.0
+_CLEAR_CODE_DIFFERENCE = 10.0 / 255.0
+_CLEAR_CLUTTERS = 0.7
+_BLUR_PX = 0.7
+_CLUTTER_WINDOW_PX = 9
+_KNOWN_WITHIN_PX = 1.0
+_KNOWN_WITHIN_FRACTION = 0.05
+"""An edge is known if the clear part ends so near to it; the larger of the two, the fraction by the box's side."""
 
 
 def visible_box(
@@ -25,18 +35,50 @@ def visible_box(
     `image` and `background` (p, p, 3) are linear, `alpha` (p, p) is the covered fraction; without a sensor there is no
     noise.
     """
+    visible = _visible_coverage(image, background, alpha, sensor)
+    if visible.sum() < max(_MIN_AREA_PX, 0.2 * alpha.sum()):
+        return None
+    box = _box_of_coverage(visible)
+    return box if min(box[2:] - box[:2]) >= 1.5 else None
+
+
+def _visible_coverage(
+    image: np.ndarray, background: np.ndarray, alpha: np.ndarray, sensor: ImageSensor | None
+) -> np.ndarray:
+    """Covered fraction (p, p) of the pixels in which a silhouette is visible, else 0."""
     difference = np.abs(linear_to_srgb_numpy(image) - linear_to_srgb_numpy(background)).max(axis=2)
     is_visible = difference >= _MIN_CODE_DIFFERENCE
     if sensor is not None:
         is_visible &= (np.abs(image - background) >= _MIN_NOISE_SIGMAS * sensor.noise_sigma(background)).any(axis=2)
-    visible = np.where(is_visible & (alpha >= _MIN_ALPHA), alpha, 0.0)
-    if visible.sum() < max(_MIN_AREA_PX, 0.2 * alpha.sum()):
-        return None
+    return np.where(is_visible & (alpha >= _MIN_ALPHA), alpha, 0.0)
+
+
+def known_edges(
+    image: np.ndarray, hidden: np.ndarray, alpha: np.ndarray, box: np.ndarray, sensor: ImageSensor
+) -> np.ndarray:
+    """Whether the image shows each edge (4,) of a box; `hidden` (p, p, 3) is the image without the spacecraft."""
+    import cv2
+
+    shown, behind = (cv2.GaussianBlur(linear_to_srgb_numpy(v), (0, 0), _BLUR_PX) for v in (image, hidden))
+    mean, mean_square = (cv2.blur(v, (_CLUTTER_WINDOW_PX,) * 2) for v in (behind, behind**2))
+    clutter = np.sqrt(np.maximum(mean_square - mean**2, 0.0))
+    noise = sensor.noise_sigma(hidden) / np.maximum(2.2 * np.maximum(hidden, 1e-3) ** (1.2 / 2.2), 1e-3)
+    least = np.maximum(_CLEAR_CODE_DIFFERENCE, np.maximum(_CLEAR_CLUTTERS * clutter, _MIN_NOISE_SIGMAS * noise))
+    clear = np.where((np.abs(shown - behind) >= least).any(axis=2) & (alpha >= _MIN_ALPHA), alpha, 0.0)
+    if clear.sum() < _MIN_AREA_PX:
+        return np.zeros(4, bool)
+    side = np.tile(box[2:] - box[:2], 2)
+    tolerance = np.maximum(_KNOWN_WITHIN_PX, _KNOWN_WITHIN_FRACTION * side)
+    return np.abs(_box_of_coverage(clear) - box) <= tolerance
+
+
+def _box_of_coverage(coverage: np.ndarray) -> np.ndarray:
+    """Left, top, right, bottom [px] of covered fractions (p, p), of which one at least is above 0."""
     edges = []
     for axis in (0, 1):
-        profile = visible.max(axis=axis)
+        profile = coverage.max(axis=axis)
         found = np.nonzero(profile)[0]
         first, last = int(found[0]), int(found[-1])
         edges.append((first + 1.0 - profile[first], last + profile[last]))
     (left, right), (top, bottom) = edges
-    return np.array([left, top, right, bottom]) if min(right - left, bottom - top) >= 1.5 else None
+    return np.array([left, top, right, bottom])

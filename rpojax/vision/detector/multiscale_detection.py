@@ -47,22 +47,28 @@ def detect_multiscale(params: DetectorParams, image: np.ndarray, threshold: floa
     for sides in _levels(max(height, width)):
         whole = max(sides) <= WINDOW_PX
         windows = [w for side in sides for w in tile_windows(image, min(side / max(height, width), 1.0))]
+        coarser = list(candidates)
         for box in _by_falling_score(_detect_in_windows(params, windows, (height, width), candidate_score, whole)):
-            if _is_new(box, candidates):
+            if not _is_part(box, coarser) and not _is_duplicate(box, candidates):
                 candidates.append(box)
     verified: list[ScoredBox] = []
     for box in candidates:
         refined = _verify(params, image, box)
-        if refined is not None and refined.score >= threshold and _is_new(refined, verified):
+        if refined is not None and refined.score >= threshold and not _is_duplicate(refined, verified):
             verified.append(refined)
     return _by_falling_score(verified)
 
 
-def _is_new(box: ScoredBox, coarser: list[ScoredBox]) -> bool:
-    """Whether a box is neither a duplicate nor a part of a known one: fine windows show parts of large spacecraft."""
-    edges, others = box_edges([box]), box_edges(coarser)
-    contained = intersection_area(edges, others) >= _CONTAINED_FRACTION * box_area(edges)
-    return not (contained | (intersection_over_union(edges, others) >= _DUPLICATE_IOU)).any()
+def _is_part(box: ScoredBox, coarser: list[ScoredBox]) -> bool:
+    """Whether a box lies in one of a coarser level: fine windows show parts of large spacecraft."""
+    edges = box_edges([box])
+    inside = intersection_area(edges, box_edges(coarser)) >= _CONTAINED_FRACTION * box_area(edges)
+    return bool(inside.any())
+
+
+def _is_duplicate(box: ScoredBox, others: list[ScoredBox]) -> bool:
+    """Whether a box is nearly one of others; two spacecraft that touch or overlap are not."""
+    return bool((intersection_over_union(box_edges([box]), box_edges(others)) >= _DUPLICATE_IOU).any())
 
 
 def _by_falling_score(boxes: list[ScoredBox]) -> list[ScoredBox]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.training.detector import augmentation
+from rpojax.training.detector import augmentation, geometric_augmentation
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 SIZE = 128
@@ -42,3 +42,23 @@ def test_augmented_codes_are_in_range(rectangles: DetectionDataset) -> None:
     assert batch.images.min() >= 0.0
     assert batch.images.max() <= 1.0
     assert batch.weight[39].sum() == 0.0 or batch.weight[39].max() == 1.0  # empty, or in a mosaic
+
+
+def test_known_edges_follow_the_flips() -> None:
+    image = np.zeros((1, SIZE, SIZE, 3), np.uint8)
+    known = np.array([[True, False, False, False]])  # the left edge alone
+    box = np.array([[30.0, 20.0, 90.0, 50.0]], np.float32)
+    data = DetectionDataset(image, (box,), ("black",), (), (known,))
+    edges = set()
+    for seed in range(40):
+        view = geometric_augmentation._random_flip(
+            np.random.default_rng(seed), geometric_augmentation.labelled_image(data, 0)
+        )
+        # The known edge is one of the short sides, wherever it is now.
+        left, top, right, bottom = view.boxes[0]
+        short = ("left", "right") if right - left > bottom - top else ("top", "bottom")
+        name = ("left", "top", "right", "bottom")[int(np.argmax(view.known[0]))]
+        assert name in short
+        assert view.known.sum() == 1
+        edges.add(name)
+    assert edges == {"left", "top", "right", "bottom"}

@@ -31,3 +31,8 @@ def test_metrics_of_worked_detections() -> None:
     assert report["by_size"]["0 to 8 px"]["recall"] == 1.0
     assert report["by_background"]["black"]["recall"] == 1.0
     assert report["by_background"]["earth"]["recall"] == 0.0
+    # Two of two frames are empty of spacecraft, one of which has a box.
+    assert report["interval_95"]["empty_frames_with_a_box"] == pytest.approx((0.0945, 0.9055), abs=1e-3)
+    assert report["interval_95"]["recall"] == pytest.approx((0.0945, 0.9055), abs=1e-3)
+    assert report["by_contrast"]["0 to 10 codes"]["boxes"] == 2  # all images are black
+    assert report["pairs"]["near"]["images"] == 0

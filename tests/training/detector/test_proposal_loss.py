@@ -3,7 +3,8 @@
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.detector.proposal_loss import maps_loss as loss
+from rpojax.training.detector.augmentation import Batch
+from rpojax.training.detector.proposal_loss import maps_loss
 from rpojax.vision.detector.box_decoding import STRIDE
 
 
@@ -18,6 +19,23 @@ def perfect_channels(box: np.ndarray, cells: int = 32) -> np.ndarray:
         distance = sign * (edge - place) / STRIDE
         raw[0, :, :, 1 + channel] = np.arcsinh(distance[None, :] if channel % 2 == 0 else distance[:, None])
     return raw
+
+
+def loss(raw: jnp.ndarray, boxes: jnp.ndarray, weight: jnp.ndarray, known: float = 1.0) -> jnp.ndarray:
+    """Loss of channels for boxes with weights; `known` is 1 for edges that count, 0 for others."""
+    flags = np.full(boxes.shape, known, np.float32)
+    empty = np.zeros((1, 128, 128, 3), np.float32)
+    return maps_loss(raw, Batch(images=empty, boxes=np.asarray(boxes), weight=np.asarray(weight), known=flags))
+
+
+def test_edges_not_known_have_no_loss() -> None:
+    box = np.array([20.5, 33.0, 61.0, 52.25])
+    boxes = jnp.zeros((1, 8, 4), jnp.float32).at[0, 0].set(jnp.asarray(box, jnp.float32))
+    weight = jnp.zeros((1, 8), jnp.float32).at[0, 0].set(1.0)
+    shifted = perfect_channels(box)
+    shifted[..., 1:] += 0.3
+    assert float(loss(jnp.asarray(shifted), boxes, weight)) > 0.5
+    assert float(loss(jnp.asarray(shifted), boxes, weight, known=0.0)) < 0.01
 
 
 def test_proposal_loss_is_zero_for_perfect_maps_only() -> None:

@@ -8,14 +8,17 @@ import pytest
 from rpojax.training.detector import refinement_loss
 
 
-def losses(candidate: np.ndarray, refined: np.ndarray, logit: float, weight: float = 1.0) -> tuple[float, float]:
+def losses(
+    candidate: np.ndarray, refined: np.ndarray, logit: float, weight: float = 1.0, known: float = 1.0
+) -> tuple[float, float]:
     """Losses of edges and quality for a candidate, the refined box and its logit; the true box is (20..60)."""
     crop_px = np.array([[0.0, 0.0, 80.0, 80.0]])
     base = np.array([0.2, 0.2, 0.8, 0.8])
     raw = np.concatenate([(refined / 80.0 - base) / 0.25, [logit]])[None]
     truth, weights = np.zeros((8, 4)), np.zeros(8)
     truth[0], weights[0] = (20.0, 20.0, 60.0, 60.0), weight
-    arrays = (jnp.asarray(values, jnp.float32) for values in (raw, crop_px, candidate[None], truth, weights))
+    flags = np.full((8, 4), known)
+    arrays = (jnp.asarray(values, jnp.float32) for values in (raw, crop_px, candidate[None], truth, weights, flags))
     edge, quality, _ = refinement_loss._image_loss(*arrays)
     return float(edge[0]), float(quality[0])
 
@@ -24,6 +27,7 @@ def test_refinement_loss_penalises_wrong_edges_and_confidence() -> None:
     truth, near, far = (np.array(b, float) for b in ((20, 20, 60, 60), (24, 18, 64, 58), (70, 70, 80, 80)))
     assert losses(near, truth, 9.0) == (pytest.approx(0.0, abs=1e-4), pytest.approx(0.0, abs=1e-3))
     assert losses(near, near, 9.0)[0] > 0.2
+    assert losses(near, near, 9.0, known=0.0)[0] == pytest.approx(0.0, abs=1e-4)
     assert losses(near, truth, -3.0)[1] > 2.0
     # A negative candidate has a loss of quality only, an ignored one has none.
     assert losses(far, truth, -9.0) == (0.0, pytest.approx(0.0, abs=1e-3))

@@ -6,7 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.training.detector import evaluate_detector, train_detector
+from rpojax.training.detector import evaluate_detector, train_detector, training_loop
+from rpojax.training.detector.augmentation import Batch
 from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
@@ -51,3 +52,16 @@ def test_training_learns_to_detect_rectangles(rectangles: DetectionDataset) -> N
     assert history["refinement"][-1].map50_95 > history["proposal"][-1].map50_95
     found = evaluate_detector.detect_images(params, rectangles.images)
     assert evaluate_detector.detection_metrics(found, rectangles)["median_iou"] > 0.8
+
+
+def test_the_step_of_a_training_is_compiled_once(rectangles: DetectionDataset) -> None:
+    def loss(params: dict, frozen: object, key: jax.Array, batch: Batch) -> jax.Array:
+        del frozen, key
+        return jax.numpy.sum((params["out"]["kernel"] - jax.numpy.mean(batch.images)) ** 2)
+
+    zeros = jax.numpy.zeros((1, 1, 2, 3), jax.numpy.float32)
+    start = {"out": {"kernel": zeros, "bias": zeros[0, 0, 0]}}
+    options = NetworkTrainingOptions(epochs=3, batch=20, pieces_share=0.0)
+    before = training_loop._training_step._cache_size()
+    training_loop.train_network(loss, start, (), rectangles, options, lambda _: {"map50": 0.0, "map50_95": 0.0})
+    assert training_loop._training_step._cache_size() == before + 1

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from rpojax.training.synthetic_data.composites import random_composite
+from rpojax.training.detector.pair_recall import pair_kind
+from rpojax.training.synthetic_data.composites import GENERATORS, random_composite
 from rpojax.training.synthetic_data.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
@@ -39,3 +40,23 @@ def test_fifth_of_composites_is_empty_and_some_have_two_spacecraft(earth: EarthT
     # Four standard deviations; some more are empty where no spacecraft is visible.
     assert 0.1 <= np.mean(np.array(numbers) == 0) <= 0.34
     assert numbers.count(2) >= 3
+
+
+def test_second_generator_has_pairs_that_are_near_or_overlap(earth: EarthTextures, white_sprite: Sprite) -> None:
+    composites = [
+        random_composite(np.random.default_rng([3, index]), [white_sprite], earth, 64, GENERATORS[2])
+        for index in range(150)
+    ]
+    kinds = [pair_kind(composite.boxes, 4.0) for composite in composites]
+    # A fifth of those with spacecraft are near pairs, of which about half overlap: four standard deviations.
+    assert 5 <= kinds.count("overlapping") <= 35
+    assert kinds.count("near") >= 2
+    for composite in composites:
+        assert composite.known.shape == composite.boxes.shape
+
+
+def test_first_generator_has_no_overlapping_pairs(earth: EarthTextures, white_sprite: Sprite) -> None:
+    for index in range(150):
+        composite = random_composite(np.random.default_rng([4, index]), [white_sprite], earth, 64)
+        assert pair_kind(composite.boxes, 4.0) != "overlapping"
+        assert composite.background != "city"

@@ -40,6 +40,14 @@ def test_data_set_is_read_as_by_pycocotools(folder: Path, capsys: pytest.Capture
     assert summary["boxes"] == len(coco.anns)
 
 
+def test_known_edges_are_read_back(folder: Path) -> None:
+    data = read_dataset(folder)
+    notes = json.loads((folder / ANNOTATIONS).read_text())["annotations"]
+    assert np.concatenate(data.known).tolist() == [note["known_edges"] for note in notes]
+    part = data.subset(np.array([3, 1]))
+    np.testing.assert_array_equal(part.known_edges(0), data.known_edges(3))
+
+
 def test_images_of_other_sizes_are_resized_with_their_boxes(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "a.jpg"), np.full((100, 512, 3), 200, np.uint8))
     content = {
@@ -52,6 +60,7 @@ def test_images_of_other_sizes_are_resized_with_their_boxes(tmp_path: Path) -> N
     assert data.images[0, 10, 60].tolist() == [200, 200, 200]
     assert data.images[0, 30:].max() == 0
     assert data.backgrounds == ("unknown",)
+    assert data.known_edges(0).all()
 
 
 def unreadable(folder: Path, content: dict) -> None:
@@ -98,6 +107,10 @@ def crowd(folder: Path, content: dict) -> None:
     content["annotations"][0]["iscrowd"] = 1
 
 
+def three_flags(folder: Path, content: dict) -> None:
+    content["annotations"][0]["known_edges"] = [True, True, True]
+
+
 def images_no_list(folder: Path, content: dict) -> None:
     content["images"] = 3
 
@@ -117,6 +130,7 @@ def images_no_list(folder: Path, content: dict) -> None:
         two_categories,
         crowd,
         images_no_list,
+        three_flags,
     ],
 )
 def test_invalid_data_set_is_an_error_of_one_line(folder: Path, change: Callable[[Path, dict], None]) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rpojax.training.synthetic_data.image_sensor import ImageSensor
-from rpojax.training.synthetic_data.visible_box import visible_box
+from rpojax.training.synthetic_data.visible_box import known_edges, visible_box
 
 
 def bar_alpha(left: float, right: float) -> np.ndarray:
@@ -41,3 +41,16 @@ def test_signal_below_noise_is_not_visible() -> None:
     faint = over(np.full((16, 16, 3), 0.006), black, alpha)
     assert visible_box(faint, black, alpha, ImageSensor(1e5, 10.0)) is not None
     assert visible_box(faint, black, alpha, ImageSensor(1e3, 10.0)) is None
+
+
+def test_edges_without_contrast_are_not_known() -> None:
+    alpha = bar_alpha(3.0, 12.0)
+    hidden = np.full((16, 16, 3), 0.05)
+    color = np.full((16, 16, 3), 0.5)
+    color[:, 8:] = 0.054  # its right part is hardly brighter than what it hides
+    image, sensor = over(color, hidden, alpha), ImageSensor(1e7, 1.0)
+    box = np.array([3.0, 4.0, 12.0, 9.0])
+    np.testing.assert_array_equal(known_edges(image, hidden, alpha, box, sensor), [True, True, False, True])
+    # Before clutter stronger than the contrast none is known.
+    clutter = np.random.default_rng(0).uniform(0.3, 0.9, (16, 16, 1)) * np.ones(3)
+    assert not known_edges(over(clutter + 0.05, clutter, alpha), clutter, alpha, box, sensor).any()

@@ -11,7 +11,7 @@ from synthetic_rectangles import bright_boxes, image_with_rectangles
 from rpojax.cli.commands.detect import detect
 from rpojax.vision.detector import multiscale_detection, sliding_windows
 from rpojax.vision.detector.box_decoding import Detections
-from rpojax.vision.detector.scored_box import box_edges
+from rpojax.vision.detector.scored_box import ScoredBox, box_edges
 from rpojax.vision.intersection_over_union import intersection_over_union
 
 
@@ -60,6 +60,18 @@ def test_distant_rectangles_are_all_found_and_empty_image_has_none(by_brightness
     assert len(boxes) == 2
     assert (intersection_over_union(box_edges(boxes), np.array(rectangles)) > 0.8).all()
     assert multiscale_detection.detect_multiscale({}, image_with_rectangles(300, 400)) == []
+
+
+def test_overlapping_boxes_of_one_level_are_both_kept_and_parts_of_finer_levels_are_not() -> None:
+    large, beside, part = (
+        ScoredBox(10.0, 10.0, 50.0, 40.0, 0.9),
+        ScoredBox(40.0, 12.0, 80.0, 42.0, 0.8),
+        ScoredBox(12.0, 12.0, 25.0, 30.0, 0.8),
+    )
+    assert not multiscale_detection._is_duplicate(beside, [large])
+    assert multiscale_detection._is_duplicate(ScoredBox(12.0, 10.0, 52.0, 42.0, 0.7), [beside, large])
+    assert multiscale_detection._is_part(part, [beside, large])
+    assert not multiscale_detection._is_part(beside, [large])
 
 
 def test_detection_in_one_view_only_is_rejected(by_brightness: None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,24 @@
+"""Intervals of figures against published values and coverage."""
+
+import numpy as np
+import pytest
+
+from rpojax.training.detector.confidence_intervals import bootstrap_interval, wilson_interval
+
+
+def test_wilson_interval_matches_worked_values() -> None:
+    # Newcombe, "Two-sided confidence intervals for the single proportion", 1998, table I, method 3.
+    assert wilson_interval(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
+    assert wilson_interval(15, 148) == pytest.approx((0.0624, 0.1605), abs=1e-4)
+    assert wilson_interval(0, 20) == pytest.approx((0.0, 0.1611), abs=1e-4)
+    assert wilson_interval(0, 0) is None
+
+
+def test_bootstrap_interval_of_a_mean_is_that_of_the_normal() -> None:
+    values = np.random.default_rng(1).normal(size=400)
+    interval = bootstrap_interval(lambda times: float(times @ values / times.sum()), len(values))
+    assert interval is not None
+    half = 1.96 * values.std() / 20.0
+    assert interval[0] == pytest.approx(values.mean() - half, abs=0.25 * half)
+    assert interval[1] == pytest.approx(values.mean() + half, abs=0.25 * half)
+    assert bootstrap_interval(lambda times: float("nan"), 3) is None
