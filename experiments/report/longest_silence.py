@@ -53,7 +53,7 @@ VERBS: dict[str, tuple[str, ...]] = {
     "film": ("film", "pixels", "--out", "film.mp4"),
     "field render": ("field", "render", "--out", "picture.png"),
     "detect": ("detect", "picture.png"),
-    "bench": ("bench", "--only", "filter"),
+    "bench": ("bench", "--only", "kernels"),
     "validate": ("validate", "inspection"),
     "schema": ("schema",),
     "new": ("new", "mine"),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from rpojax.runtime.sign_of_life import SignOfLife, display
+from rpojax.runtime.sign_of_life import SignOfLife, display, note_shown
 
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
 
@@ -62,10 +62,11 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
         sign = SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text)
 
         def line(done: int, total: int, note: str = "") -> None:
-            sign.note(f"{text}, {done} of {total}" if done < total else text)
+            sign.describe(text, f"{done} of {total}" if done < total else "")
             while fractions and done >= fractions[0] * total:
                 fractions.pop(0)
                 if not fractions or done < fractions[0] * total:
+                    note_shown()
                     console.print(f"rpojax: {text}, {done} of {total} {note}".rstrip(), soft_wrap=True)
 
         with sign:
@@ -94,6 +95,7 @@ def busy(text: str, quiet: bool, announce: bool = True) -> Iterator[None]:
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
         if announce:
+            note_shown()
             console.print(f"rpojax: {text}", soft_wrap=True)
         with SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text):
             yield
@@ -146,20 +148,23 @@ class _PlainLines:
         )
 
     def _print(self, text: str) -> None:
+        note_shown()
         self._console.print(f"rpojax: {text}", soft_wrap=True)
 
     def __call__(self, progress: Progress) -> None:
         text = self._rate.describe(progress) if progress.compiled else _COMPILING
-        done = f"simulating, {progress.done:.0f} of {count_runs(progress.total)}"
-        if progress.done >= progress.total:
-            done = "free drifts and metrics of the last runs"
-        self.sign_of_life.note(done if progress.compiled else "compiling")
+        if not progress.compiled:
+            self.sign_of_life.describe("compiling")
+        elif progress.done < progress.total:
+            self.sign_of_life.describe("simulating", f"{progress.done:.0f} of {count_runs(progress.total)}")
+        else:
+            self.sign_of_life.describe("free drifts and metrics of the last runs")
         if progress.done == 0.0:
-            self._console.print(f"rpojax: {text}", soft_wrap=True)
+            self._print(text)
         passed = [fraction for fraction in self._fractions if progress.done >= fraction * progress.total]
         if passed:
             self._fractions = self._fractions[len(passed) :]
-            self._console.print(f"rpojax: {text}", soft_wrap=True)
+            self._print(text)
 
 
 @contextmanager
