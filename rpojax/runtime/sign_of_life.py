@@ -90,11 +90,14 @@ class SignOfLife:
     def _watch(self) -> None:
         while not self._ended.wait(self._pause_s()):
             now = time.monotonic()
-            if now >= _last_sign.time + INTERVAL_S and (not _under_way or _under_way[-1] is self):
+            if now >= _last_sign.time + INTERVAL_S and self._is_innermost():
                 note_shown()
                 words = f"{self._stage}, {self._detail}" if self._detail else self._stage
                 self._show(f"{words}, {now - self._begin:.0f} s so far")
 
     def _pause_s(self) -> float:
         left = _last_sign.time + INTERVAL_S - time.monotonic()
-        return max(left, 0.01) if _under_way and _under_way[-1] is self else max(left, _OTHERS_TURN_S)
+        return max(left, 0.01 if self._is_innermost() else _OTHERS_TURN_S)
+
+    def _is_innermost(self) -> bool:
+        return not _under_way or _under_way[-1] is self
