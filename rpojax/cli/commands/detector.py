@@ -129,7 +129,9 @@ def train(
     ] = None,
     second_share: Annotated[float, arg(metavar="F", help="Fraction of the time limit for the refinement network.")] = 1
     / 3,
-    start: Annotated[Path | None, arg(metavar="FILE", help="Initial weights, instead of random ones.")] = None,
+    start: Annotated[
+        Path | None, arg(metavar="FILE", help="Initial weights where layers agree, instead of random ones.")
+    ] = None,
     rate: Annotated[float, arg(metavar="R", help="Peak learning rate.")] = 5e-3,
     second_rate: Annotated[
         float | None, arg(metavar="R", help="That of the refinement network, if it is another one.")
@@ -144,9 +146,10 @@ def train(
     claim(out, force)
     prepare_jax(cache=True)
     from rpojax.training.detector import evaluate_detector, train_detector
-    from rpojax.vision.detector.detector_file import load_detector, round_to_half_precision, save_detector
+    from rpojax.training.detector.initial_weights import initial_weights
+    from rpojax.vision.detector.detector_file import round_to_half_precision, save_detector
 
-    begun, before = load_detector(start) if start else (None, {})
+    begun, before = initial_weights(start, seed)
     known, unseen = _training_and_validation(dataset)
     recipes = _recipes((epochs, second_epochs), rates, seed, (minutes, second_share), pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
