@@ -12,15 +12,19 @@ minutes=$(( ${2:-6} * 60 ))
 mkdir -p "$out"
 
 # Pictures to train on, and, by the generators of the first weights and of these, pictures to judge by.
-rpojax detector data --out "$out/data" --count 8000 --validation 2600 --empty 2000 --seed 0
-[ -e "$out/first.work" ] || ln -s data.work "$out/first.work"  # the same ray traces
-rpojax detector data --out "$out/first" --count 1 --validation 2800 --empty 2000 --seed 0 --generator 1
+rpojax detector data --out "$out/second" --count 8000 --validation 2600 --seed 0
+for name in second-empty first first-empty; do
+    [ -e "$out/$name.work" ] || ln -s second.work "$out/$name.work"  # the same ray traces
+done
+rpojax detector data --out "$out/second-empty" --count 1 --validation 2000 --seed 0 --generator 2-empty
+rpojax detector data --out "$out/first" --count 1 --validation 2800 --seed 0 --generator 1
+rpojax detector data --out "$out/first-empty" --count 1 --validation 2000 --seed 0 --generator 1-empty
 
 # The proposal network on crops and then on whole pictures, then the refinement network on its boxes.
 [ -e "$out/detector.safetensors" ] ||
-    rpojax detector train "$out/data" --out "$out/detector.safetensors" \
-        --epochs 100000 --second-epochs 100000 --minutes "$minutes" --second-share 0.5
+    rpojax detector train "$out/second" --out "$out/detector.safetensors" \
+        --epochs 100000 --second-epochs 100000 --minutes "$minutes"
 
-for set in first/validation first/empty data/validation data/empty; do
-    rpojax detector evaluate "$out/$set" --weights "$out/detector.safetensors" --json > "$out/$(echo "$set" | tr / _).json"
+for set in first first-empty second second-empty; do
+    rpojax detector evaluate "$out/$set" --weights "$out/detector.safetensors" --json > "$out/$set.json"
 done

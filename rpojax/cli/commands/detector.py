@@ -27,7 +27,7 @@ Source = Annotated[
 ]
 Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged ones by default.")]
 
-_TRAINING, _VALIDATION, _EMPTY = "training", "validation", "empty"
+_TRAINING, _VALIDATION = "training", "validation"
 _HELD_OUT_SHARE = 0.28
 
 
@@ -40,57 +40,50 @@ def data(
     ] = 500,
     craft: Annotated[int, arg(metavar="N", help="Spacecraft beside the packaged target.")] = 72,
     views: Annotated[int, arg(metavar="N", help="Ray-traced views of each.")] = 14,
-    empty: Annotated[int, arg(metavar="N", help="Pictures without spacecraft, for false boxes.")] = 0,
     generator: Annotated[
-        Literal[1, 2], arg(metavar="N", help="What pictures show: 2, or 1 as for the first packaged weights.")
-    ] = 2,
+        Literal["1", "2", "1-empty", "2-empty"],
+        arg(metavar="NAME", help="What pictures show: 2, 1 as for the first packaged weights, or no spacecraft."),
+    ] = "2",
     seed: Seed = 0,
     preview: Annotated[Path | None, arg(metavar="PNG", help="Write the first pictures with their boxes.")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> int:
     """Make pictures of ray-traced spacecraft with boxes; an interrupted call continues."""
-    if min(count, validation) < 1 or craft < 1 or views < 1 or empty < 0:
-        found = f"found {count}, {validation}, {craft}, {views}, {empty}, expected at least 1 of each, but of empty 0"
-        raise RpojaxError.of_argument("count, validation, craft, views, empty", found)
+    if min(count, validation) < 1 or craft < 1 or views < 1:
+        raise RpojaxError.of_argument("count, validation, craft, views", "expected at least 1 of each")
     claim_folder(out)
     if preview:
         claim(preview, force, (".png", ".jpg"))
-    from rpojax.training.synthetic_data import composites, detection_dataset, earth_textures, spacecraft_sprites
+    from rpojax.training.synthetic_data import composites, detection_dataset
 
-    mix = composites.GENERATORS[generator]
+    mix = composites.GENERATORS[int(generator[0])]
+    if generator.endswith("empty"):
+        mix = dataclasses.replace(mix, empty=1.0)
+    name = "" if generator == "1" else f", generator {generator}"
     parts = [
-        _DataPart(_TRAINING, count, craft, held_out=False, mix=mix),
-        _DataPart(_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), held_out=True, mix=mix),
+        _DataPart(
+            folder,
+            number,
+            variety,
+            views,
+            seed,
+            held_out,
+            f"{number} of {variety} craft x {views} views, seed {seed}{name}",
+        )
+        for folder, number, variety, held_out in (
+            (_TRAINING, count, craft, False),
+            (_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), True),
+        )
     ]
-    if empty:
-        parts.append(dataclasses.replace(parts[1], name=_EMPTY, number=empty, mix=dataclasses.replace(mix, empty=1.0)))
-    made = {part.name: _provenance(part, views, seed, generator) for part in parts}
-    done = {name: not force and detection_dataset.is_complete(out / name, made[name]) for name in made}
-    for name in made:
-        if not (force or done[name]) and (out / name / detection_dataset.ANNOTATIONS).exists():
-            raise OutputError(f"{out / name}: holds another data set already; --force replaces it")
+    missing = [part for part in parts if force or not detection_dataset.is_complete(out / part.name, part.provenance)]
+    for part in missing:
+        if not force and (out / part.name / detection_dataset.ANNOTATIONS).exists():
+            raise OutputError(f"{out / part.name}: holds another data set already; --force replaces it")
     work = out.with_name(out.name + ".work")
     with resumable(work):
-        for part in parts:
-            if done[part.name]:
-                continue
-            with item_progress(f"ray tracing for {part.name}", quiet=as_json) as watch:
-                found = spacecraft_sprites.trace_sprites(
-                    work / "sprites", part.craft, views, seed, part.held_out, watch
-                )
-            with item_progress(f"composing for {part.name}", quiet=as_json) as watch:
-                earth = earth_textures.load_earth_textures(part.held_out, seed)
-                detection_dataset.write_dataset(
-                    out / part.name,
-                    part.number,
-                    2 * seed + part.held_out + (2 if part.name == _EMPTY else 0),
-                    found,
-                    earth,
-                    made[part.name],
-                    watch,
-                    part.mix,
-                )
+        for part in missing:
+            _make_part(part, out, work, mix, quiet=as_json)
     content: dict[str, Any] = {"data": str(out), "views": str(work)}
     for part in parts:
         content[part.name] = detection_dataset.summary(out / part.name)
@@ -103,19 +96,29 @@ def data(
 
 @dataclasses.dataclass(frozen=True)
 class _DataPart:
-    """Number of pictures of a data set, of how many spacecraft, whether of those held out, and what they show."""
+    """Number of pictures of a data set, of how many spacecraft and views; `provenance` tells it from others."""
 
     name: str
     number: int
     craft: int
+    views: int
+    seed: int
     held_out: bool
-    mix: "CompositeMix"
+    provenance: str
 
 
-def _provenance(part: _DataPart, views: int, seed: int, generator: int) -> str:
-    """By which a finished data set is known again."""
-    version = "" if generator == 1 else f", generator {generator}"
-    return f"{part.number} of {part.craft} craft x {views} views, seed {seed}{version}"
+def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quiet: bool) -> None:
+    """Traces the spacecraft of a data set, and composes its pictures."""
+    from rpojax.training.synthetic_data import detection_dataset, earth_textures, spacecraft_sprites
+
+    with item_progress(f"ray tracing for {part.name}", quiet=quiet) as watch:
+        found = spacecraft_sprites.trace_sprites(
+            work / "sprites", part.craft, part.views, part.seed, part.held_out, watch
+        )
+    with item_progress(f"composing for {part.name}", quiet=quiet) as watch:
+        earth = earth_textures.load_earth_textures(part.held_out, part.seed)
+        number = 2 * part.seed + part.held_out
+        detection_dataset.write_dataset(out / part.name, part.number, number, found, earth, part.provenance, watch, mix)
 
 
 def train(
@@ -127,22 +130,16 @@ def train(
     minutes: Annotated[
         float | None, arg(metavar="T", help="Time limit of the training [min]; the schedule adapts.")
     ] = None,
-    second_share: Annotated[float, arg(metavar="F", help="Fraction of the time limit for the refinement network.")] = 1
-    / 3,
     start: Annotated[
         Path | None, arg(metavar="FILE", help="Initial weights where layers agree, instead of random ones.")
     ] = None,
     rate: Annotated[float, arg(metavar="R", help="Peak learning rate.")] = 5e-3,
-    second_rate: Annotated[
-        float | None, arg(metavar="R", help="That of the refinement network, if it is another one.")
-    ] = None,
     seed: Seed = 0,
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Train the detector on pictures with boxes; an interrupted call continues."""
-    rates = (rate, rate if second_rate is None else second_rate)
-    _check_training(epochs, second_epochs, minutes, second_share, rates)
+    _check_training(epochs, second_epochs, minutes, rate)
     claim(out, force)
     prepare_jax(cache=True)
     from rpojax.training.detector import evaluate_detector, train_detector
@@ -151,7 +148,7 @@ def train(
 
     begun, before = initial_weights(start, seed)
     known, unseen = _training_and_validation(dataset)
-    recipes = _recipes((epochs, second_epochs), rates, seed, (minutes, second_share), pieces=start is None)
+    recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
     with resumable(checkpoint), item_progress("training", quiet=as_json) as watch:
 
@@ -166,12 +163,7 @@ def train(
         )
     params = round_to_half_precision(params)
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
-    second = "" if second_rate is None else f" --second-rate {second_rate:g}"
-    limit = (
-        second
-        + ("" if minutes is None else f" --minutes {minutes:g} --second-share {second_share:g}")
-        + (f" --start {start.name}" if start else "")
-    )
+    limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
     passes = f"--epochs {epochs} --second-epochs {second_epochs}"
     # The record in the weights file holds no path of this machine.
     command = f"rpojax detector train {dataset.name} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
@@ -183,37 +175,30 @@ def train(
     return 0
 
 
-def _check_training(
-    epochs: int, second_epochs: int, minutes: float | None, share: float, rates: tuple[float, float]
-) -> None:
+def _check_training(epochs: int, second_epochs: int, minutes: float | None, rate: float) -> None:
     """Raises `RpojaxError` on options outside of their ranges."""
     if min(epochs, second_epochs) < 1 or (minutes is not None and not minutes > 0.0):
         found = f"{epochs}, {second_epochs}, {minutes}"
         raise RpojaxError.of_argument(
             "epochs, second_epochs, minutes", f"found {found}, expected 1 or more, and a time above 0"
         )
-    for name, value in (("rate", rates[0]), ("second_rate", rates[1]), ("second_share", share)):
-        if not 0.0 < value < 1.0:
-            raise RpojaxError.of_argument(name, f"found {value}, expected a number between 0 and 1")
+    if not 0.0 < rate < 1.0:
+        raise RpojaxError.of_argument("rate", f"found {rate}, expected a number between 0 and 1")
 
 
 def _recipes(
-    epochs: tuple[int, int], rates: tuple[float, float], seed: int, limit: tuple[float | None, float], pieces: bool
+    epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
 ) -> "dict[str, NetworkTrainingOptions]":
-    """Training options of both networks; crops are for untrained weights.
-
-    `limit` is a time limit [min], and the fraction of it for refinement.
-    """
+    """Training options of both networks; a third of a time limit is for refinement, crops are for untrained weights."""
     from rpojax.training.detector.training_options import NetworkTrainingOptions
 
-    minutes, second = limit
-    limits = (None, None) if minutes is None else (60.0 * minutes * (1.0 - second), 60.0 * minutes * second)
-    shares = (0.5 if pieces else 0.0, 0.0)
+    limits = (None, None) if minutes is None else (40.0 * minutes, 20.0 * minutes)
+    share = 0.5 if pieces else 0.0
     return {
-        name: NetworkTrainingOptions(epochs=passes, seed=seed, rate=rate, limit_s=limit_s, pieces_share=share)
-        for name, passes, rate, limit_s, share in zip(
-            ("proposal", "refinement"), epochs, rates, limits, shares, strict=True
-        )
+        "proposal": NetworkTrainingOptions(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),
+        "refinement": NetworkTrainingOptions(
+            epochs=second_epochs, seed=seed, rate=rate, limit_s=limits[1], pieces_share=0.0
+        ),
     }
 
 

@@ -19,7 +19,8 @@ _MASK_WEIGHT = 1.0
 def proposal_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: Batch) -> jax.Array:
     """Loss of the network's parameters; see `training_loop.Loss`."""
     del frozen, key
-    raw, _, mask = NETWORK.apply({"params": params}, batch.images)  # pyright: ignore[reportAssignmentType]
+    result: Any = NETWORK.apply({"params": params}, batch.images)
+    raw, _, mask = result
     return maps_loss(raw, batch) + _MASK_WEIGHT * mask_loss(mask[..., 0], covered_fraction(batch.mask, STRIDE))
 
 

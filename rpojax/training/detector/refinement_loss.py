@@ -54,9 +54,9 @@ def refinement_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: 
     candidates = jax.lax.stop_gradient(jax.vmap(_candidate_boxes)(maps, labels, keys))
     *inputs, crop_px = jax.vmap(network_inputs)(batch.images, features, candidates)
     covered = jax.vmap(lambda mask, px: crop_maps(mask[..., None], px, 1, MASK_CELLS)[..., 0])(batch.mask, crop_px)
-    places, quality, mask = NETWORK.apply(  # pyright: ignore[reportAssignmentType]
-        {"params": params}, *(values.reshape(-1, *values.shape[2:]) for values in inputs)
-    )
+    flat = (values.reshape(-1, *values.shape[2:]) for values in inputs)
+    result: Any = NETWORK.apply({"params": params}, *flat)
+    places, quality, mask = result
     found = _Found(
         boxes=mean_boxes(places, crop_px.reshape(-1, 4)).reshape(candidates.shape),
         places=places.reshape(*candidates.shape, PLACES),

@@ -89,7 +89,8 @@ def forward(params: Params, images: Images) -> tuple[ProposalMaps, Float[Array, 
 
     Sides of images are multiples of `SIDE_MULTIPLE_PX`.
     """
-    raw, features, _ = NETWORK.apply({"params": params}, images)  # pyright: ignore[reportAssignmentType]
+    result: Any = NETWORK.apply({"params": params}, images)
+    raw, features, _ = result
     return maps_from_channels(raw), features
 
 

@@ -112,5 +112,6 @@ def refine_boxes(
 ) -> tuple[Float[Array, "n 4"], Float[Array, " n"]]:
     """Refined boxes [px] in an image of codes in 0..1 with maps of the proposal network; quality logit of each."""
     *inputs, crop_px = network_inputs(image, features, boxes)
-    logits, quality, _ = NETWORK.apply({"params": params}, *inputs)  # pyright: ignore[reportAssignmentType]
+    result: Any = NETWORK.apply({"params": params}, *inputs)
+    logits, quality, _ = result
     return mean_boxes(logits, crop_px), quality
