@@ -25,10 +25,18 @@ AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress."
 Source = Annotated[
     Positional[Path], arg(metavar="DATASET", help="Folder with annotations.json in COCO's format, or with several.")
 ]
+Sources = Annotated[
+    Positional[tuple[Path, ...]],
+    arg(metavar="DATASET...", help="Folders, each with annotations.json in COCO's format or with several."),
+]
 Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged ones by default.")]
 
 _TRAINING, _VALIDATION = "training", "validation"
 _HELD_OUT_SHARE = 0.28
+_PROPOSAL_TIME = 0.33
+"""Part of a time limit for the proposal network; a step of the other one takes twice as long."""
+_MOST_JUDGED = 1000
+"""Validation pictures after each pass; the figures in the weights file are of all."""
 
 
 def data(
@@ -122,7 +130,7 @@ def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quie
 
 
 def train(
-    dataset: Source,
+    datasets: Sources,
     *,
     out: Annotated[Path, arg(metavar="FILE", help="File to write, such as detector.safetensors.")],
     epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the proposal network.")] = 100,
@@ -142,12 +150,17 @@ def train(
     _check_training(epochs, second_epochs, minutes, rate)
     claim(out, force)
     prepare_jax(cache=True)
+    import numpy as np
+
     from rpojax.training.detector import evaluate_detector, train_detector
     from rpojax.training.detector.initial_weights import initial_weights
+    from rpojax.training.synthetic_data.detection_dataset import concatenate
     from rpojax.vision.detector.detector_file import round_to_half_precision, save_detector
 
     begun, before = initial_weights(start, seed)
-    known, unseen = _training_and_validation(dataset)
+    parts = [_training_and_validation(folder) for folder in datasets]
+    known, unseen = (concatenate([part[index] for part in parts]) for index in (0, 1))
+    judged = unseen.subset(np.unique(np.linspace(0, len(unseen) - 1, _MOST_JUDGED).astype(int)))
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
     with resumable(checkpoint), item_progress("training", quiet=as_json) as watch:
@@ -159,14 +172,15 @@ def train(
             watch(round(1000 * (begin + span * step.done / step.total)), 1000, note)
 
         params, history = train_detector.train(
-            known, unseen, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
+            known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
     params = round_to_half_precision(params)
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
     limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
     passes = f"--epochs {epochs} --second-epochs {second_epochs}"
     # The record in the weights file holds no path of this machine.
-    command = f"rpojax detector train {dataset.name} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
+    names = " ".join(folder.name for folder in datasets)
+    command = f"rpojax detector train {names} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
     card = train_detector.model_card(known, recipes, history, figures, command)
     card["start"] = before.get("command")
     save_detector(params, out, card)
@@ -189,10 +203,10 @@ def _check_training(epochs: int, second_epochs: int, minutes: float | None, rate
 def _recipes(
     epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
 ) -> "dict[str, NetworkTrainingOptions]":
-    """Training options of both networks; a third of a time limit is for refinement, crops are for untrained weights."""
+    """Training options of both networks; crops are for untrained weights."""
     from rpojax.training.detector.training_options import NetworkTrainingOptions
 
-    limits = (None, None) if minutes is None else (40.0 * minutes, 20.0 * minutes)
+    limits = [None if minutes is None else 60.0 * minutes * part for part in (_PROPOSAL_TIME, 1.0 - _PROPOSAL_TIME)]
     share = 0.5 if pieces else 0.0
     return {
         "proposal": NetworkTrainingOptions(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),

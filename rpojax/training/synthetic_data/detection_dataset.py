@@ -64,6 +64,22 @@ class DetectionDataset:
         return self.known[index] if self.known else np.ones((len(self.boxes[index]), 4), bool)
 
 
+def concatenate(datasets: list[DetectionDataset]) -> DetectionDataset:
+    """One data set of several; without masks unless all parts have them."""
+    first, *others = datasets
+    if not others:
+        return first
+    masks = [part.masks for part in datasets if part.masks is not None]
+    return DetectionDataset(
+        np.concatenate([part.images for part in datasets]),
+        tuple(box for part in datasets for box in part.boxes),
+        tuple(background for part in datasets for background in part.backgrounds),
+        tuple(name for part in datasets for name in part.craft or ("other",) * len(part)),
+        tuple(part.known_edges(index) for part in datasets for index in range(len(part))),
+        np.concatenate(masks) if len(masks) == len(datasets) else None,
+    )
+
+
 def write_dataset(
     folder: Path,
     count: int,
