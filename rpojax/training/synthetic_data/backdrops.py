@@ -14,10 +14,11 @@ from rpojax.training.synthetic_data.earth_views import (
     unit,
     unit_rows,
 )
+from rpojax.training.synthetic_data.flight_backdrop import paint_flight_backdrop
 
 Rng = np.random.Generator
 
-BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city")
+BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city", "flight")
 
 
 def paint_backdrop(rng: Rng, kind: str, earth: EarthTextures, size_px: int) -> np.ndarray:
@@ -210,4 +211,5 @@ _BACKDROPS: dict[str, Callable[[Rng, EarthTextures, int], np.ndarray]] = {
     "glint": _glint,
     "moon": _moon,
     "city": _city,
+    "flight": paint_flight_backdrop,
 }

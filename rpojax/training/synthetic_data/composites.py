@@ -36,6 +36,7 @@ class CompositeMix:
         apart: fraction of the others with two spacecraft whose boxes do not overlap
         near: fraction of the others with two that are near each other, touch or overlap
         foreground: fraction with structure at the frame's edge, and with reflections in a window
+        shaded_clouds: whether clouds have a sunlit side
     """
 
     backdrops: Mapping[str, float]
@@ -44,6 +45,7 @@ class CompositeMix:
     apart: float
     near: float
     foreground: float
+    shaded_clouds: bool
 
 
 GENERATORS: Mapping[int, CompositeMix] = {
@@ -70,32 +72,36 @@ GENERATORS: Mapping[int, CompositeMix] = {
         apart=0.06,
         near=0.0,
         foreground=0.0,
+        shaded_clouds=False,
     ),
     2: CompositeMix(
         backdrops={
             "black": 0.14,
             "stars": 0.08,
-            "earth": 0.31,
-            "limb": 0.19,
+            "earth": 0.23,
+            "limb": 0.15,
             "night": 0.07,
-            "glint": 0.12,
+            "glint": 0.11,
             "moon": 0.04,
             "city": 0.05,
+            "flight": 0.13,
         },
         target_backdrops={
-            "black": 0.4,
-            "stars": 0.12,
-            "earth": 0.2,
-            "limb": 0.12,
-            "night": 0.05,
-            "glint": 0.06,
+            "black": 0.35,
+            "stars": 0.1,
+            "earth": 0.11,
+            "limb": 0.06,
+            "night": 0.04,
+            "glint": 0.04,
             "moon": 0.02,
             "city": 0.03,
+            "flight": 0.25,
         },
         empty=0.16,
         apart=0.04,
         near=0.2,
         foreground=0.06,
+        shaded_clouds=True,
     ),
 }
 """Mixes by number; 1 is that of the first packaged detector, kept so that its figures can be compared."""
@@ -130,6 +136,7 @@ def random_composite(
     mix: CompositeMix = GENERATORS[1],
 ) -> Composite:
     """Image with none, one or two spacecraft, exposed by a random sensor."""
+    earth = dataclasses.replace(earth, shaded_clouds=mix.shaded_clouds)
     targets = [sprite for sprite in sprites if sprite.craft == PACKAGED_TARGET]
     others = [sprite for sprite in sprites if sprite.craft != PACKAGED_TARGET]
     of_target = bool(targets) and (not others or rng.random() < _TARGET_FRACTION)
