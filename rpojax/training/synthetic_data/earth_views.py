@@ -125,7 +125,7 @@ def _ground_pixel_size(x: np.ndarray, y: np.ndarray, hit: np.ndarray) -> float:
 def _clouds(
     rng: Rng, earth: EarthTextures, x: np.ndarray, y: np.ndarray, step: float, fraction: float, view: EarthView
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Opacity (p, p) of clouds, stretched and warped noise above a threshold with soft or hard edges; and their light."""
+    """Opacity (p, p) of clouds, stretched and warped noise above a threshold; and their light."""
     scale = TILE_PX / (float(np.exp(rng.uniform(np.log(60.0), np.log(700.0)))) * step)
     stretch = float(np.exp(rng.normal(scale=0.25)))
     twist = float(rng.uniform(0.0, 40.0)) / scale
