@@ -33,7 +33,7 @@ Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged
 
 _TRAINING, _VALIDATION = "training", "validation"
 _HELD_OUT_SHARE = 0.28
-_PROPOSAL_TIME = 0.33
+_PROPOSAL_TIME = 0.4
 """Part of a time limit for the proposal network; a step of the other one takes twice as long."""
 _MOST_JUDGED = 1000
 """Validation pictures after each pass; the figures in the weights file are of all."""

@@ -69,26 +69,22 @@ def refinement_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: 
 
 
 def _candidate_boxes(maps: ProposalMaps, labels: _Labels, key: jax.Array) -> jax.Array:
-    """Boxes (n, 4) to refine in one image: proposals, and true or, without a true one, random boxes, all jittered.
+    """Boxes (n, 4) to refine in one image: proposals, and true or, without a true one, further proposals, all jittered.
 
-    The true boxes are those of two spacecraft, or of one twice.
+    The true boxes are those of two spacecraft, or of one twice. Most that an empty image proposes is cloud, so its
+    further proposals are harder to tell from spacecraft than boxes at random places.
     """
-    keys = jax.random.split(key, 4)
-    rows, columns = maps.heatmap.shape
-    proposals = box_decoding.decode_boxes(maps, _PROPOSALS).box_px
-    size = jnp.array([columns, rows], jnp.float32) * box_decoding.STRIDE
-    corner = jax.random.uniform(keys[0], (_JITTERED_BOXES, 2), jnp.float32) * size[None, :]
-    side = size[None, :] * jnp.exp(-3.5 * jax.random.uniform(keys[1], (_JITTERED_BOXES, 2), jnp.float32))
-    random = jnp.concatenate([corner - 0.5 * side, corner + 0.5 * side], axis=1)
+    jitter_key, move_key = jax.random.split(key)
+    proposals = box_decoding.decode_boxes(maps, _PROPOSALS + _JITTERED_BOXES).box_px
     is_true = labels.weight[:_JITTERED_BOXES] > 0.0
     again = jnp.where(is_true, jnp.arange(_JITTERED_BOXES, dtype=jnp.int32), 0)
-    true = jnp.where((labels.weight[again] > 0.0)[:, None], labels.boxes[again], random)
-    both = jnp.concatenate([proposals, true])
+    true = jnp.where((labels.weight[again] > 0.0)[:, None], labels.boxes[again], proposals[_PROPOSALS:])
+    both = jnp.concatenate([proposals[:_PROPOSALS], true])
     low, high = _JITTERS
-    jitter = low * (high / low) ** jax.random.uniform(keys[2], (_JITTERED_BOXES, 1), jnp.float32)
-    shift = jnp.concatenate([jnp.full((proposals.shape[0], 1), _PROPOSAL_JITTER, jnp.float32), jitter])
+    jitter = low * (high / low) ** jax.random.uniform(jitter_key, (_JITTERED_BOXES, 1), jnp.float32)
+    shift = jnp.concatenate([jnp.full((_PROPOSALS, 1), _PROPOSAL_JITTER, jnp.float32), jitter])
     moved = both + shift * jnp.tile(both[:, 2:] - both[:, :2], (1, 2)) * jax.random.normal(
-        keys[3], both.shape, jnp.float32
+        move_key, both.shape, jnp.float32
     )
     return jnp.concatenate([jnp.minimum(moved[:, :2], moved[:, 2:]), jnp.maximum(moved[:, :2], moved[:, 2:])], axis=1)
 
