@@ -15,6 +15,8 @@ import numpy as np
 
 import rpojax
 
+rpojax.prepare_process()
+
 SCENARIOS = (
     "inspection",
     "inspection_cold",

@@ -3,12 +3,14 @@
     python experiments/report/longest_silence.py --out out/silence [--only VERB,VERB]
 
 Each is called in a process of its own, at a small size and without the cache of compiled programs, so that compiling
-is part of it. The time before the first character, in which Python imports JAX, and that after the last one count too.
+is part of it. The time before the first character, in which Python imports JAX, and that after the last one count too;
+a Python program prints a line of its own when it has imported what it calls.
 """
 
 import argparse
 import json
 import os
+import re
 import select
 import subprocess
 import sys
@@ -53,7 +55,7 @@ VERBS: dict[str, tuple[str, ...]] = {
     "film": ("film", "pixels", "--out", "film.mp4"),
     "field render": ("field", "render", "--out", "picture.png"),
     "detect": ("detect", "picture.png"),
-    "bench": ("bench", "--only", "filter"),
+    "bench": ("bench", "--only", "kernels"),
     "validate": ("validate", "inspection"),
     "schema": ("schema",),
     "new": ("new", "mine"),
@@ -74,6 +76,12 @@ FUNCTIONS: dict[str, str] = {
     "tune": "rpojax.tune(file, ['navigation.gps_noise_m'], runs=4, steps=2, horizon_s=120, validation_runs=0)",
 }
 """Calls of a Python program that prepares nothing."""
+
+
+def _import(call: str) -> str:
+    """Python that imports what a call needs, then prints a line."""
+    names = sorted(set(re.findall(r"rpojax[.]\w+", call)))
+    return "; ".join([*names, "print('imported')"])
 
 
 def longest_silence(command: list[str], folder: Path) -> dict[str, float | int]:
@@ -110,7 +118,7 @@ def main() -> None:
             print(name, found[name], file=sys.stderr, flush=True)
     for name, call in FUNCTIONS.items():
         if not wanted or name in wanted:
-            code = f"import rpojax; file = rpojax.load('inspection', ['duration_s=200']); {call}"
+            code = f"import rpojax; file = rpojax.load('inspection', ['duration_s=200']); {_import(call)}; {call}"
             found[f"rpojax.{name}"] = longest_silence([sys.executable, "-c", code], arguments.out)
             print(name, found[f"rpojax.{name}"], file=sys.stderr, flush=True)
     print(json.dumps(found, indent=2))

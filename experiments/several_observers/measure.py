@@ -72,7 +72,7 @@ def groups() -> dict[str, list[Case]]:
         ],
         "far": [
             ("two at 200 m", "cooperative_far", []),
-            ("two at 200 m, alone", "cooperative_far", ["navigation.sharing=none"]),
+            ("two at 200 m, alone", "cooperative_far", ["navigation.sharing=none", UNHEARD]),
         ],
         "losses": [
             ("none", ellipse, [*SHORT, "navigation.sharing=none", UNHEARD]),

@@ -59,7 +59,7 @@ def formation_command(stages: Stages, params: FlightParams, memory: FlightMemory
 
     The law gets as much of the along-track deviation as the thruster can follow. Guidance works every `dt` [s].
     """
-    q_look, _ = target_pointing.look_attitude(params.vehicle, memory.orbit)
+    q_look, _ = target_pointing.look_attitude(params.vehicle, memory.orbit, memory.pointing.reference.q_EN)
     at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
     return _formation_command(stages, params, memory, at_burn, q_look, time, dt)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from rpojax.runtime.sign_of_life import SignOfLife, display
+from rpojax.runtime.sign_of_life import SignOfLife, display, note_shown
 
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
 
@@ -35,6 +35,12 @@ class Progress:
 ProgressCallback = Callable[[Progress], None]
 
 
+def _print_line(console: Console, text: str) -> None:
+    """Prints a line, which is a sign of life."""
+    note_shown()
+    console.print(f"rpojax: {text}", soft_wrap=True)
+
+
 @contextmanager
 def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
     """Shows the progress of runs of `duration_s` [s], by calls of the yielded function."""
@@ -59,14 +65,14 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
     if not console.is_terminal:
         fractions = list(_PRINTED_FRACTIONS)
 
-        sign = SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text)
+        sign = SignOfLife(lambda words: _print_line(console, words), text)
 
         def line(done: int, total: int, note: str = "") -> None:
-            sign.note(f"{text}, {done} of {total}" if done < total else text)
+            sign.describe(text, f"{done} of {total}" if done < total else "")
             while fractions and done >= fractions[0] * total:
                 fractions.pop(0)
                 if not fractions or done < fractions[0] * total:
-                    console.print(f"rpojax: {text}, {done} of {total} {note}".rstrip(), soft_wrap=True)
+                    _print_line(console, f"{text}, {done} of {total} {note}".rstrip())
 
         with sign:
             yield line
@@ -94,8 +100,8 @@ def busy(text: str, quiet: bool, announce: bool = True) -> Iterator[None]:
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
         if announce:
-            console.print(f"rpojax: {text}", soft_wrap=True)
-        with SignOfLife(lambda words: console.print(f"rpojax: {words}", soft_wrap=True), text):
+            _print_line(console, text)
+        with SignOfLife(lambda words: _print_line(console, words), text):
             yield
         return
     with console.status(text) as status, SignOfLife(status.update, text):
@@ -141,25 +147,25 @@ class _PlainLines:
         self._rate = _Rate(duration_s)
         self._console = Console(stderr=True, highlight=False)
         self._fractions = list(_PRINTED_FRACTIONS)
-        self.sign_of_life = SignOfLife(
-            lambda words: self._console.print(f"rpojax: {words}", soft_wrap=True), "starting"
-        )
+        self.sign_of_life = SignOfLife(self._print, "starting")
 
     def _print(self, text: str) -> None:
-        self._console.print(f"rpojax: {text}", soft_wrap=True)
+        _print_line(self._console, text)
 
     def __call__(self, progress: Progress) -> None:
         text = self._rate.describe(progress) if progress.compiled else _COMPILING
-        done = f"simulating, {progress.done:.0f} of {count_runs(progress.total)}"
-        if progress.done >= progress.total:
-            done = "free drifts and metrics of the last runs"
-        self.sign_of_life.note(done if progress.compiled else "compiling")
+        if not progress.compiled:
+            self.sign_of_life.describe("compiling")
+        elif progress.done < progress.total:
+            self.sign_of_life.describe("simulating", f"{progress.done:.0f} of {count_runs(progress.total)}")
+        else:
+            self.sign_of_life.describe("free drifts and metrics of the last runs")
         if progress.done == 0.0:
-            self._console.print(f"rpojax: {text}", soft_wrap=True)
+            self._print(text)
         passed = [fraction for fraction in self._fractions if progress.done >= fraction * progress.total]
         if passed:
             self._fractions = self._fractions[len(passed) :]
-            self._console.print(f"rpojax: {text}", soft_wrap=True)
+            self._print(text)
 
 
 @contextmanager

@@ -9,11 +9,27 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
 
-INTERVAL_S = 4.0
-"""Longest silence [s]; a busy machine and the begin of a process add to it, and five seconds are the bar."""
+INTERVAL_S = 3.0
+"""Longest silence [s] of a free machine; waiting for a core or for the interpreter adds to it, up to five seconds."""
+_OTHERS_TURN_S = 0.1
+"""Time after which a work that waits for another one to speak looks again."""
 
+
+class _LastSign:
+    """When something was last shown, by any work."""
+
+    def __init__(self) -> None:
+        self.time = time.monotonic()
+
+
+_last_sign = _LastSign()
 _under_way: list[object] = []
 """Works and displays that were begun and have not ended, the innermost one last."""
+
+
+def note_shown() -> None:
+    """Notes that something was shown just now."""
+    _last_sign.time = time.monotonic()
 
 
 @contextmanager
@@ -24,6 +40,7 @@ def display() -> Iterator[None]:
     try:
         yield
     finally:
+        note_shown()
         _end(shown, "the last stage")
 
 
@@ -31,7 +48,7 @@ def _end(ended: object, stage: str) -> None:
     """Ends a work or display; the one around it goes on after that `stage`."""
     _under_way.remove(ended)
     if _under_way and isinstance(outer := _under_way[-1], SignOfLife):
-        outer.note(f"after {stage}")
+        outer.describe(f"after {stage}")
 
 
 class SignOfLife:
@@ -43,13 +60,15 @@ class SignOfLife:
     """
 
     def __init__(self, show: Callable[[str], None], stage: str) -> None:
-        self._show, self._stage = show, stage
-        self._begin = self._last = time.monotonic()
+        self._show, self._stage, self._detail = show, stage, ""
+        self._begin = time.monotonic()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def __enter__(self) -> "SignOfLife":
         """Begins to watch."""
+        if not _under_way:
+            note_shown()
         _under_way.append(self)
         self._thread.start()
         return self
@@ -62,16 +81,23 @@ class SignOfLife:
         self._thread.join()
         _end(self, self._stage)
 
-    def note(self, stage: str | None = None) -> None:
-        """Notes that something else was shown just now, and the stage that began."""
-        self._last = time.monotonic()
-        if stage is not None and stage != self._stage:
-            self._stage, self._begin = stage, self._last
+    def describe(self, stage: str, detail: str = "") -> None:
+        """Says what is being done from now on, and how far it is; a stage counts its time from its begin."""
+        if stage != self._stage:
+            self._stage, self._begin = stage, time.monotonic()
+        self._detail = detail
 
     def _watch(self) -> None:
-        while not self._ended.wait(max(0.01, self._last + INTERVAL_S - time.monotonic())):
+        while not self._ended.wait(self._pause_s()):
             now = time.monotonic()
-            if now >= self._last + INTERVAL_S:
-                self._last = now
-                if not _under_way or _under_way[-1] is self:
-                    self._show(f"{self._stage}, {now - self._begin:.0f} s so far")
+            if now >= _last_sign.time + INTERVAL_S and self._is_innermost():
+                note_shown()
+                words = f"{self._stage}, {self._detail}" if self._detail else self._stage
+                self._show(f"{words}, {now - self._begin:.0f} s so far")
+
+    def _pause_s(self) -> float:
+        left = _last_sign.time + INTERVAL_S - time.monotonic()
+        return max(left, 0.01 if self._is_innermost() else _OTHERS_TURN_S)
+
+    def _is_innermost(self) -> bool:
+        return not _under_way or _under_way[-1] is self

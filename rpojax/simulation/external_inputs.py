@@ -93,6 +93,7 @@ def plan_external_burn(loop: Loop, tick: Tick, burn: ExternalBurn) -> Tick:
         burn.ignition,
         burn.cutoff,
         burn.q_burn,
+        tick.flight.pointing.reference.q_EN,
         tick.time,
     )
     # Each ignition has its own execution error; a change of the cutoff alone keeps it.

@@ -134,7 +134,9 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 
     with jax.named_scope("plan_burn"):
         # Outside of the branch, so that XLA shares it with guidance.
-        pointing = target_pointing.point_at_target(flight.vehicle, tick.flight.orbit, tick.sky.sun_N)
+        pointing = target_pointing.point_at_target(
+            flight.vehicle, tick.flight.orbit, tick.flight.pointing.reference.q_EN, tick.sky.sun_N
+        )
         if mission is not None:
             other = mission_decision.other_pointing(mission, flight, tick.flight, tick.sky.sun_N)
             pointing = target_pointing.with_other(pointing, other)

@@ -56,7 +56,7 @@ class Tick:
         innovation: of the orbit filter, None before navigation
         prediction: of the relative motion to a burn on decision ticks of a mission, else zero; None without phases
         mode: () pointing mode, None before guidance
-        confirmed: () bool, whether what other servicers see confirms the estimate; None without others
+        confirmed: () bool, whether what other servicers see stands for an own box; None without others
         peers: what is known of the other servicers, None unless a team is coordinated
     """
 

@@ -45,7 +45,7 @@ def start(flight: FlightParams, period: float, *initial_values: object) -> Fligh
 def plan_burn(
     stages: Stages, flight: FlightParams, memory: FlightMemory, sun_N: jax.Array, time: jax.Array
 ) -> BurnPlan:
-    sight = target_pointing.point_at_target(flight.vehicle, memory.orbit, sun_N)
+    sight = target_pointing.point_at_target(flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N)
     return burn_decision.plan_burn(stages, flight, memory, sight, time, 200.0, 1.0)
 
 

@@ -1,6 +1,7 @@
 """Progress display on stderr: lines in a file, a bar on a terminal."""
 
 import threading
+import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
@@ -29,7 +30,7 @@ def test_lines_in_a_file_are_printed_at_every_quarter(capsys: pytest.CaptureFixt
 
 def test_after_the_last_run_the_sign_of_life_is_not_that_of_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     stages: list[str] = []
-    monkeypatch.setattr(sign_of_life.SignOfLife, "note", lambda sign, stage: stages.append(stage))
+    monkeypatch.setattr(sign_of_life.SignOfLife, "describe", lambda sign, *words: stages.append(", ".join(words)))
     with progress_bar.run_progress(100.0, quiet=False) as watch:
         tell(watch)
     assert stages[0] == "compiling"
@@ -77,6 +78,20 @@ def test_long_silence_is_broken_by_the_stage_and_the_time_so_far(
     assert lines[0].startswith(f"rpojax: {stage}, ")
 
 
+def test_progress_of_which_nothing_is_printed_is_no_sign_of_life(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sign_of_life, "INTERVAL_S", 0.2)
+    end = time.monotonic() + 60.0
+    lines: list[str] = []
+    with progress_bar.item_progress("training", quiet=False) as tell_items:
+        while not lines and time.monotonic() < end:
+            tell_items(1, 1000)
+            time.sleep(0.01)
+            lines = [line for line in capsys.readouterr().err.splitlines() if line.endswith("s so far")]
+    assert lines[0].startswith("rpojax: training, 1 of 1000, ")
+
+
 def _announce(sign: sign_of_life.SignOfLife, shown: threading.Event) -> None:
     show = sign._show
 
@@ -102,6 +117,7 @@ def test_a_quiet_display_shows_no_sign_of_life(
 def test_a_stage_counts_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [100.0]
     monkeypatch.setattr(sign_of_life.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(sign_of_life._last_sign, "time", 100.0)
     lines: list[str] = []
     sign = sign_of_life.SignOfLife(lines.append, "compiling")
     waits = iter([False, False, False, True])
@@ -109,9 +125,9 @@ def test_a_stage_counts_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
     def wait(_: float) -> bool:
         clock[0] += 6.0
         if clock[0] > 110.0:
-            sign.note("simulating") if clock[0] < 115.0 else None
+            sign.describe("simulating") if clock[0] < 115.0 else None
         return next(waits)
 
     monkeypatch.setattr(sign._ended, "wait", wait)
     sign._watch()
-    assert lines == ["compiling, 6 s so far", "simulating, 6 s so far"]
+    assert lines == ["compiling, 6 s so far", "simulating, 0 s so far", "simulating, 6 s so far"]

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -17,6 +18,15 @@ class Swallowing:
         time.sleep(0.01)
 
 
+@pytest.fixture
+def heard_interrupts() -> Iterator[None]:
+    """SIGINT as in a terminal; in the background of a script it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard_interrupts")
 def test_an_interrupt_in_a_destructor_arrives_after_it_without_a_traceback(capfd: pytest.CaptureFixture[str]) -> None:
     swallowing = [Swallowing()]
     with ending_signals() as received, pytest.raises(KeyboardInterrupt):

@@ -42,18 +42,23 @@ from rpojax.simulation.channels import Channels
 SEGMENT_TICKS = 200
 """Approximate length of a segment: ticks that run on the device before the host gets their channels."""
 
+_VECTOR_RUNS = 16
+"""Numbers of single precision in the widest vector of a CPU."""
+
 
 def default_block_size(file: ScenarioFile) -> int:
     """Runs per device and block for this kind of device and camera: on a CPU as many as its cache holds.
 
-    A rendered image occupies a CPU core by itself, and a small block wastes little when few runs are wanted.
+    A rendered image occupies a CPU core by itself, and a small block wastes little when few runs are wanted. Else
+    blocks of a team are rounded up to whole vectors of the CPU: the rest of a vector costs as much as a whole one.
     """
     rendered = file.camera.model == "rendered"
     if jax.default_backend() == "cpu":
         runs = 10 if rendered else 256 if file.precision == "single" else 128
     else:
         runs = 256 if rendered else 4096
-    return max(1, runs // max(1, len(file.servicers)))
+    servicers = max(1, len(file.servicers))
+    return max(1, runs // servicers) if rendered else -(-runs // (servicers * _VECTOR_RUNS)) * _VECTOR_RUNS
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ tell.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import product
 from rpojax.flight.cooperation.free_relative_motion import apply, transition_matrix
@@ -70,9 +71,13 @@ def advance(burns: BurnSum, gravity_gradient: Matrix, delta_v_N: Vector, covaria
     return BurnSum(at_start=at_start, from_start=from_start, to_start=to_start)
 
 
-def since(now: BurnEffect, before: BurnEffect, from_start: Float[Array, "6 6"]) -> BurnEffect:
-    """Effect of the burns between two sums, at the time to which `from_start` leads."""
-    half = product(from_start, now.covariance - before.covariance)
+def since(now: BurnEffect, before: BurnEffect, from_start: Float[Array, "6 6"], time: Array) -> BurnEffect:
+    """Effect of the burns between two sums, at the time to which `from_start` leads.
+
+    That is `time` [s] since the start, equal in all runs.
+    """
+    # Fused into the second product, the first one would be repeated for every element of it.
+    half = fusion_barrier(product(from_start, now.covariance - before.covariance), time)
     covariance = product(half, from_start.T)
     return BurnEffect(
         change=apply(from_start, now.change - before.change), covariance=0.5 * (covariance + covariance.T)

@@ -289,19 +289,25 @@ def _tracks(baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float
     """Estimates of the peers in the messages, moved to now and to this servicer, (peers, ...)."""
     track = news.messages.track
     assert track is not None
+    sent = SplitEstimate(mean=track.state, correlated=track.correlated, independent=track.covariance - track.correlated)
+    now = _moved(sent, orbit, delay) if delay > 0.0 else sent
+    of_peer = (baselines.covariance - baselines.of_own)[:, :6, :6]
+    return replace(now, mean=now.mean + baselines.mean[:, :6], independent=now.independent + of_peer)
+
+
+def _moved(estimates: SplitEstimate, orbit: OrbitEstimate, delay: float) -> SplitEstimate:
+    """Estimates of position and velocity, (peers, ...), after `delay` [s] of free motion."""
     forth = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(orbit.servicer.r_SN_N), delay)
-    count = news.used.shape[0]
 
     def moved(P: Array) -> Array:
         half = product(forth, product(forth, P).T)
         return 0.5 * (half + half.T)
 
-    of_peer = (baselines.covariance - baselines.of_own)[:, :6, :6]
-    mean = [apply(forth, track.state[k]) + baselines.mean[k, :6] for k in range(count)]
+    peers = range(estimates.mean.shape[0])
     return SplitEstimate(
-        mean=jnp.stack(mean),
-        correlated=jnp.stack([moved(track.correlated[k]) for k in range(count)]),
-        independent=jnp.stack([moved(track.covariance[k] - track.correlated[k]) + of_peer[k] for k in range(count)]),
+        mean=jnp.stack([apply(forth, estimates.mean[k]) for k in peers]),
+        correlated=jnp.stack([moved(estimates.correlated[k]) for k in peers]),
+        independent=jnp.stack([moved(estimates.independent[k]) for k in peers]),
     )
 
 

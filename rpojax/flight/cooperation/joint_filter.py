@@ -217,7 +217,7 @@ def hear(
         )
         factors.append(decay)
         added.append(jnp.where(used[k], variance, 0.0))
-        moved.append(jnp.where(used[k], 0.5 * (burns.covariance[k] + burns.covariance[k].T), 0.0))
+        moved.append(jnp.where(used[k], burns.covariance[k], 0.0))
         change = jnp.where(used[k], burns.change[k], 0.0)
         states.append(jnp.concatenate([state[:MOTION] + change, decay * state[MOTION:]]))
     P = joint_covariance.scaled_slow(P, jnp.concatenate(factors))

@@ -81,6 +81,7 @@ def read(
     tuning: OrbitFilterTuning,
     focal_px: Float[Array, " peers"],
     forth: Float[Array, "6 6"] | None,
+    time: Array,
 ) -> tuple[News, Heard]:
     """News of a tick, and the memory after it.
 
@@ -93,13 +94,14 @@ def read(
         tuning: of the peers
         focal_px: (peers,) of their cameras [px]
         forth: (6, 6) state transition matrix from the time stamps to now, None if they are now
+        time: () since the start [s]
     """
     used = received & (messages.time >= heard.time)
     news = News(
         messages=messages,
         used=used,
         interval=jnp.where(used, messages.time - heard.time, 0.0),
-        burns=_peer_burns(messages, heard, forth),
+        burns=_peer_burns(messages, heard, forth, time),
         attitude_variance=messages.attitude_variance - heard.attitude_variance,
         baseline=_gps_differences(messages, own_then),
         measured=used & messages.gps.present & own_then.gps.present,
@@ -112,13 +114,13 @@ def read(
     return news, select_peers(used, latest, heard)
 
 
-def _peer_burns(messages: Message, heard: Heard, forth: Float[Array, "6 6"] | None) -> BurnEffect:
+def _peer_burns(messages: Message, heard: Heard, forth: Float[Array, "6 6"] | None, time: Array) -> BurnEffect:
     """Effect of the peers' burns between what was heard before and the messages, propagated to now."""
     effects = []
     for k in range(heard.time.shape[0]):
         now, before = (jax.tree.map(lambda leaf, k=k: leaf[k], effect) for effect in (messages.burns, heard.burns))
         from_start = messages.from_start[k] if forth is None else product(forth, messages.from_start[k])
-        effects.append(burn_effect.since(now, before, from_start))
+        effects.append(burn_effect.since(now, before, from_start, time))
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
 
 

@@ -194,6 +194,7 @@ def share(
             arrived.tuning,
             arrived.focal_px,
             _forth(records, delay),
+            time,
         )
         memory = replace(memory, heard=latest)
         return _received(settings, baseline, tuning, focal_px, records, memory, news, delay)

@@ -115,7 +115,9 @@ def guide(
     ends = searching & (state.search_time + advance > duration)
     search_time = jnp.where(searching, jnp.where(ends, 1.0, state.search_time + advance), 0.0)
 
-    q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time, pace, time)
+    q_target, omega_target = _target_attitude(
+        pointing, vehicle, estimate, state.reference.q_EN, searching, search_time, pace, time
+    )
     if other is not None:
         q_target = jnp.where(other.is_wanted, other.q_BN, q_target)
         omega_target = jnp.where(other.is_wanted, other.omega_BN_B, omega_target)
@@ -148,6 +150,7 @@ def _target_attitude(
     pointing: PointingTuning,
     vehicle: VehicleModel,
     estimate: OrbitEstimate,
+    q_before: Float[Array, "4"],
     searching: Flag,
     search_time: Scalar,
     pace: float,
@@ -156,7 +159,7 @@ def _target_attitude(
     """Attitude `q_BN` towards the estimated target, or on the search spiral around it, and its rate [rad/s] in B."""
     # They would be repeated in each component of the attitude.
     (q_look, omega_look), (offset_K, rate_K) = fusion_barrier(
-        (look_attitude(vehicle, estimate), search_spiral.spiral_offset(pointing, search_time)), time
+        (look_attitude(vehicle, estimate, q_before), search_spiral.spiral_offset(pointing, search_time)), time
     )
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
     q_search = quaternion.exp(-rotate(q_BK, offset_K))

@@ -183,14 +183,17 @@ def plan_from_command(
     ignition: Scalar,
     cutoff: Scalar,
     q_burn: Float[Array, "4"],
+    q_before: Float[Array, "4"],
     time: Scalar,
 ) -> BurnPlan:
     """Burn plan from an external command: valve times [s] from the start of the run, and the burn attitude.
 
+    `q_before` is the end of the present attitude reference.
+
     A command with the ignition of the plan `before` only changes its cut-off. Without on-time the valve closes now.
     """
     wanted = cutoff > ignition
-    q_look, _ = look_attitude(vehicle, estimate)
+    q_look, _ = look_attitude(vehicle, estimate, q_before)
     turn = quaternion.log(quaternion.multiply(q_burn, quaternion.conjugate(q_look)))
     turn_start = jnp.maximum(ignition - pointing.settle_time - slew_duration(pointing, gradient_safe.norm(turn)), time)
     direction_N = rotate(quaternion.conjugate(q_burn), vehicle.thrust_direction)

@@ -3,9 +3,10 @@
 import math
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe
+from rpojax.core.numerics.trigonometric_series import arctan2
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
@@ -38,6 +39,15 @@ def uncertainty_cone(estimate: OrbitEstimate, sigmas: Scalar) -> Scalar:
     along = sigmas * relative_range_sigma(estimate)
     outside = gradient_safe.sqrt(jnp.maximum(1.0 - along * along, _LEAST_OUTSIDE))
     return jnp.minimum(sigmas * bearing_sigma(estimate) / outside, math.pi)
+
+
+def is_within_frame(estimate: OrbitEstimate, sigmas: Scalar, half_frame_tangent: Float[Array, "2"]) -> Bool[Array, ""]:
+    """Whether a frame centred on the estimate shows the target wherever it is within some `sigmas` [-].
+
+    `half_frame_tangent` are the tangents of half of the frame's angles.
+    """
+    half_angle = arctan2(jnp.min(half_frame_tangent, axis=0), jnp.ones_like(half_frame_tangent[0]))
+    return uncertainty_cone(estimate, sigmas) < half_angle
 
 
 _LEAST_OUTSIDE = 1e-4

@@ -15,6 +15,7 @@ from rpojax.flight import computer, phase_goal
 from rpojax.flight.cooperation import sharing
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.flight_records import FlightMemory
+from rpojax.flight.guidance import line_of_sight_uncertainty
 from rpojax.flight.navigation.burn_errors import thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
@@ -94,9 +95,19 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
         scenario.tick_s,
     )
     flight = replace(ticks.flight, orbit=records.orbit)
-    confirmed = jnp.any(memory.news_used, axis=0)
-    ticks, state = replace(ticks, flight=flight, confirmed=confirmed), replace(state, links=links, sharing=memory)
+    ticks, state = replace(ticks, flight=flight), replace(state, links=links, sharing=memory)
+    ticks = replace(ticks, confirmed=loop.params.each(_confirmed, (tick_axes(-1), -1))(ticks, memory.news_used))
     return _coordinate(loop, state, ticks, received)
+
+
+def _confirmed(params: Params, tick: Tick, news_used: Bool[Array, " peers"]) -> Bool[Array, ""]:
+    """Whether what others see stands for a box of one's own.
+
+    Until the target is acquired it must tell that the target is in the own frame: else the camera would not search.
+    """
+    sigmas, half_frame = params.flight.pointing.search_sigmas, tick.measurements.box.half_frame_tangent
+    is_in_frame = line_of_sight_uncertainty.is_within_frame(tick.flight.orbit, sigmas, half_frame)
+    return jnp.any(news_used) & (tick.flight.pointing.acquired | is_in_frame)
 
 
 def _coordinate(loop: TeamLoop, state: TeamState, ticks: Tick, received: Bool[Array, "N N"]) -> tuple[Tick, TeamState]:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.core.pytree import pytree
+from rpojax.training.detector.box_ranges import long_side
 from rpojax.training.detector.geometric_augmentation import LabelledImage, augment_geometry, two_crops
 from rpojax.training.detector.photometric_augmentation import NOISE_SIDE_PX, augment_appearance
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
@@ -53,7 +54,7 @@ def augment_batch(data: DetectionDataset, indices: np.ndarray, rng: Rng, crops: 
 
 def _padded_labels(view: LabelledImage) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Boxes, weights and known edges in arrays of fixed length, the largest boxes first; tiny ones are ignored."""
-    side = np.max(view.boxes[:, 2:] - view.boxes[:, :2], axis=1, initial=0.0)
+    side = long_side(view.boxes)
     order = np.argsort(-side)[:MAX_BOXES]
     box, weight = np.zeros((MAX_BOXES, 4), np.float32), np.zeros(MAX_BOXES, np.float32)
     known = np.zeros((MAX_BOXES, 4), np.float32)

@@ -46,16 +46,8 @@ class Matches:
         return float(np.append(precision, 0.0)[np.minimum(place, len(precision))].mean())
 
 
-def average_precision(
-    boxes: Sequence[np.ndarray],
-    scores: Sequence[np.ndarray],
-    truth: Sequence[np.ndarray],
-    ignored_truth: Sequence[np.ndarray] | None = None,
-    ignored_boxes: Sequence[np.ndarray] | None = None,
-    thresholds: np.ndarray = IOU_THRESHOLDS,
-) -> np.ndarray:
-    """Average precision at every threshold of IoU; NaN without true boxes; arguments as of `match_detections`."""
-    matches = match_detections(boxes, scores, truth, ignored_truth, ignored_boxes, thresholds)
+def average_precisions(matches: Sequence[Matches]) -> np.ndarray:
+    """Average precision of detections matched at several thresholds of IoU; NaN without true boxes."""
     return np.array([at_threshold.average_precision() for at_threshold in matches])
 
 

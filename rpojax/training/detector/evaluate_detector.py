@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.detector.average_precision import Matches, match_detections
+from rpojax.training.detector.average_precision import Matches, average_precisions, match_detections
 from rpojax.training.detector.box_ranges import IsOutside, outside_contrast_range, outside_size_range
 from rpojax.training.detector.confidence_intervals import bootstrap_interval, wilson_interval
 from rpojax.training.detector.pair_recall import pair_recalls
@@ -77,7 +77,7 @@ def detection_metrics(
     best = _best_overlaps(found, data, ignored_truth)
     overlaps = np.concatenate(best)
     empty = _boxes_in_empty_frames(found, data)
-    precision = [at_threshold.average_precision() for at_threshold in matches]
+    precision = average_precisions(matches)
     metrics = {
         "boxes": len(overlaps),
         "map50": _rounded(precision[0]),

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.training.detector.box_ranges import long_side
 from rpojax.training.detector.confidence_intervals import wilson_interval
 from rpojax.vision.intersection_over_union import intersection_area, pairwise_iou
 
@@ -42,7 +43,7 @@ def pair_recalls(
 
 def pair_kind(real: np.ndarray, min_px: float) -> str | None:
     """'overlapping' or 'near' for two boxes (2, 4) of at least `min_px`; None for other numbers, sizes and gaps."""
-    if len(real) != 2 or np.max(real[:, 2:] - real[:, :2], axis=1).min() < min_px:
+    if len(real) != 2 or long_side(real).min() < min_px:
         return None
     if intersection_area(real[:1], real[1:])[0] > 0.0:
         return "overlapping"

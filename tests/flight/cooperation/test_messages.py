@@ -66,7 +66,7 @@ def test_burns_of_lost_messages_are_known_from_the_next_one() -> None:
         P[3:, 3:] += Q
         if tick == 20:
             heard, expected, P = burns.at_start, np.zeros(6), np.zeros((6, 6))
-    news = burn_effect.since(burns.at_start, heard, burns.from_start)
+    news = burn_effect.since(burns.at_start, heard, burns.from_start, jnp.asarray(40.0))
     np.testing.assert_allclose(news.change, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(news.covariance, P, atol=1e-9)
 
@@ -85,7 +85,7 @@ def test_what_burns_added_is_a_covariance_however_long_ago_the_first_was() -> No
     run = jax.jit(lambda burns, ticks: jax.lax.scan(step, burns, ticks)[0])
     before = run(burn_effect.initial(), jnp.arange(3999.0))
     after = run(before, jnp.arange(3999.0, 4000.0))
-    news = burn_effect.since(after.at_start, before.at_start, after.from_start)
+    news = burn_effect.since(after.at_start, before.at_start, after.from_start, jnp.asarray(4e4))
     assert np.linalg.eigvalsh(after.at_start.covariance)[-1] > 1e6
     # Of steps of 10 s, the transition there and back differs from one by a thousandth after seven orbits.
     np.testing.assert_allclose(news.covariance[3:, 3:], Q, atol=5e-9)

@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from rpojax.training.detector.average_precision import average_precision
+from rpojax.training.detector.average_precision import average_precisions, match_detections
 
 Boxes = list[np.ndarray]
 MIN_SIDE_PX = 16.0
@@ -79,7 +79,7 @@ def test_average_precision_matches_pycocotools(seed: int, min_side_px: float) ->
     expected = by_pycocotools(found, scores, truth, min_side_px)
     assert 0.05 < expected.mean() < 0.95
     np.testing.assert_allclose(
-        average_precision(found, scores, truth, ignored_truth, ignored_boxes), expected, atol=1e-9
+        average_precisions(match_detections(found, scores, truth, ignored_truth, ignored_boxes)), expected, atol=1e-9
     )
 
 
@@ -89,9 +89,9 @@ def test_average_precision_of_worked_case() -> None:
     scores = [np.array([0.9]), np.array([0.8, 0.7])]
     # Precision 1 up to recall 0.5 (51 of 101 recalls), then 2/3; the IoU of the last box is 0.8.
     expected = (51 + 50 * 2 / 3) / 101
-    precision = average_precision(found, scores, truth, thresholds=np.array([0.5, 0.85]))
+    precision = average_precisions(match_detections(found, scores, truth, thresholds=np.array([0.5, 0.85])))
     np.testing.assert_allclose(precision, [expected, 51 / 101])
 
 
 def test_without_true_boxes_precision_is_nan() -> None:
-    assert np.isnan(average_precision([np.zeros((0, 4))], [np.zeros(0)], [np.zeros((0, 4))])).all()
+    assert np.isnan(average_precisions(match_detections([np.zeros((0, 4))], [np.zeros(0)], [np.zeros((0, 4))]))).all()

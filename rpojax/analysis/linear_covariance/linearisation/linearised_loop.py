@@ -180,7 +180,9 @@ class LinearisedLoop:
         """
         time = tick.astype(jnp.float64) * self.scenario.tick_s
         sun_N = sun_and_moon_at(self.scenario, time).sun_N
-        pointing = target_pointing.point_at_target(self.params.flight.vehicle, memory.orbit, sun_N)
+        pointing = target_pointing.point_at_target(
+            self.params.flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N
+        )
 
         def burn(command: Array) -> tuple[Array, Array]:
             stages = replace(self.stages, formation_law=lambda: command)
