@@ -4,7 +4,7 @@
 #   experiments/detector/train.sh OUT [HOURS]
 #
 # OUT holds all files. HOURS is the time of the training (default 6), which adapts to it. Before it come about 10 minutes of
-# ray tracing and 15 of composing on one free core, after it a few minutes of evaluation. The same command continues where it
+# ray tracing and 12 of composing on one free core, after it a few minutes of evaluation. The same command continues where it
 # was interrupted; rpojax uses every core, or the GPU.
 set -eu
 out=${1:?"usage: train.sh OUT [HOURS]"}
@@ -17,7 +17,7 @@ for name in second-empty first first-empty; do
     [ -e "$out/$name.work" ] || ln -s second.work "$out/$name.work"  # the same ray traces
 done
 rpojax detector data --out "$out/second-empty" --count 1 --validation 2000 --seed 0 --generator 2-empty
-rpojax detector data --out "$out/first" --count 3000 --validation 2800 --seed 0 --generator 1
+rpojax detector data --out "$out/first" --count 6000 --validation 2800 --seed 0 --generator 1
 rpojax detector data --out "$out/first-empty" --count 1 --validation 2000 --seed 0 --generator 1-empty
 
 # The proposal network on crops and then on whole pictures, then the refinement network on its boxes.
