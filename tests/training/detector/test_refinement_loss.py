@@ -52,7 +52,7 @@ def test_refinement_loss_penalises_wrong_edges_and_confidence() -> None:
     assert losses(near, near, 3.0, weight=-1.0) == (0.0, 0.0)
 
 
-def test_candidates_are_proposals_true_and_random_boxes() -> None:
+def test_candidates_are_proposals_and_true_boxes() -> None:
     maps = ProposalMaps(
         heatmap=jnp.full((32, 32), -9.0, jnp.float32).at[10, 10].set(4.0),
         edges=jnp.broadcast_to(jnp.array([30.0, 34.0, 54.0, 50.0], jnp.float32), (32, 32, 4)),
@@ -73,8 +73,23 @@ def test_candidates_are_proposals_true_and_random_boxes() -> None:
     width = candidates[:, -2, 2] - candidates[:, -2, 0]
     assert (width < 25.0).any()
     assert (candidates[..., 2:] >= candidates[..., :2]).all()
-    none = refinement_loss._Labels(boxes=true, weight=0.0 * labels.weight, known=labels.known)
-    assert np.asarray(find(maps, none, keys))[:, -1, 0].std() > 20.0
+
+
+def test_an_empty_image_gives_its_further_proposals() -> None:
+    cells = np.array([[2, 3], [9, 20], [18, 5], [27, 27]])
+    heat = np.full((32, 32), -9.0, np.float32)
+    heat[cells[:, 0], cells[:, 1]] = [4.0, 3.0, 2.0, 1.0]
+    center = 4.0 * (np.stack(np.meshgrid(np.arange(32), np.arange(32)), axis=-1) + 0.5)
+    edges = np.concatenate([center - 6.0, center + 6.0], axis=-1).astype(np.float32)
+    maps = ProposalMaps(heatmap=jnp.asarray(heat), edges=jnp.asarray(edges))
+    none = refinement_loss._Labels(
+        boxes=jnp.zeros((8, 4), jnp.float32), weight=jnp.zeros(8, jnp.float32), known=jnp.zeros((8, 4), jnp.float32)
+    )
+    keys = jax.vmap(jax.random.key)(jnp.arange(300))
+    find = jax.jit(jax.vmap(refinement_loss._candidate_boxes, in_axes=(None, None, 0)))
+    candidates = np.asarray(find(maps, none, keys)).mean(axis=0)
+    found = 0.5 * (candidates[:, :2] + candidates[:, 2:])
+    np.testing.assert_allclose(found, 4.0 * (cells[:, ::-1] + 0.5), atol=0.5)
 
 
 def test_loss_of_places_is_least_at_the_true_edge() -> None:
