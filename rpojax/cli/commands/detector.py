@@ -117,7 +117,8 @@ class _DataPart:
 
 def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quiet: bool) -> None:
     """Traces the spacecraft of a data set, and composes its pictures."""
-    from rpojax.training.synthetic_data import detection_dataset, earth_textures, spacecraft_sprites
+    from rpojax.training.synthetic_data import detection_dataset, spacecraft_sprites
+    from rpojax.training.synthetic_data.scenery import earth_textures
 
     with item_progress(f"ray tracing for {part.name}", quiet=quiet) as watch:
         found = spacecraft_sprites.trace_sprites(
@@ -152,8 +153,10 @@ def train(
     prepare_jax(cache=True)
     import numpy as np
 
-    from rpojax.training.detector import evaluate_detector, train_detector
+    from rpojax.training.detector import train_detector
+    from rpojax.training.detector.evaluation import evaluate_detector
     from rpojax.training.detector.initial_weights import initial_weights
+    from rpojax.training.detector.score_calibration import calibrate_score
     from rpojax.training.synthetic_data.detection_dataset import concatenate
     from rpojax.vision.detector.detector_file import round_to_half_precision, save_detector
 
@@ -174,7 +177,7 @@ def train(
         params, history = train_detector.train(
             known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
-    params = round_to_half_precision(params)
+    params = round_to_half_precision(calibrate_score(params, unseen))
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
     limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
     passes = f"--epochs {epochs} --second-epochs {second_epochs}"
@@ -235,7 +238,7 @@ def evaluate(
         raise RpojaxError.of_argument("limit", f"found {limit}, expected at least 1")
     if form == "coco" and not (labels is None and limit is None):
         raise RpojaxError.of_argument("format", "found 'coco', expected another one with --labels or --limit")
-    from rpojax.training.detector import evaluate_detector
+    from rpojax.training.detector.evaluation import evaluate_detector
     from rpojax.training.public_data import data_formats
     from rpojax.vision.detector.detector_file import load_detector
 

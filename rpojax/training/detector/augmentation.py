@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.core.pytree import pytree
-from rpojax.training.detector.box_ranges import long_side
+from rpojax.training.detector.evaluation.box_ranges import long_side
 from rpojax.training.detector.geometric_augmentation import LabelledImage, augment_geometry, two_crops
 from rpojax.training.detector.photometric_augmentation import NOISE_SIDE_PX, augment_appearance
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rpojax.training.synthetic_data.backdrops import BACKDROP_KINDS, paint_backdrop
 from rpojax.training.synthetic_data.camera_artefacts import add_artefacts
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
-from rpojax.training.synthetic_data.foreground import add_reflections, add_structure
 from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
+from rpojax.training.synthetic_data.scenery.backdrops import BACKDROP_KINDS, paint_backdrop
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.foreground import add_reflections, add_structure
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.training.synthetic_data.sprite_layers import Layer, near_layers, random_layer
 from rpojax.training.synthetic_data.visible_box import known_edges, visible_box, visible_coverage

@@ -10,8 +10,8 @@ import numpy as np
 
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.training.synthetic_data.composites import GENERATORS, SIZE_PX, Composite, CompositeMix, random_composite
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
 from rpojax.untrusted.json_reading import read_json

@@ -24,6 +24,8 @@ MASK_CELLS = CROP_PX // 2
 _MAP_CELLS = CROP_PX // 4
 _WIDTHS = (32, 64, 96)
 _AXIS_WIDTH = 64
+QUALITY_LAYER = "out_quality"
+"""Layer whose bias moves all quality logits."""
 _SUBDIVISION = PLACES // MASK_CELLS
 """Places of an edge per cell."""
 
@@ -74,7 +76,7 @@ class RefinementNetwork(linen.Module):
         peaks = jax.lax.stop_gradient(jnp.max(jax.nn.softmax(logits, axis=-1), axis=-1))
         whole = jnp.concatenate([jnp.max(coarse, axis=(1, 2)), jnp.mean(coarse, axis=(1, 2)), peaks], axis=-1)
         whole = linen.relu(convolution("whole", _AXIS_WIDTH, size=1)(whole[:, None, None, :]))
-        return output_layer("out_quality", 1)(whole)[:, 0, 0, 0]
+        return output_layer(QUALITY_LAYER, 1)(whole)[:, 0, 0, 0]
 
 
 def _along_axis(name: str) -> linen.Conv:

@@ -62,6 +62,15 @@ def _combined_score(proposal_score: Array, quality_logit: Array) -> Array:
     return jax.nn.sigmoid(0.5 * (jnp.log(proposal_score) - jnp.log1p(-proposal_score) + quality_logit))
 
 
+def with_shifted_score(params: DetectorParams, log_odds: float) -> DetectorParams:
+    """Parameters that give every box a score with log-odds higher by a number, and the same edges."""
+    refinement = params["refinement"]
+    layer = refinement[refinement_network.QUALITY_LAYER]
+    # The score has the mean of the log-odds of two networks.
+    moved = {**layer, "bias": layer["bias"] + jnp.asarray(2.0 * log_odds, layer["bias"].dtype)}
+    return {**params, "refinement": {**refinement, refinement_network.QUALITY_LAYER: moved}}
+
+
 def soft_detect(params: DetectorParams, image: Float[Array, "h w 3"]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
     """The best box of an image and its score, both differentiable in the image."""
     maps, features = proposal_network.forward(params["proposal"], image[None])

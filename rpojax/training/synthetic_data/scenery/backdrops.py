@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rpojax.training.synthetic_data.earth_textures import EarthTextures, noise_patch
-from rpojax.training.synthetic_data.earth_views import (
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures, noise_patch
+from rpojax.training.synthetic_data.scenery.earth_views import (
     atmosphere,
     daylight,
     ground_image,
@@ -14,7 +14,7 @@ from rpojax.training.synthetic_data.earth_views import (
     unit,
     unit_rows,
 )
-from rpojax.training.synthetic_data.flight_backdrop import paint_flight_backdrop
+from rpojax.training.synthetic_data.scenery.flight_backdrop import paint_flight_backdrop
 
 Rng = np.random.Generator
 

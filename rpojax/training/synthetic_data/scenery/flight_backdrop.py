@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
-from rpojax.training.synthetic_data.earth_views import EarthView, random_earth_view
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.earth_views import EarthView, random_earth_view
 from rpojax.vision.imaging.sky_background import background
 from rpojax.vision.imaging.sky_maps import Sky, random_sky
 from rpojax.vision.pinhole import Intrinsics

@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from rpojax.training.synthetic_data import (
-    backdrops,
-    earth_textures,
-    earth_views,
-)
-from rpojax.training.synthetic_data.backdrops import paint_backdrop
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
-from rpojax.training.synthetic_data.flight_backdrop import paint_flight_backdrop
+from rpojax.training.synthetic_data.scenery import backdrops, earth_textures, earth_views
+from rpojax.training.synthetic_data.scenery.backdrops import paint_backdrop
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.flight_backdrop import paint_flight_backdrop
 
 
 @pytest.mark.parametrize("kind", backdrops.BACKDROP_KINDS)

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from rpojax.training.synthetic_data.earth_textures import TILE_PX, EarthTextures, ground_color, sample_noise
+from rpojax.training.synthetic_data.scenery.earth_textures import TILE_PX, EarthTextures, ground_color, sample_noise
 
 Rng = np.random.Generator
 
