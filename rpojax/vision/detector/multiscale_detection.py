@@ -22,8 +22,8 @@ from rpojax.vision.intersection_over_union import box_area, intersection_area, i
 
 MAX_SIDE_PX = 2048
 """Long side of the finest scale; larger images are shrunk to it."""
-SCORE_THRESHOLD = 0.65
-"""Least score of a verified box; above that of a single view, since an image has many windows."""
+SCORE_THRESHOLD = 0.5
+"""Least score of a verified box, which is that of five views."""
 _CANDIDATE_SCORE = 0.4
 """Least score in one window of a box to verify."""
 _COARSE_SIDE_PX = 72
