@@ -32,8 +32,8 @@ def test_a_hundredth_of_the_empty_images_reaches_the_threshold(params: DetectorP
     assert (best >= SCORE_THRESHOLD).mean() == pytest.approx(EMPTY_SHARE, abs=0.006)
     # Boxes stay the same, and so does the order of their scores.
     np.testing.assert_allclose(before.boxes[3][:1], after.boxes[3][:1], atol=1e-3)
-    order = [np.argsort([scores.max() for scores in found.scores]) for found in (before, after)]
-    assert np.corrcoef(*order)[0, 1] > 0.999
+    order = np.array([np.argsort([scores.max() for scores in found.scores]) for found in (before, after)])
+    assert np.corrcoef(order)[0, 1] > 0.999
 
 
 def test_few_empty_images_move_nothing(params: DetectorParams) -> None:
