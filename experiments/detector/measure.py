@@ -15,12 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.benchmark.multi_device_program import compile_for_devices
-from rpojax.training.detector import evaluate_detector
+from rpojax.training.detector.evaluation import evaluate_detector
 from rpojax.training.radiance_field import evaluate_field, image_quality
-from rpojax.training.synthetic_data import backdrops, earth_textures, random_views, ray_traced_views
+from rpojax.training.synthetic_data import random_views, ray_traced_views
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, read_dataset
 from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
 from rpojax.training.synthetic_data.meshes import packaged_target
+from rpojax.training.synthetic_data.scenery import backdrops, earth_textures
 from rpojax.training.synthetic_data.visible_box import visible_box
 from rpojax.vision.detector import proposal_network
 from rpojax.vision.detector.detector_file import load_detector

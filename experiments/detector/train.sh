@@ -17,12 +17,12 @@ for name in second-empty first first-empty; do
     [ -e "$out/$name.work" ] || ln -s second.work "$out/$name.work"  # the same ray traces
 done
 rpojax detector data --out "$out/second-empty" --count 1 --validation 2000 --seed 0 --generator 2-empty
-rpojax detector data --out "$out/first" --count 1 --validation 2800 --seed 0 --generator 1
+rpojax detector data --out "$out/first" --count 6000 --validation 2800 --seed 0 --generator 1
 rpojax detector data --out "$out/first-empty" --count 1 --validation 2000 --seed 0 --generator 1-empty
 
 # The proposal network on crops and then on whole pictures, then the refinement network on its boxes.
 [ -e "$out/detector.safetensors" ] ||
-    rpojax detector train "$out/second" --out "$out/detector.safetensors" \
+    rpojax detector train "$out/second" "$out/first" --out "$out/detector.safetensors" \
         --epochs 100000 --second-epochs 100000 --minutes "$minutes"
 
 for set in first first-empty second second-empty; do

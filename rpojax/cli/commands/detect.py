@@ -30,7 +30,7 @@ def detect(
     images: Annotated[Positional[tuple[Path, ...]], arg(metavar="IMAGE", help="JPEG or PNG pictures.")],
     *,
     weights: Weights = None,
-    threshold: Annotated[float, arg(metavar="P", help="Least score of a box.")] = 0.65,
+    threshold: Annotated[float, arg(metavar="P", help="Least score of a box.")] = 0.5,
     drawn: Annotated[Path | None, arg(metavar="DIR", help="Write the pictures with their boxes here, as PNG.")] = None,
     force: Annotated[bool, arg(help="Replace pictures that are there.")] = False,
     as_json: AsJson = False,

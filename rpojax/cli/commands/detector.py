@@ -25,10 +25,18 @@ AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress."
 Source = Annotated[
     Positional[Path], arg(metavar="DATASET", help="Folder with annotations.json in COCO's format, or with several.")
 ]
+Sources = Annotated[
+    Positional[tuple[Path, ...]],
+    arg(metavar="DATASET...", help="Folders, each with annotations.json in COCO's format or with several."),
+]
 Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged ones by default.")]
 
 _TRAINING, _VALIDATION = "training", "validation"
 _HELD_OUT_SHARE = 0.28
+_PROPOSAL_TIME = 0.4
+"""Part of a time limit for the proposal network; a step of the other one takes twice as long."""
+_MOST_JUDGED = 1000
+"""Validation pictures after each pass; the figures in the weights file are of all."""
 
 
 def data(
@@ -109,7 +117,8 @@ class _DataPart:
 
 def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quiet: bool) -> None:
     """Traces the spacecraft of a data set, and composes its pictures."""
-    from rpojax.training.synthetic_data import detection_dataset, earth_textures, spacecraft_sprites
+    from rpojax.training.synthetic_data import detection_dataset, spacecraft_sprites
+    from rpojax.training.synthetic_data.scenery import earth_textures
 
     with item_progress(f"ray tracing for {part.name}", quiet=quiet) as watch:
         found = spacecraft_sprites.trace_sprites(
@@ -122,7 +131,7 @@ def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quie
 
 
 def train(
-    dataset: Source,
+    datasets: Sources,
     *,
     out: Annotated[Path, arg(metavar="FILE", help="File to write, such as detector.safetensors.")],
     epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the proposal network.")] = 100,
@@ -130,7 +139,9 @@ def train(
     minutes: Annotated[
         float | None, arg(metavar="T", help="Time limit of the training [min]; the schedule adapts.")
     ] = None,
-    start: Annotated[Path | None, arg(metavar="FILE", help="Initial weights, instead of random ones.")] = None,
+    start: Annotated[
+        Path | None, arg(metavar="FILE", help="Initial weights where layers agree, instead of random ones.")
+    ] = None,
     rate: Annotated[float, arg(metavar="R", help="Peak learning rate.")] = 5e-3,
     seed: Seed = 0,
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
@@ -140,11 +151,19 @@ def train(
     _check_training(epochs, second_epochs, minutes, rate)
     claim(out, force)
     prepare_jax(cache=True)
-    from rpojax.training.detector import evaluate_detector, train_detector
-    from rpojax.vision.detector.detector_file import load_detector, round_to_half_precision, save_detector
+    import numpy as np
 
-    begun, before = load_detector(start) if start else (None, {})
-    known, unseen = _training_and_validation(dataset)
+    from rpojax.training.detector import train_detector
+    from rpojax.training.detector.evaluation import evaluate_detector
+    from rpojax.training.detector.initial_weights import initial_weights
+    from rpojax.training.detector.score_calibration import calibrate_score
+    from rpojax.training.synthetic_data.detection_dataset import concatenate
+    from rpojax.vision.detector.detector_file import round_to_half_precision, save_detector
+
+    begun, before = initial_weights(start, seed)
+    parts = [_training_and_validation(folder) for folder in datasets]
+    known, unseen = (concatenate([part[index] for part in parts]) for index in (0, 1))
+    judged = unseen.subset(np.unique(np.linspace(0, len(unseen) - 1, _MOST_JUDGED).astype(int)))
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
     with resumable(checkpoint), item_progress("training", quiet=as_json) as watch:
@@ -156,14 +175,15 @@ def train(
             watch(round(1000 * (begin + span * step.done / step.total)), 1000, note)
 
         params, history = train_detector.train(
-            known, unseen, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
+            known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
-    params = round_to_half_precision(params)
+    params = round_to_half_precision(calibrate_score(params, unseen))
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
     limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
     passes = f"--epochs {epochs} --second-epochs {second_epochs}"
     # The record in the weights file holds no path of this machine.
-    command = f"rpojax detector train {dataset.name} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
+    names = " ".join(folder.name for folder in datasets)
+    command = f"rpojax detector train {names} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
     card = train_detector.model_card(known, recipes, history, figures, command)
     card["start"] = before.get("command")
     save_detector(params, out, card)
@@ -186,10 +206,10 @@ def _check_training(epochs: int, second_epochs: int, minutes: float | None, rate
 def _recipes(
     epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
 ) -> "dict[str, NetworkTrainingOptions]":
-    """Training options of both networks; a third of a time limit is for refinement, crops are for untrained weights."""
+    """Training options of both networks; crops are for untrained weights."""
     from rpojax.training.detector.training_options import NetworkTrainingOptions
 
-    limits = (None, None) if minutes is None else (40.0 * minutes, 20.0 * minutes)
+    limits = [None if minutes is None else 60.0 * minutes * part for part in (_PROPOSAL_TIME, 1.0 - _PROPOSAL_TIME)]
     share = 0.5 if pieces else 0.0
     return {
         "proposal": NetworkTrainingOptions(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),
@@ -218,7 +238,7 @@ def evaluate(
         raise RpojaxError.of_argument("limit", f"found {limit}, expected at least 1")
     if form == "coco" and not (labels is None and limit is None):
         raise RpojaxError.of_argument("format", "found 'coco', expected another one with --labels or --limit")
-    from rpojax.training.detector import evaluate_detector
+    from rpojax.training.detector.evaluation import evaluate_detector
     from rpojax.training.public_data import data_formats
     from rpojax.vision.detector.detector_file import load_detector
 

@@ -1,1 +1,1 @@
-"""Training and evaluation of the detector."""
+"""Training of the detector: augmentation, losses, optimiser, calibration of its score."""

@@ -16,22 +16,38 @@ class LabelledImage:
     """An image with its boxes.
 
     Attributes:
-        pixels: (p, p, 3) 8 bit codes
+        pixels: (p, p, 4) 8 bit codes of colour, and the covered fraction 0..255
         boxes: (n, 4) left, top, right, bottom [px]
         weight: (n,) 1 for a box to learn, -1 for one to ignore
         known: (n, 4) whether the image shows each edge
+        has_mask: whether the covered fraction is known
     """
 
     pixels: np.ndarray
     boxes: np.ndarray
     weight: np.ndarray
     known: np.ndarray
+    has_mask: bool
+
+    @property
+    def codes(self) -> np.ndarray:
+        """Colour (p, p, 3) in 8 bits."""
+        return self.pixels[..., :3]
+
+    @property
+    def coverage(self) -> np.ndarray:
+        """Covered fraction (p, p) in 0..1, or -1 if it is not known."""
+        fraction = self.pixels[..., 3].astype(np.float32) / np.float32(255.0)
+        return fraction if self.has_mask else np.full_like(fraction, -1.0)
 
 
 def labelled_image(data: DetectionDataset, index: int) -> LabelledImage:
     """An image of a data set as it is."""
-    boxes = data.boxes[index].astype(np.float32)
-    return LabelledImage(data.images[index], boxes, np.ones(len(boxes), np.float32), data.known_edges(index))
+    codes, boxes = data.images[index], data.boxes[index].astype(np.float32)
+    mask = np.zeros(codes.shape[:2], np.uint8) if data.masks is None else data.masks[index]
+    pixels = np.concatenate([codes, mask[..., None]], axis=2)
+    weight = np.ones(len(boxes), np.float32)
+    return LabelledImage(pixels, boxes, weight, data.known_edges(index), data.masks is not None)
 
 
 def augment_geometry(rng: Rng, data: DetectionDataset, index: int) -> LabelledImage:
@@ -98,7 +114,7 @@ def _mosaic(parts: list[LabelledImage]) -> LabelledImage:
         mosaic[top : top + half, left : left + half] = view.pixels
     boxes = [view.boxes + np.array([left, top, left, top]) for (top, left), view in zip(corners, small, strict=True)]
     weight, known = (np.concatenate([getattr(view, name) for view in small]) for name in ("weight", "known"))
-    return LabelledImage(mosaic, np.concatenate(boxes), weight, known)
+    return LabelledImage(mosaic, np.concatenate(boxes), weight, known, all(view.has_mask for view in small))
 
 
 def _half_size(view: LabelledImage) -> LabelledImage:

@@ -1,4 +1,4 @@
-"""Loss of the proposal network: focal loss of the heatmap, GIoU and distance loss of the edges."""
+"""Loss of the proposal network: focal loss of the heatmap, GIoU and distance loss of the edges, and of the mask."""
 
 from typing import Any
 
@@ -13,12 +13,31 @@ from rpojax.vision.intersection_over_union import generalized_iou
 _HEAT_SIGMA_FRACTION = 0.12
 _MIN_HEAT_SIGMA_PX = 2.0
 _MIN_EDGE_HEAT = 0.3
+_MASK_WEIGHT = 1.0
 
 
 def proposal_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: Batch) -> jax.Array:
     """Loss of the network's parameters; see `training_loop.Loss`."""
     del frozen, key
-    return maps_loss(NETWORK.apply({"params": params}, batch.images), batch)  # pyright: ignore[reportArgumentType]
+    result: Any = NETWORK.apply({"params": params}, batch.images)
+    raw, _, mask = result
+    return maps_loss(raw, batch) + _MASK_WEIGHT * mask_loss(mask[..., 0], covered_fraction(batch.mask, STRIDE))
+
+
+def covered_fraction(mask: Any, stride: int) -> jax.Array:
+    """Mean (n, y, x) of masks (n, p, p) over cells of `stride` pixels; a mask of -1 stays so."""
+    count, height, width = mask.shape
+    return jnp.mean(mask.reshape(count, height // stride, stride, width // stride, stride), axis=(2, 4))
+
+
+def mask_loss(logit: jax.Array, fraction: jax.Array) -> jax.Array:
+    """Cross-entropy of covered fractions (n, y, x) per cell, which counts spacecraft and background alike."""
+    counted = jnp.where(fraction >= 0.0, 1.0, 0.0).astype(jnp.float32)
+    target = jnp.clip(fraction, 0.0, 1.0)
+    entropy = -target * jax.nn.log_sigmoid(logit) - (1.0 - target) * jax.nn.log_sigmoid(-logit)
+    covered, free = counted * target, counted * (1.0 - target)
+    means = [jnp.sum(part * entropy) / jnp.maximum(jnp.sum(part), 1.0) for part in (covered, free)]
+    return means[0] + means[1]
 
 
 def maps_loss(raw: jax.Array, batch: Batch) -> jax.Array:

@@ -25,9 +25,9 @@ from rpojax.training.detector.training_options import (
     OnNetworkProgress,
 )
 from rpojax.training.detector.weight_standardization import (
-    OUTPUT_LAYER,
     Params,
     apply_channel_gains,
+    is_output,
     with_channel_gains,
 )
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
@@ -193,7 +193,7 @@ def _optimizer() -> optax.GradientTransformation:
 def _optimizer_labels(trained: Params) -> dict[str, dict[str, str]]:
     """Optimiser of each array."""
     return {
-        layer: {name: "kernel" if name == "kernel" and layer != OUTPUT_LAYER else "rest" for name in values}
+        layer: {name: "kernel" if name == "kernel" and not is_output(layer) else "rest" for name in values}
         for layer, values in trained.items()
     }
 

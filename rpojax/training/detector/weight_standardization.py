@@ -11,14 +11,18 @@ import jax.numpy as jnp
 
 Params = dict[str, Any]
 """Arrays of one network by layer and name."""
-OUTPUT_LAYER = "out"
-"""The layer that is not standardised."""
+_OUTPUT_PREFIX = "out"
+
+
+def is_output(layer: str) -> bool:
+    """Whether a layer gives results of the network; these are not standardised."""
+    return layer.startswith(_OUTPUT_PREFIX)
 
 
 def with_channel_gains(params: Params) -> Params:
     """Trained arrays: the parameters, and a gain per channel for every convolution but the last."""
     gains = {
-        layer: {"gain": _channel_norm(values["kernel"])} for layer, values in params.items() if layer != OUTPUT_LAYER
+        layer: {"gain": _channel_norm(values["kernel"])} for layer, values in params.items() if not is_output(layer)
     }
     return {layer: {**values, **gains.get(layer, {})} for layer, values in params.items()}
 

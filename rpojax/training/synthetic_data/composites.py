@@ -5,15 +5,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rpojax.training.synthetic_data.backdrops import BACKDROP_KINDS, paint_backdrop
 from rpojax.training.synthetic_data.camera_artefacts import add_artefacts
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
-from rpojax.training.synthetic_data.foreground import add_reflections, add_structure
 from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
+from rpojax.training.synthetic_data.scenery.backdrops import BACKDROP_KINDS, paint_backdrop
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.foreground import add_reflections, add_structure
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.training.synthetic_data.sprite_layers import Layer, near_layers, random_layer
-from rpojax.training.synthetic_data.visible_box import known_edges, visible_box
+from rpojax.training.synthetic_data.visible_box import known_edges, visible_box, visible_coverage
 from rpojax.vision.intersection_over_union import intersection_area, pairwise_iou
 
 Rng = np.random.Generator
@@ -36,6 +36,7 @@ class CompositeMix:
         apart: fraction of the others with two spacecraft whose boxes do not overlap
         near: fraction of the others with two that are near each other, touch or overlap
         foreground: fraction with structure at the frame's edge, and with reflections in a window
+        shaded_clouds: whether clouds have a sunlit side
     """
 
     backdrops: Mapping[str, float]
@@ -44,6 +45,7 @@ class CompositeMix:
     apart: float
     near: float
     foreground: float
+    shaded_clouds: bool
 
 
 GENERATORS: Mapping[int, CompositeMix] = {
@@ -70,32 +72,36 @@ GENERATORS: Mapping[int, CompositeMix] = {
         apart=0.06,
         near=0.0,
         foreground=0.0,
+        shaded_clouds=False,
     ),
     2: CompositeMix(
         backdrops={
             "black": 0.14,
             "stars": 0.08,
-            "earth": 0.31,
-            "limb": 0.19,
+            "earth": 0.23,
+            "limb": 0.15,
             "night": 0.07,
-            "glint": 0.12,
+            "glint": 0.11,
             "moon": 0.04,
             "city": 0.05,
+            "flight": 0.13,
         },
         target_backdrops={
-            "black": 0.4,
-            "stars": 0.12,
-            "earth": 0.2,
-            "limb": 0.12,
-            "night": 0.05,
-            "glint": 0.06,
+            "black": 0.35,
+            "stars": 0.1,
+            "earth": 0.11,
+            "limb": 0.06,
+            "night": 0.04,
+            "glint": 0.04,
             "moon": 0.02,
             "city": 0.03,
+            "flight": 0.25,
         },
         empty=0.16,
         apart=0.04,
         near=0.2,
         foreground=0.06,
+        shaded_clouds=True,
     ),
 }
 """Mixes by number; 1 is that of the first packaged detector, kept so that its figures can be compared."""
@@ -110,6 +116,7 @@ class Composite:
         boxes: (n, 4) left, top, right, bottom [px]
         background: kind of backdrop
         craft: name of the spacecraft of each box
+        mask: (p, p) fraction 0..255 of each pixel that visible spacecraft cover
         known: (n, 4) whether the image shows each edge
     """
 
@@ -117,6 +124,7 @@ class Composite:
     boxes: np.ndarray
     background: str
     craft: tuple[str, ...]
+    mask: np.ndarray
     known: np.ndarray
 
 
@@ -128,6 +136,7 @@ def random_composite(
     mix: CompositeMix = GENERATORS[1],
 ) -> Composite:
     """Image with none, one or two spacecraft, exposed by a random sensor."""
+    earth = dataclasses.replace(earth, shaded_clouds=mix.shaded_clouds)
     targets = [sprite for sprite in sprites if sprite.craft == PACKAGED_TARGET]
     others = [sprite for sprite in sprites if sprite.craft != PACKAGED_TARGET]
     of_target = bool(targets) and (not others or rng.random() < _TARGET_FRACTION)
@@ -138,7 +147,7 @@ def random_composite(
     sensor = ImageSensor(float(np.exp(rng.uniform(np.log(4e3), np.log(5e4)))), float(rng.uniform(2.0, 20.0)))
     if mix.foreground and rng.random() < mix.foreground:
         background = add_structure(rng, background).astype(np.float32)
-    scene = _Scene(background, np.zeros((0, 4)), np.zeros((0, 4), bool))
+    scene = _Scene(background, np.zeros((0, 4)), np.zeros((size_px, size_px)), np.zeros((0, 4), bool))
     chosen: list[Sprite] = []
     for _ in range(30):
         drawn = [_random_sprite(rng, targets if of_target else others) for _ in range(number)]
@@ -154,8 +163,9 @@ def random_composite(
     image = add_artefacts(rng, scene.image)
     if mix.foreground and rng.random() < mix.foreground:
         image = add_reflections(rng, image).astype(np.float32)
+    mask = np.round(255.0 * scene.coverage).astype(np.uint8)
     codes = expose_image(rng, image, sensor)
-    return Composite(codes, scene.boxes, kind, tuple(sprite.craft for sprite in chosen), scene.known)
+    return Composite(codes, scene.boxes, kind, tuple(sprite.craft for sprite in chosen), mask, scene.known)
 
 
 def _random_number(rng: Rng, mix: CompositeMix) -> tuple[int, bool]:
@@ -172,17 +182,18 @@ def _random_sprite(rng: Rng, sprites: list[Sprite]) -> Sprite:
 
 @dataclasses.dataclass(frozen=True)
 class _Scene:
-    """Linear image (p, p, 3), boxes (n, 4), and which edges (n, 4) are known."""
+    """Linear image (p, p, 3), boxes (n, 4), visible covered fraction (p, p), and which edges (n, 4) are known."""
 
     image: np.ndarray
     boxes: np.ndarray
+    coverage: np.ndarray
     known: np.ndarray
 
 
 def _merge_layers(background: np.ndarray, layers: list[Layer], sensor: ImageSensor) -> _Scene:
     """The background with all layers, later ones in front, and the boxes of those that are visible."""
     image, alphas = _blend(background, layers)
-    boxes, known = [], []
+    boxes, known, coverage = [], [], np.zeros(background.shape[:2])
     for index, alpha in enumerate(alphas):
         box = visible_box(image, background, alpha, sensor)
         if box is None:
@@ -190,7 +201,10 @@ def _merge_layers(background: np.ndarray, layers: list[Layer], sensor: ImageSens
         hidden, _ = _blend(background, layers[:index] + layers[index + 1 :])
         boxes.append(box)
         known.append(known_edges(image, hidden, alpha, box, sensor))
-    return _Scene(image, np.array(boxes).reshape(-1, 4), np.array(known, bool).reshape(-1, 4))
+        coverage = coverage + visible_coverage(image, background, alpha, sensor)
+    return _Scene(
+        image, np.array(boxes).reshape(-1, 4), np.clip(coverage, 0.0, 1.0), np.array(known, bool).reshape(-1, 4)
+    )
 
 
 def _blend(background: np.ndarray, layers: list[Layer]) -> tuple[np.ndarray, list[np.ndarray]]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.training.synthetic_data.composites import GENERATORS, SIZE_PX, Composite, CompositeMix, random_composite
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
 from rpojax.untrusted.json_reading import read_json
@@ -35,6 +35,7 @@ class DetectionDataset:
         backgrounds: background as the data set names it, or 'unknown'
         craft: 'target' for images of the packaged target, else 'other'
         known: for every image (m, 4) whether the image shows each edge; without it all count as known
+        masks: (n, p, p) fraction 0..255 of each pixel that visible spacecraft cover, or None if nobody knows
     """
 
     images: np.ndarray
@@ -42,6 +43,7 @@ class DetectionDataset:
     backgrounds: tuple[str, ...]
     craft: tuple[str, ...] = ()
     known: tuple[np.ndarray, ...] = ()
+    masks: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.images)
@@ -54,11 +56,28 @@ class DetectionDataset:
             tuple(self.backgrounds[i] for i in indices),
             tuple(self.craft[i] for i in indices) if self.craft else (),
             tuple(self.known[i] for i in indices) if self.known else (),
+            None if self.masks is None else self.masks[indices],
         )
 
     def known_edges(self, index: int) -> np.ndarray:
         """Whether an image shows each edge (m, 4) of its boxes."""
         return self.known[index] if self.known else np.ones((len(self.boxes[index]), 4), bool)
+
+
+def concatenate(datasets: list[DetectionDataset]) -> DetectionDataset:
+    """One data set of several; without masks unless all parts have them."""
+    first, *others = datasets
+    if not others:
+        return first
+    masks = [part.masks for part in datasets if part.masks is not None]
+    return DetectionDataset(
+        np.concatenate([part.images for part in datasets]),
+        tuple(box for part in datasets for box in part.boxes),
+        tuple(background for part in datasets for background in part.backgrounds),
+        tuple(name for part in datasets for name in part.craft or ("other",) * len(part)),
+        tuple(part.known_edges(index) for part in datasets for index in range(len(part))),
+        np.concatenate(masks) if len(masks) == len(datasets) else None,
+    )
 
 
 def write_dataset(
@@ -75,7 +94,8 @@ def write_dataset(
 
     `provenance` is stored for `is_complete`.
     """
-    (folder / "images").mkdir(parents=True, exist_ok=True)
+    for part in ("images", "masks"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
     (folder / ANNOTATIONS).unlink(missing_ok=True)
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
@@ -97,19 +117,21 @@ def write_dataset(
 
 
 def _write_composite(folder: Path, index: int, composite: Composite) -> dict[str, Any]:
-    """Writes the image of a composite; returns its entry in the annotations."""
+    """Writes the image and the mask of a composite; returns its entry in the annotations."""
     import cv2
 
-    name = f"images/{index:06d}.png"
-    if not cv2.imwrite(str(folder / name), composite.image[..., ::-1]):
-        raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
+    names = {part: f"{part}/{index:06d}.png" for part in ("images", "masks")}
+    for name, pixels in ((names["images"], composite.image[..., ::-1]), (names["masks"], composite.mask)):
+        if not cv2.imwrite(str(folder / name), pixels):
+            raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
     height, width = composite.image.shape[:2]
     return {
         "id": index + 1,
-        "file_name": name,
+        "file_name": names["images"],
         "width": width,
         "height": height,
         "background": composite.background,
+        "mask_file": names["masks"],
     }
 
 
@@ -155,15 +177,19 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     path = folder / ANNOTATIONS
     images, boxes, known = _parse(path)
     images, boxes, known = images[:limit], boxes[:limit], known[:limit]
-    arrays, scaled = [], []
+    arrays, scaled, masks = [], [], []
     for entry, found in zip(images, boxes, strict=True):
         place = _inside(folder, entry["file_name"])
         picture = read_square_picture(place, size_px, (entry["width"], entry["height"]))
         arrays.append(picture.codes)
         scaled.append((found * picture.scale).astype(np.float32))
+        if "mask_file" in entry:
+            place = _inside(folder, str(entry["mask_file"]))
+            masks.append(read_square_picture(place, size_px, (entry["width"], entry["height"])).codes[..., 0])
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
     craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
-    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft, tuple(known))
+    covered = np.stack(masks) if len(masks) == len(images) else None
+    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft, tuple(known), covered)
 
 
 def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.ndarray]]:

@@ -35,17 +35,17 @@ def visible_box(
     `image` and `background` (p, p, 3) are linear, `alpha` (p, p) is the covered fraction; without a sensor there is no
     noise.
     """
-    visible = _visible_coverage(image, background, alpha, sensor)
+    visible = visible_coverage(image, background, alpha, sensor)
     if visible.sum() < max(_MIN_AREA_PX, 0.2 * alpha.sum()):
         return None
     box = _box_of_coverage(visible)
     return box if min(box[2:] - box[:2]) >= 1.5 else None
 
 
-def _visible_coverage(
-    image: np.ndarray, background: np.ndarray, alpha: np.ndarray, sensor: ImageSensor | None
+def visible_coverage(
+    image: np.ndarray, background: np.ndarray, alpha: np.ndarray, sensor: ImageSensor | None = None
 ) -> np.ndarray:
-    """Covered fraction (p, p) of the pixels in which a silhouette is visible, else 0."""
+    """Covered fraction (p, p) of the pixels in which a silhouette is visible, else 0; arguments as of `visible_box`."""
     difference = np.abs(linear_to_srgb_numpy(image) - linear_to_srgb_numpy(background)).max(axis=2)
     is_visible = difference >= _MIN_CODE_DIFFERENCE
     if sensor is not None:

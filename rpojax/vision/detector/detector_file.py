@@ -22,7 +22,8 @@ from rpojax.vision.weight_files import (
 NAME_IN_FILES = {"proposal": "first", "refinement": "second"}
 """Names of the networks in weight files and model cards."""
 PACKAGED_DETECTOR = "detector.safetensors"
-_KIND = "rpojax detector 2"
+KIND_PREFIX = "rpojax detector "
+_KIND = f"{KIND_PREFIX}3"
 
 
 def packaged_detector_path() -> Path:
@@ -59,7 +60,8 @@ def load_detector(path: Path | None = None) -> tuple[DetectorParams, dict[str, o
     tensors, metadata = read_tensors(source)
     if metadata.get("kind") != _KIND:
         found = metadata.get("kind", "")
-        raise WeightsError(f"{source}: found kind {found!r}, expected a detector that `rpojax detector train` wrote")
+        expected = f"{_KIND!r}, a detector that `rpojax detector train` of this version wrote"
+        raise WeightsError(f"{source}: found kind {found!r}, expected {expected}")
     card = read_model_card(source, metadata)
     shapes = jax.eval_shape(initialize, jax.random.key(0))
     params = {

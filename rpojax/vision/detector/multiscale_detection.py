@@ -22,8 +22,8 @@ from rpojax.vision.intersection_over_union import box_area, intersection_area, i
 
 MAX_SIDE_PX = 2048
 """Long side of the finest scale; larger images are shrunk to it."""
-SCORE_THRESHOLD = 0.65
-"""Least score of a verified box; above that of a single view, since an image has many windows."""
+SCORE_THRESHOLD = 0.5
+"""Least score of a verified box, which is that of five views."""
 _CANDIDATE_SCORE = 0.4
 """Least score in one window of a box to verify."""
 _COARSE_SIDE_PX = 72
@@ -32,6 +32,8 @@ _BATCH = 16
 _BOXES_PER_WINDOW = 4
 _CONTAINED_FRACTION = 0.6
 _DUPLICATE_IOU = 0.4
+_MOST_OF_IMAGE = 0.95
+"""Fraction of an image from which a box on it locates nothing: such boxes are mostly clouds that fill the image."""
 _MIRRORS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 _MISSED_SCORE = 0.05
 """Score of a view without the box."""
@@ -40,7 +42,7 @@ _detect = jax.jit(detect, static_argnums=2)
 
 
 def detect_multiscale(params: DetectorParams, image: np.ndarray, threshold: float = SCORE_THRESHOLD) -> list[ScoredBox]:
-    """Boxes of spacecraft in an image (h, w, 3) of sRGB codes in 0..1, by falling score."""
+    """Boxes of spacecraft in an image (h, w, 3) of sRGB codes in 0..1, by falling score; none of the whole image."""
     height, width = image.shape[:2]
     candidate_score = min(_CANDIDATE_SCORE, threshold)
     candidates: list[ScoredBox] = []
@@ -49,14 +51,21 @@ def detect_multiscale(params: DetectorParams, image: np.ndarray, threshold: floa
         windows = [w for side in sides for w in tile_windows(image, min(side / max(height, width), 1.0))]
         coarser = list(candidates)
         for box in _by_falling_score(_detect_in_windows(params, windows, (height, width), candidate_score, whole)):
-            if not _is_part(box, coarser) and not _is_duplicate(box, candidates):
+            if _locates(box, image) and not _is_part(box, coarser) and not _is_duplicate(box, candidates):
                 candidates.append(box)
     verified: list[ScoredBox] = []
     for box in candidates:
         refined = _verify(params, image, box)
-        if refined is not None and refined.score >= threshold and not _is_duplicate(refined, verified):
+        if refined is None or refined.score < threshold or not _locates(refined, image):
+            continue
+        if not _is_duplicate(refined, verified):
             verified.append(refined)
     return _by_falling_score(verified)
+
+
+def _locates(box: ScoredBox, image: np.ndarray) -> bool:
+    """Whether a box says where in an image a spacecraft is: it is not nearly the whole image."""
+    return float(box_area(box_edges([box]))[0]) < _MOST_OF_IMAGE * image.shape[0] * image.shape[1]
 
 
 def _is_part(box: ScoredBox, coarser: list[ScoredBox]) -> bool:

@@ -37,18 +37,17 @@ def detect(params: DetectorParams, images: Images, count: int = 4) -> Detections
 
     Sides of images are multiples of `SIDE_MULTIPLE_PX`.
     """
-    maps = proposal_network.forward(params["proposal"], images)
+    maps, features = proposal_network.forward(params["proposal"], images)
 
-    def detect_in_image(image: Array, heat: Array, edges: Array) -> Detections:
-        found = decode_boxes(ProposalMaps(heatmap=heat, edges=edges), count)
-        return _refine(params, image, found)
+    def detect_in_image(image: Array, maps: ProposalMaps, features: Array) -> Detections:
+        return _refine(params, image, features, decode_boxes(maps, count))
 
-    return jax.vmap(detect_in_image)(images, maps.heatmap, maps.edges)
+    return jax.vmap(detect_in_image)(images, maps, features)
 
 
-def _refine(params: DetectorParams, image: Array, found: Detections) -> Detections:
+def _refine(params: DetectorParams, image: Array, features: Array, found: Detections) -> Detections:
     """Refined boxes with combined scores, after another non-maximum suppression."""
-    box, quality_logit = refinement_network.refine_boxes(params["refinement"], image, found.box_px)
+    box, quality_logit = refinement_network.refine_boxes(params["refinement"], image, features, found.box_px)
     box = clip_boxes(box, image.shape[0], image.shape[1])
     score = jnp.where(found.score > 0.0, _combined_score(found.score, quality_logit), 0.0)
     order = jnp.argsort(-score)
@@ -63,9 +62,18 @@ def _combined_score(proposal_score: Array, quality_logit: Array) -> Array:
     return jax.nn.sigmoid(0.5 * (jnp.log(proposal_score) - jnp.log1p(-proposal_score) + quality_logit))
 
 
+def with_shifted_score(params: DetectorParams, log_odds: float) -> DetectorParams:
+    """Parameters that give every box a score with log-odds higher by a number, and the same edges."""
+    refinement = params["refinement"]
+    layer = refinement[refinement_network.QUALITY_LAYER]
+    # The score has the mean of the log-odds of two networks.
+    moved = {**layer, "bias": layer["bias"] + jnp.asarray(2.0 * log_odds, layer["bias"].dtype)}
+    return {**params, "refinement": {**refinement, refinement_network.QUALITY_LAYER: moved}}
+
+
 def soft_detect(params: DetectorParams, image: Float[Array, "h w 3"]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
     """The best box of an image and its score, both differentiable in the image."""
-    maps = proposal_network.forward(params["proposal"], image[None])
+    maps, features = proposal_network.forward(params["proposal"], image[None])
     box, score = soft_decode_box(ProposalMaps(heatmap=maps.heatmap[0], edges=maps.edges[0]))
-    boxes, quality_logit = refinement_network.refine_boxes(params["refinement"], image, box[None])
+    boxes, quality_logit = refinement_network.refine_boxes(params["refinement"], image, features[0], box[None])
     return boxes[0], _combined_score(score, quality_logit[0])

@@ -44,16 +44,19 @@ def test_augmented_codes_are_in_range(rectangles: DetectionDataset) -> None:
     assert batch.weight[39].sum() == 0.0 or batch.weight[39].max() == 1.0  # empty, or in a mosaic
 
 
-def test_known_edges_follow_the_flips() -> None:
-    image = np.zeros((1, SIZE, SIZE, 3), np.uint8)
+def test_masks_and_known_edges_follow_the_flips() -> None:
+    image, mask = np.zeros((1, SIZE, SIZE, 3), np.uint8), np.zeros((1, SIZE, SIZE), np.uint8)
+    image[0, 20:50, 30:90] = 200
+    mask[0, 20:50, 30:90] = 255
     known = np.array([[True, False, False, False]])  # the left edge alone
     box = np.array([[30.0, 20.0, 90.0, 50.0]], np.float32)
-    data = DetectionDataset(image, (box,), ("black",), (), (known,))
+    data = DetectionDataset(image, (box,), ("black",), (), (known,), mask)
     edges = set()
     for seed in range(40):
         view = geometric_augmentation._random_flip(
             np.random.default_rng(seed), geometric_augmentation.labelled_image(data, 0)
         )
+        np.testing.assert_array_equal(view.coverage > 0.5, view.codes[..., 0] > 100)
         # The known edge is one of the short sides, wherever it is now.
         left, top, right, bottom = view.boxes[0]
         short = ("left", "right") if right - left > bottom - top else ("top", "bottom")
@@ -62,3 +65,9 @@ def test_known_edges_follow_the_flips() -> None:
         assert view.known.sum() == 1
         edges.add(name)
     assert edges == {"left", "top", "right", "bottom"}
+
+
+def test_data_without_masks_has_none_in_batches(rectangles: DetectionDataset) -> None:
+    batch = augmentation.augment_batch(rectangles, np.arange(4), np.random.default_rng(3))
+    assert (batch.mask == -1.0).all()
+    assert batch.known[batch.weight > 0.0].min() == 1.0

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.training.detector.augmentation import Batch
-from rpojax.training.detector.proposal_loss import maps_loss
+from rpojax.training.detector.proposal_loss import covered_fraction, maps_loss, mask_loss
 from rpojax.vision.detector.box_decoding import STRIDE
 
 
@@ -24,8 +24,21 @@ def perfect_channels(box: np.ndarray, cells: int = 32) -> np.ndarray:
 def loss(raw: jnp.ndarray, boxes: jnp.ndarray, weight: jnp.ndarray, known: float = 1.0) -> jnp.ndarray:
     """Loss of channels for boxes with weights; `known` is 1 for edges that count, 0 for others."""
     flags = np.full(boxes.shape, known, np.float32)
-    empty = np.zeros((1, 128, 128, 3), np.float32)
-    return maps_loss(raw, Batch(images=empty, boxes=np.asarray(boxes), weight=np.asarray(weight), known=flags))
+    empty = np.zeros((1, 128, 128), np.float32)
+    batch = Batch(images=empty[..., None], boxes=np.asarray(boxes), weight=np.asarray(weight), known=flags, mask=empty)
+    return maps_loss(raw, batch)
+
+
+def test_mask_loss_is_small_for_the_covered_cells_and_zero_where_nobody_knows() -> None:
+    mask = np.zeros((1, 32, 32), np.float32)
+    mask[0, 8:16, 4:20] = 1.0
+    fraction = covered_fraction(jnp.asarray(mask), 4)
+    assert fraction.shape == (1, 8, 8)
+    assert float(jnp.sum(fraction)) == 8.0
+    right = 20.0 * (2.0 * fraction - 1.0)
+    assert float(mask_loss(right, fraction)) < 1e-6
+    assert float(mask_loss(-right, fraction)) > 30.0
+    assert float(mask_loss(-right, jnp.full_like(fraction, -1.0))) == 0.0
 
 
 def test_edges_not_known_have_no_loss() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rpojax.training.synthetic_data import earth_textures
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery import earth_textures
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
 

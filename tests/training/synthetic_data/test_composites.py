@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rpojax.training.detector.pair_recall import pair_kind
+from rpojax.training.detector.evaluation.pair_recall import pair_kind
 from rpojax.training.synthetic_data.composites import GENERATORS, random_composite
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
 
@@ -53,6 +53,12 @@ def test_second_generator_has_pairs_that_are_near_or_overlap(earth: EarthTexture
     assert kinds.count("near") >= 2
     for composite in composites:
         assert composite.known.shape == composite.boxes.shape
+        assert composite.mask.dtype == np.uint8
+        assert composite.mask.shape == (64, 64)
+        covered = np.argwhere(composite.mask > 127)
+        for row, column in covered[:: max(1, len(covered) // 20)]:
+            left, top, right, bottom = composite.boxes.T
+            assert ((left <= column + 1) & (column <= right) & (top <= row + 1) & (row <= bottom)).any()
 
 
 def test_first_generator_has_no_overlapping_pairs(earth: EarthTextures, white_sprite: Sprite) -> None:

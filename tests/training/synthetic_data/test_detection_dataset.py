@@ -11,7 +11,7 @@ from rpojax.training.synthetic_data import (
     detection_dataset,
 )
 from rpojax.training.synthetic_data.detection_dataset import ANNOTATIONS, DatasetError, read_dataset, write_dataset
-from rpojax.training.synthetic_data.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
 cv2 = pytest.importorskip("cv2")
@@ -40,11 +40,19 @@ def test_data_set_is_read_as_by_pycocotools(folder: Path, capsys: pytest.Capture
     assert summary["boxes"] == len(coco.anns)
 
 
-def test_known_edges_are_read_back(folder: Path) -> None:
+def test_masks_and_known_edges_are_read_back(folder: Path) -> None:
     data = read_dataset(folder)
+    assert data.masks is not None
+    for index, boxes in enumerate(data.boxes):
+        mask = cv2.imread(str(folder / f"masks/{index:06d}.png"), cv2.IMREAD_GRAYSCALE)
+        np.testing.assert_array_equal(data.masks[index], mask)
+        assert (mask.max() > 0) == (len(boxes) > 0)
+        assert data.known_edges(index).shape == boxes.shape
     notes = json.loads((folder / ANNOTATIONS).read_text())["annotations"]
     assert np.concatenate(data.known).tolist() == [note["known_edges"] for note in notes]
     part = data.subset(np.array([3, 1]))
+    assert part.masks is not None
+    np.testing.assert_array_equal(part.masks[1], data.masks[1])
     np.testing.assert_array_equal(part.known_edges(0), data.known_edges(3))
 
 
@@ -60,6 +68,7 @@ def test_images_of_other_sizes_are_resized_with_their_boxes(tmp_path: Path) -> N
     assert data.images[0, 10, 60].tolist() == [200, 200, 200]
     assert data.images[0, 30:].max() == 0
     assert data.backgrounds == ("unknown",)
+    assert data.masks is None
     assert data.known_edges(0).all()
 
 
@@ -111,6 +120,10 @@ def three_flags(folder: Path, content: dict) -> None:
     content["annotations"][0]["known_edges"] = [True, True, True]
 
 
+def mask_elsewhere(folder: Path, content: dict) -> None:
+    content["images"][0]["mask_file"] = "../mask.png"
+
+
 def images_no_list(folder: Path, content: dict) -> None:
     content["images"] = 3
 
@@ -131,6 +144,7 @@ def images_no_list(folder: Path, content: dict) -> None:
         crowd,
         images_no_list,
         three_flags,
+        mask_elsewhere,
     ],
 )
 def test_invalid_data_set_is_an_error_of_one_line(folder: Path, change: Callable[[Path, dict], None]) -> None:

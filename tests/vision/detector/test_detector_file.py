@@ -73,6 +73,16 @@ def test_file_with_other_tensors_is_refused(tmp_path: Path, change: Callable[[Te
     assert len(str(error.value).splitlines()) == 1
 
 
+def test_file_of_another_layout_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "weights"
+    save_detector(two_stage_detector.initialize(jax.random.key(0)), path, {})
+    tensors, metadata = read_tensors(path)
+    write_tensors(path, tensors, {**metadata, "kind": "rpojax detector 2"})
+    with pytest.raises(WeightsError, match="found kind 'rpojax detector 2', expected 'rpojax detector 3'") as error:
+        load_detector(path)
+    assert len(str(error.value).splitlines()) == 1
+
+
 def test_field_file_and_damaged_file_are_refused(tmp_path: Path) -> None:
     from rpojax.vision.radiance_field.field_file import packaged_field_path
 

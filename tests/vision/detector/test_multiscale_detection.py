@@ -62,6 +62,12 @@ def test_distant_rectangles_are_all_found_and_empty_image_has_none(by_brightness
     assert multiscale_detection.detect_multiscale({}, image_with_rectangles(300, 400)) == []
 
 
+def test_a_box_of_the_whole_image_is_dropped(by_brightness: None) -> None:
+    full, most = (image_with_rectangles(160, 160, (edge, edge, 160 - edge, 160 - edge)) for edge in (0, 12))
+    assert multiscale_detection.detect_multiscale({}, full) == []
+    assert len(multiscale_detection.detect_multiscale({}, most)) == 1
+
+
 def test_overlapping_boxes_of_one_level_are_both_kept_and_parts_of_finer_levels_are_not() -> None:
     large, beside, part = (
         ScoredBox(10.0, 10.0, 50.0, 40.0, 0.9),

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.vision.detector.region_crop import CROP_PX, crop_boxes
+from rpojax.vision.detector.region_crop import CHANNELS, CROP_PX, crop_boxes, crop_maps
 
 SIZE = 96
 
@@ -23,7 +23,7 @@ def ramp(slope_x: float, slope_y: float) -> jax.Array:
     return jnp.asarray(np.repeat(values[:, :, None], 3, axis=2), jnp.float32)
 
 
-@pytest.mark.parametrize("box", [(30.0, 40.0, 36.0, 44.0), (20.0, 24.0, 60.0, 70.0), (26.5, 30.0, 70.25, 38.0)])
+@pytest.mark.parametrize("box", [(30.0, 40.0, 36.0, 44.0), (24.0, 28.0, 56.0, 66.0), (26.5, 30.0, 70.25, 38.0)])
 def test_crop_of_ramp_is_ramp_at_crop_position(box: tuple[float, ...]) -> None:
     found, edges = crop_one(ramp(0.6, 0.3), jnp.asarray(box, jnp.float32))
     low, high = np.asarray(edges[:2]), np.asarray(edges[2:])
@@ -34,6 +34,29 @@ def test_crop_of_ramp_is_ramp_at_crop_position(box: tuple[float, ...]) -> None:
     expected = 2.0 * (0.6 * x[None, :] + 0.3 * y[:, None]) - 1.0
     np.testing.assert_allclose(found[..., 0], expected, atol=3e-3)
     np.testing.assert_array_equal(found[..., 3], 1.0)
+
+
+def test_last_channel_is_one_in_the_box() -> None:
+    box = jnp.asarray([20.0, 24.0, 60.0, 70.0], jnp.float32)
+    found, edges = crop_one(ramp(0.6, 0.3), box)
+    sides, middle = np.asarray(edges[2:] - edges[:2]), CROP_PX // 2
+    reach = 0.5 * CROP_PX * np.array([40.0, 46.0]) / sides
+    for profile, half in ((found[middle, :, 4], reach[0]), (found[:, middle, 4], reach[1])):
+        # The soft edge makes the sum that of the box.
+        np.testing.assert_allclose(np.sum(profile), 2.0 * half, atol=0.3)
+        assert float(profile[0]) == float(profile[-1]) == 0.0
+        assert float(profile[middle]) == 1.0
+
+
+def test_maps_are_taken_at_the_place_of_the_crop() -> None:
+    stride, cells = 4, 12
+    place = (np.arange(SIZE // stride) + 0.5) * stride
+    maps = jnp.asarray(np.stack(np.meshgrid(place, place), axis=-1), jnp.float32)
+    edges = jnp.asarray([[20.0, 24.0, 68.0, 72.0]], jnp.float32)
+    taken = crop_maps(maps, edges, stride, cells)[0]
+    expected = 20.0 + (np.arange(cells) + 0.5) * 4.0
+    np.testing.assert_allclose(taken[5, :, 0], expected, atol=1e-3)
+    np.testing.assert_allclose(taken[:, 5, 1], expected + 4.0, atol=1e-3)
 
 
 def test_coarse_crop_is_free_of_aliasing() -> None:
@@ -55,8 +78,8 @@ def test_outside_of_image_is_masked() -> None:
 
 def test_crop_gradient_in_box_matches_finite_differences() -> None:
     image = jax.random.uniform(jax.random.key(0), (SIZE, SIZE, 3), jnp.float32)
-    box = jnp.asarray([20.3, 31.1, 44.2, 52.9], jnp.float32)
-    weight = jax.random.normal(jax.random.key(1), (CROP_PX, CROP_PX, 4), jnp.float32)
+    box = jnp.asarray([30.3, 29.1, 66.2, 66.9], jnp.float32)
+    weight = jax.random.normal(jax.random.key(1), (CROP_PX, CROP_PX, CHANNELS), jnp.float32)
 
     def readout(box: jax.Array) -> jax.Array:
         return jnp.sum(weight * crop_one(image, box)[0])

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rpojax.training.synthetic_data.earth_textures import EarthTextures, noise_patch
-from rpojax.training.synthetic_data.earth_views import (
+from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures, noise_patch
+from rpojax.training.synthetic_data.scenery.earth_views import (
     atmosphere,
     daylight,
     ground_image,
@@ -14,10 +14,11 @@ from rpojax.training.synthetic_data.earth_views import (
     unit,
     unit_rows,
 )
+from rpojax.training.synthetic_data.scenery.flight_backdrop import paint_flight_backdrop
 
 Rng = np.random.Generator
 
-BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city")
+BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city", "flight")
 
 
 def paint_backdrop(rng: Rng, kind: str, earth: EarthTextures, size_px: int) -> np.ndarray:
@@ -210,4 +211,5 @@ _BACKDROPS: dict[str, Callable[[Rng, EarthTextures, int], np.ndarray]] = {
     "glint": _glint,
     "moon": _moon,
     "city": _city,
+    "flight": paint_flight_backdrop,
 }

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.training.detector.box_ranges import long_side
-from rpojax.training.detector.confidence_intervals import wilson_interval
+from rpojax.training.detector.evaluation.box_ranges import long_side
+from rpojax.training.detector.evaluation.confidence_intervals import wilson_interval
 from rpojax.vision.intersection_over_union import intersection_area, pairwise_iou
 
 _NEAR_GAP_FRACTION = 0.3

@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.detector.average_precision import Matches, average_precisions, match_detections
-from rpojax.training.detector.box_ranges import IsOutside, outside_contrast_range, outside_size_range
-from rpojax.training.detector.confidence_intervals import bootstrap_interval, wilson_interval
-from rpojax.training.detector.pair_recall import pair_recalls
+from rpojax.training.detector.evaluation.average_precision import Matches, average_precisions, match_detections
+from rpojax.training.detector.evaluation.box_ranges import IsOutside, outside_contrast_range, outside_size_range
+from rpojax.training.detector.evaluation.confidence_intervals import bootstrap_interval, wilson_interval
+from rpojax.training.detector.evaluation.pair_recall import pair_recalls
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector.box_decoding import Detections
 from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, detect

@@ -22,11 +22,13 @@ class EarthTextures:
         ground: 8 bit sRGB codes (y, x, 3) of the whole Earth, each half the size of the one before
         longitudes: [deg] beyond which the ground is mirrored
         noise: periodic tiles (1024, 1024) of zero mean and unit variance, from smooth to rough
+        shaded_clouds: whether clouds have a sunlit side
     """
 
     ground: tuple[np.ndarray, ...]
     longitudes: tuple[float, float]
     noise: tuple[np.ndarray, ...]
+    shaded_clouds: bool = True
 
 
 def load_earth_textures(held_out: bool, seed: int = 0) -> EarthTextures:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from rpojax.training.synthetic_data.earth_textures import TILE_PX, EarthTextures, ground_color, sample_noise
+from rpojax.training.synthetic_data.scenery.earth_textures import TILE_PX, EarthTextures, ground_color, sample_noise
 
 Rng = np.random.Generator
 
@@ -14,11 +14,21 @@ _SUNLIT_RADIANCE = 0.7
 
 @dataclasses.dataclass(frozen=True)
 class EarthView:
-    """Camera position [Earth radii], rays (p, p, 3) and unit vector to the Sun, in Earth axes."""
+    """View of a camera, in Earth axes.
+
+    Attributes:
+        position: of the camera [Earth radii]
+        rays: (p, p, 3) unit vectors of the pixels
+        sun: unit vector to the Sun
+        axes: (3, 3) right, down and ahead
+        focal_px: focal length [px]
+    """
 
     position: np.ndarray
     rays: np.ndarray
     sun: np.ndarray
+    axes: np.ndarray
+    focal_px: float
 
 
 def random_earth_view(
@@ -50,7 +60,8 @@ def random_earth_view(
         if sun_height[0] <= float(ground @ sun) <= sun_height[1]:
             break
         sun = unit(rng.normal(size=3))
-    return EarthView((1.0 + altitude) * up, rays, sun)
+    focal_px = 0.5 * size_px / float(np.tan(0.5 * field))
+    return EarthView((1.0 + altitude) * up, rays, sun, np.stack([right, down, axis]), focal_px)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,6 +75,7 @@ class GroundImage:
         color: (p, p, 3) linear colour of the ground
         sea: (p, p) fraction of sea
         clouds: (p, p) opacity of clouds
+        cloud_light: (p, p) light of clouds by that of flat ones: towards the Sun they are brighter
     """
 
     point: np.ndarray
@@ -72,6 +84,7 @@ class GroundImage:
     color: np.ndarray
     sea: np.ndarray
     clouds: np.ndarray
+    cloud_light: np.ndarray
 
 
 def ground_image(rng: Rng, earth: EarthTextures, view: EarthView, cloud_fraction: float) -> GroundImage:
@@ -93,8 +106,8 @@ def ground_image(rng: Rng, earth: EarthTextures, view: EarthView, cloud_fraction
     step = _ground_pixel_size(x, y, hit)
     detail = sample_noise(earth.noise[3], x, y, rng, TILE_PX / (float(rng.uniform(100.0, 400.0)) * step))
     color = color * np.clip(1.0 + rng.uniform(0.05, 0.3) * detail, 0.3, 2.0)[..., None]
-    clouds = _clouds(rng, earth, x, y, step, cloud_fraction)
-    return GroundImage(point, hit, np.sqrt(nearest) - 1.0, color, blue * dark, clouds * hit)
+    clouds, cloud_light = _clouds(rng, earth, x, y, step, cloud_fraction, view)
+    return GroundImage(point, hit, np.sqrt(nearest) - 1.0, color, blue * dark, clouds * hit, cloud_light)
 
 
 def _radial_direction(latitude: float, longitude: float) -> np.ndarray:
@@ -109,24 +122,31 @@ def _ground_pixel_size(x: np.ndarray, y: np.ndarray, hit: np.ndarray) -> float:
     return float(np.median(steps)) if steps.size else 1e-3
 
 
-def _clouds(rng: Rng, earth: EarthTextures, x: np.ndarray, y: np.ndarray, step: float, fraction: float) -> np.ndarray:
-    """Opacity (p, p) of clouds: stretched and warped noise above a threshold, with soft or hard edges."""
+def _clouds(
+    rng: Rng, earth: EarthTextures, x: np.ndarray, y: np.ndarray, step: float, fraction: float, view: EarthView
+) -> tuple[np.ndarray, np.ndarray]:
+    """Opacity (p, p) of clouds, stretched and warped noise above a threshold; and their light."""
     scale = TILE_PX / (float(np.exp(rng.uniform(np.log(60.0), np.log(700.0)))) * step)
     stretch = float(np.exp(rng.normal(scale=0.25)))
     twist = float(rng.uniform(0.0, 40.0)) / scale
     bend_x, bend_y = (twist * sample_noise(earth.noise[0], x, y, rng, 0.5 * scale) for _ in range(2))
     noise = sample_noise(earth.noise[int(rng.integers(1, 4))], x * stretch + bend_x, y / stretch + bend_y, rng, scale)
     threshold = float(np.quantile(noise, 1.0 - np.clip(fraction, 0.02, 0.98)))
-    return np.clip((noise - threshold) / rng.uniform(0.2, 3.0), 0.0, 1.0) ** rng.uniform(0.5, 1.5) * rng.uniform(
-        0.5, 1.0
-    )
+    width, power, densest = rng.uniform(0.2, 3.0), rng.uniform(0.5, 1.5), rng.uniform(0.5, 1.0)
+    opacity = densest * np.clip((noise - threshold) / width, 0.0, 1.0) ** power
+    if not earth.shaded_clouds:
+        return opacity, np.ones_like(noise)
+    down, right = np.gradient(noise)
+    sun = view.axes[:2] @ view.sun
+    slope = -(right * sun[0] + down * sun[1]) / max(float(np.hypot(down, right).std()), 1e-6)
+    return opacity, 1.0 + rng.uniform(0.0, 0.3) * np.clip(slope, -2.0, 1.0)
 
 
 def daylight(ground: GroundImage, view: EarthView) -> np.ndarray:
     """Radiance (p, p, 3) of sunlit ground and clouds, under haze that is denser at grazing views."""
     cosine = np.clip(ground.point @ view.sun, 0.0, 1.0)
     seen = np.clip(-(ground.point * view.rays).sum(axis=2), 0.05, 1.0)
-    color = ground.color * (1.0 - ground.clouds[..., None]) + 0.85 * ground.clouds[..., None]
+    color = ground.color * (1.0 - ground.clouds[..., None]) + 0.85 * (ground.clouds * ground.cloud_light)[..., None]
     haze = np.clip(0.06 / seen, 0.0, 0.7)[..., None]
     color = color * (1.0 - haze) + haze * np.array([0.25, 0.42, 0.8])
     return _SUNLIT_RADIANCE * color * (cosine**0.9)[..., None] * ground.hit[..., None]
