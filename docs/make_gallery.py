@@ -187,7 +187,7 @@ def _campaign(name: str, folder: Path, runs: int, *options: object) -> None:
 
 def _rpojax(*words: object) -> None:
     # A report names the folder of its campaign, which is to be no path of this machine.
-    within = (word.relative_to(ROOT) if isinstance(word, Path) and word.is_relative_to(ROOT) else word for word in words)
+    within = [w.relative_to(ROOT) if isinstance(w, Path) and w.is_relative_to(ROOT) else w for w in words]
     done = subprocess.run([sys.executable, "-m", "rpojax", *map(str, within)], cwd=ROOT, check=False)
     if done.returncode not in (0, 3):  # 3: some runs of the campaign failed, which a picture may show
         raise SystemExit(done.returncode)
