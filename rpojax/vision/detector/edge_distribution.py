@@ -21,15 +21,20 @@ def prior_logits(boxes: Float[Array, "n 4"], crop_px: Float[Array, "n 4"]) -> Fl
 
 def as_fractions(boxes: Float[Array, "n 4"], crop_px: Float[Array, "n 4"]) -> Float[Array, "n 4"]:
     """Edges by the sides of the crops, 0 at their left or upper edge."""
-    corner, side = jnp.tile(crop_px[:, :2], (1, 2)), jnp.tile(crop_px[:, 2:] - crop_px[:, :2], (1, 2))
+    corner, side = _corner_and_side(crop_px)
     return (boxes - corner) / side
 
 
 def mean_boxes(logits: Float[Array, "n 4 48"], crop_px: Float[Array, "n 4"]) -> Float[Array, "n 4"]:
     """Boxes [px] of the means of the distributions in crops with edges `crop_px`."""
     place = jnp.sum(jax.nn.softmax(logits, axis=-1) * place_centers()[None, None, :], axis=-1)
-    corner, side = jnp.tile(crop_px[:, :2], (1, 2)), jnp.tile(crop_px[:, 2:] - crop_px[:, :2], (1, 2))
+    corner, side = _corner_and_side(crop_px)
     return corner + place * side
+
+
+def _corner_and_side(crop_px: Float[Array, "n 4"]) -> tuple[Float[Array, "n 4"], Float[Array, "n 4"]]:
+    """Left and upper edge of crops, and their width and height, for each of the four edges of a box."""
+    return jnp.tile(crop_px[:, :2], (1, 2)), jnp.tile(crop_px[:, 2:] - crop_px[:, :2], (1, 2))
 
 
 def place_centers() -> Float[Array, " 48"]:
