@@ -13,7 +13,7 @@ from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.scenery.foreground import add_reflections, add_structure
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.training.synthetic_data.sprite_layers import Layer, near_layers, random_layer
-from rpojax.training.synthetic_data.visible_box import known_edges, visible_box, visible_coverage
+from rpojax.training.synthetic_data.visible_box import box_of_visible, known_edges, visible_coverage
 from rpojax.vision.intersection_over_union import intersection_area, pairwise_iou
 
 Rng = np.random.Generator
@@ -195,13 +195,14 @@ def _merge_layers(background: np.ndarray, layers: list[Layer], sensor: ImageSens
     image, alphas = _blend(background, layers)
     boxes, known, coverage = [], [], np.zeros(background.shape[:2])
     for index, alpha in enumerate(alphas):
-        box = visible_box(image, background, alpha, sensor)
+        visible = visible_coverage(image, background, alpha, sensor)
+        box = box_of_visible(visible, alpha)
         if box is None:
             continue
         hidden, _ = _blend(background, layers[:index] + layers[index + 1 :])
         boxes.append(box)
         known.append(known_edges(image, hidden, alpha, box, sensor))
-        coverage = coverage + visible_coverage(image, background, alpha, sensor)
+        coverage = coverage + visible
     return _Scene(
         image, np.array(boxes).reshape(-1, 4), np.clip(coverage, 0.0, 1.0), np.array(known, bool).reshape(-1, 4)
     )

@@ -35,7 +35,11 @@ def visible_box(
     `image` and `background` (p, p, 3) are linear, `alpha` (p, p) is the covered fraction; without a sensor there is no
     noise.
     """
-    visible = visible_coverage(image, background, alpha, sensor)
+    return box_of_visible(visible_coverage(image, background, alpha, sensor), alpha)
+
+
+def box_of_visible(visible: np.ndarray, alpha: np.ndarray) -> np.ndarray | None:
+    """Box of a `visible_coverage` (p, p) of a silhouette (p, p), or None if too little of it is visible."""
     if visible.sum() < max(_MIN_AREA_PX, 0.2 * alpha.sum()):
         return None
     box = _box_of_coverage(visible)
