@@ -16,6 +16,8 @@ import numpy as np
 
 from rpojax.benchmark.multi_device_program import compile_for_devices
 from rpojax.training.detector.evaluation import evaluate_detector
+from rpojax.training.detector.evaluation.box_ranges import long_side
+from rpojax.training.detector.evaluation.pair_recall import pair_kind
 from rpojax.training.radiance_field import evaluate_field, image_quality
 from rpojax.training.synthetic_data import random_views, ray_traced_views
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, read_dataset
@@ -48,6 +50,7 @@ def main() -> int:
     """Prints the metrics of one part as JSON."""
     parts: dict[str, Callable[[argparse.Namespace, DetectorParams], dict[str, Any]]] = {
         "validation": _validation,
+        "neighbours": _neighbours,
         "target": _target,
         "speed": _speed,
         "photographs": _photographs,
@@ -61,7 +64,7 @@ def main() -> int:
     parser.add_argument("--views", type=int, default=200)
     parser.add_argument("--sheet", type=Path, help="image of the detections to write")
     arguments = parser.parse_args()
-    if arguments.part in ("validation", "photographs", "peer") and arguments.folder is None:
+    if arguments.part in ("validation", "neighbours", "photographs", "peer") and arguments.folder is None:
         parser.error(f"{arguments.part}: expected a folder")
     params, _ = load_detector(arguments.weights)
     print(json.dumps(parts[arguments.part](arguments, params), indent=1))
@@ -74,6 +77,27 @@ def _validation(arguments: argparse.Namespace, params: DetectorParams) -> dict[s
     if arguments.sheet:
         cv2.imwrite(str(arguments.sheet), _contact_sheet(data, found, 48))
     return evaluate_detector.evaluation_report(found, data)
+
+
+def _neighbours(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
+    """How often a spacecraft alone in its image is found, and one with another apart, near or overlapping."""
+    data = read_dataset(arguments.folder)
+    found = evaluate_detector.detect_images(params, data.images)
+    best: dict[str, list[float]] = {}
+    for boxes, scores, labels in zip(found.boxes, found.scores, data.boxes, strict=True):
+        real = labels.astype(np.float64)
+        kind = "alone" if len(real) == 1 else pair_kind(real, evaluate_detector.MIN_SIDE_PX) or "apart"
+        hit = pairwise_iou(boxes, real) >= 0.5
+        score = np.max(np.where(hit, scores[:, None], 0.0), axis=0, initial=0.0)
+        best.setdefault(kind, []).extend(score[long_side(real) >= evaluate_detector.MIN_SIDE_PX].tolist())
+    return {
+        kind: {
+            "spacecraft": len(values),
+            "found": _mean([value >= evaluate_detector.SCORE_THRESHOLD for value in values]),
+            "found_with_any_score": _mean([value > 0.0 for value in values]),
+        }
+        for kind, values in best.items()
+    }
 
 
 def _peer(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
