@@ -80,13 +80,16 @@ def _validation(arguments: argparse.Namespace, params: DetectorParams) -> dict[s
 
 
 def _neighbours(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
-    """How often a spacecraft alone in its image is found, and one with another apart, near or overlapping."""
+    """How often a spacecraft is found that is alone in its image, or with another one apart, near or overlapping.
+
+    The other one may have any size; only those of `MIN_SIDE_PX` count.
+    """
     data = read_dataset(arguments.folder)
     found = evaluate_detector.detect_images(params, data.images)
     best: dict[str, list[float]] = {}
     for boxes, scores, labels in zip(found.boxes, found.scores, data.boxes, strict=True):
         real = labels.astype(np.float64)
-        kind = "alone" if len(real) == 1 else pair_kind(real, evaluate_detector.MIN_SIDE_PX) or "apart"
+        kind = "alone" if len(real) == 1 else pair_kind(real, 0.0) or "apart"
         hit = pairwise_iou(boxes, real) >= 0.5
         score = np.max(np.where(hit, scores[:, None], 0.0), axis=0, initial=0.0)
         best.setdefault(kind, []).extend(score[long_side(real) >= evaluate_detector.MIN_SIDE_PX].tolist())
