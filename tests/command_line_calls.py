@@ -1,4 +1,4 @@
-"""Outcome of a command line called in the process of the tests."""
+"""Outcome of a command line, without what depends on the speed of the machine."""
 
 import json
 from collections.abc import Callable
@@ -20,3 +20,8 @@ class Outcome:
 
 
 Call = Callable[..., Outcome]
+
+
+def without_signs_of_life(err: str) -> str:
+    """What a process printed on stderr but for the lines that appear when a machine is slow."""
+    return "".join(line for line in err.splitlines(keepends=True) if not line.rstrip().endswith("s so far"))

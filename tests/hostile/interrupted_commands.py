@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from command_line_calls import without_signs_of_life
+
 import rpojax
 
 SHORT = ("--set", "duration_s=200")
@@ -27,7 +29,7 @@ STAGES = {
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended: status as a shell gives it, both streams, and seconds from the signal to the end."""
+    """How a command ended: status of a shell, streams without signs of life, seconds from the signal to the end."""
 
     status: int
     out: str
@@ -51,7 +53,7 @@ def ended(process: subprocess.Popen[str], since: float | None = None) -> Ended:
     """Waits for the end of a command."""
     out, err = process.communicate(timeout=300)
     status = process.returncode if process.returncode >= 0 else 128 - process.returncode
-    return Ended(status, out or "", err, 0.0 if since is None else time.monotonic() - since)
+    return Ended(status, out or "", without_signs_of_life(err), 0.0 if since is None else time.monotonic() - since)
 
 
 def run_to_end(*words: str, **environment: str | None) -> Ended:
@@ -90,4 +92,4 @@ def signalled(stage: str, number: signal.Signals, words: Sequence[str], folder: 
     watcher.join()
     out = process.stdout.read() if process.stdout is not None else ""
     status = process.returncode if process.returncode >= 0 else 128 - process.returncode
-    return Ended(status, out, "".join(lines), waited)
+    return Ended(status, out, without_signs_of_life("".join(lines)), waited)
