@@ -209,7 +209,7 @@ def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
 def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
     import inspect
 
-    from rpojax.cli.commands import field
+    from rpojax.cli.commands.vision import field
 
     page = (ROOT / "docs" / "how_to" / "field.md").read_text(encoding="utf-8")
     code = "\n".join([*blocks(page, ""), *quoted(page)])

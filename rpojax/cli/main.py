@@ -21,30 +21,30 @@ from contextlib import nullcontext, suppress
 import tyro
 
 from rpojax.cli.command_parsing import add_command, parse
-from rpojax.cli.commands import detector, field
-from rpojax.cli.commands.bench import bench
-from rpojax.cli.commands.bridge import bridge
-from rpojax.cli.commands.calibrate_camera_model import calibrate_camera_model
-from rpojax.cli.commands.campaign import campaign
-from rpojax.cli.commands.compare import compare
-from rpojax.cli.commands.detect import detect
-from rpojax.cli.commands.export import export
-from rpojax.cli.commands.export_bag import export_bag
-from rpojax.cli.commands.export_rrd import export_rrd
-from rpojax.cli.commands.film import film
-from rpojax.cli.commands.lincov import lincov
-from rpojax.cli.commands.new import new
-from rpojax.cli.commands.probability import probability
-from rpojax.cli.commands.report import report
-from rpojax.cli.commands.rerun import rerun
-from rpojax.cli.commands.resume import resume
-from rpojax.cli.commands.run import run
-from rpojax.cli.commands.schema import schema
-from rpojax.cli.commands.sensitivity import sensitivity
-from rpojax.cli.commands.status import status
-from rpojax.cli.commands.tune import tune
-from rpojax.cli.commands.validate import validate
-from rpojax.cli.commands.worst_case import worst_case
+from rpojax.cli.commands.analysis.compare import compare
+from rpojax.cli.commands.analysis.lincov import lincov
+from rpojax.cli.commands.analysis.sensitivity import sensitivity
+from rpojax.cli.commands.analysis.tune import tune
+from rpojax.cli.commands.analysis.worst_case import worst_case
+from rpojax.cli.commands.campaigns.bench import bench
+from rpojax.cli.commands.campaigns.campaign import campaign
+from rpojax.cli.commands.campaigns.probability import probability
+from rpojax.cli.commands.campaigns.rerun import rerun
+from rpojax.cli.commands.campaigns.resume import resume
+from rpojax.cli.commands.campaigns.run import run
+from rpojax.cli.commands.campaigns.status import status
+from rpojax.cli.commands.output.bridge import bridge
+from rpojax.cli.commands.output.export import export
+from rpojax.cli.commands.output.export_bag import export_bag
+from rpojax.cli.commands.output.export_rrd import export_rrd
+from rpojax.cli.commands.output.film import film
+from rpojax.cli.commands.output.report import report
+from rpojax.cli.commands.scenarios.new import new
+from rpojax.cli.commands.scenarios.schema import schema
+from rpojax.cli.commands.scenarios.validate import validate
+from rpojax.cli.commands.vision import detector, field
+from rpojax.cli.commands.vision.calibrate_camera_model import calibrate_camera_model
+from rpojax.cli.commands.vision.detect import detect
 from rpojax.cli.environment_faults import environment_fault
 from rpojax.cli.error_text import error_text
 from rpojax.cli.exit_status import Status

@@ -29,7 +29,7 @@ from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
-from rpojax.cli.commands import bench
+from rpojax.cli.commands.campaigns import bench
 from rpojax.runtime import jax_environment, progress_bar
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile

@@ -9,7 +9,7 @@ from synthetic_linear_covariance import synthetic_linear_covariance
 
 from rpojax.analysis.linear_covariance import linear_covariance, monte_carlo_agreement
 from rpojax.cli import main
-from rpojax.cli.commands import lincov
+from rpojax.cli.commands.analysis import lincov
 
 
 def call(*words: object) -> int:

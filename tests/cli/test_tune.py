@@ -82,7 +82,7 @@ def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest
 
 
 def test_a_tuning_that_changes_nothing_says_so() -> None:
-    from rpojax.cli.commands.tune import _verdict
+    from rpojax.cli.commands.analysis.tune import _verdict
 
     same = {"ratio_95": (0.98, 1.03)}
     assert "about as good as it gets" in _verdict({"formation_error_rms_m": same})

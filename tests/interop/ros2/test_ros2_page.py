@@ -4,7 +4,7 @@ import inspect
 import re
 from pathlib import Path
 
-from rpojax.cli.commands import export_bag
+from rpojax.cli.commands.output import export_bag
 from rpojax.interop.ros2 import mcap_or_sqlite3_writer
 from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
 from rpojax.interop.ros2.run_bag import ImageStorage

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Array
 from synthetic_rectangles import bright_boxes, image_with_rectangles
 
-from rpojax.cli.commands.detect import detect
+from rpojax.cli.commands.vision.detect import detect
 from rpojax.vision.detector import multiscale_detection, sliding_windows
 from rpojax.vision.detector.box_decoding import Detections
 from rpojax.vision.detector.scored_box import ScoredBox, box_edges

@@ -7,7 +7,7 @@ from tyro.conf import Positional, arg
 
 from rpojax.cli.arguments import FLAT, Session
 from rpojax.cli.campaign_output import conclude, has_whole_report, keeping_results, report_of, show_results
-from rpojax.cli.commands.probability import resume_estimate
+from rpojax.cli.commands.campaigns.probability import resume_estimate
 from rpojax.cli.executor_options import ExecutorOptions
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import with_progress

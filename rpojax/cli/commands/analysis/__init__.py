@@ -1,0 +1,1 @@
+"""Commands that find gains, uncertainties and worst cases, or compare campaigns."""

@@ -1,0 +1,1 @@
+"""Commands that simulate runs, and those about campaigns under way."""

@@ -1,0 +1,1 @@
+"""Commands for scenario files: a new one, its check and its schema."""

@@ -1,0 +1,1 @@
+"""Commands for radiance fields, the detector and the camera model."""
