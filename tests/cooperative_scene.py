@@ -16,11 +16,12 @@ from rpojax.flight.cooperation import baseline_motion, sharing
 from rpojax.flight.cooperation.link_settings import BaselineTuning, LinkSettings
 from rpojax.flight.cooperation.sharing import SharingMemory
 from rpojax.flight.cooperation.team_records import TeamRecords
-from rpojax.flight.navigation import combined_orbit_filter, outlier_gate, shape_errors
-from rpojax.flight.navigation.box_measurement_model import linearise_box
+from rpojax.flight.navigation import combined_orbit_filter, shape_errors
+from rpojax.flight.navigation.box_measurement import outlier_gate
+from rpojax.flight.navigation.box_measurement.box_measurement_model import linearise_box
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
-from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.sensors import link_range
 from rpojax.sensors.link_range import LinkRange
 

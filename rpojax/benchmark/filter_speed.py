@@ -18,10 +18,11 @@ from rpojax.benchmark.synthetic_filter_inputs import (
     simulate_measurements,
 )
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter, outlier_gate
+from rpojax.flight.navigation import combined_orbit_filter
+from rpojax.flight.navigation.box_measurement import outlier_gate
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.runtime.device_programs import choose_devices
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario

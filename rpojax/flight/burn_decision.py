@@ -18,7 +18,7 @@ from rpojax.flight.guidance import (
 )
 from rpojax.flight.guidance.burn_planning import BurnPlan, StateAtBurn
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.navigation import detection_model
+from rpojax.flight.navigation.box_measurement import detection_model
 from rpojax.flight.stages import Stages
 
 Scalar = Float[Array, ""]

@@ -14,11 +14,12 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight import control_effort
 from rpojax.flight.control_effort import ControlEffort
-from rpojax.flight.navigation import box_evidence, shape_errors
+from rpojax.flight.navigation import shape_errors
+from rpojax.flight.navigation.box_measurement import box_evidence
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.outlier_gate import GateState
-from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
+from rpojax.flight.navigation.relative_estimate import RelativeEstimate
 
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]

@@ -29,10 +29,10 @@ from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
-from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.team_guidance import phase_assignment
 from rpojax.flight.team_guidance.team_situation import TeamSituation
 from rpojax.flight.team_guidance.team_tuning import TeamTuning

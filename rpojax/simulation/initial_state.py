@@ -10,7 +10,7 @@ from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
 from rpojax.flight import computer
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.navigation import combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation import combined_orbit_filter, relative_estimate, servicer_orbit_ekf
 from rpojax.physics import plant_state
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
@@ -102,7 +102,7 @@ def _sensor_errors(params: Params, noise: InitialNoise) -> SensorErrors:
 def _handover_error(params: Params, truth: Truth, normals: Float[Array, "12"]) -> Float[Array, "12"]:
     """Errors in N of the servicer's position and velocity and of those of the target from it, from normal numbers."""
     navigation, handover = params.flight.navigation, params.handover
-    told = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_orbit_ekf.initial_sigma(navigation)[:6]]
+    told = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_estimate.initial_sigma(navigation)[:6]]
     told_error = jnp.concatenate(told) * normals
     if handover is None:
         return told_error

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rpojax.benchmark import filter_speed, synthetic_filter_inputs
-from rpojax.flight.navigation import outlier_gate
+from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.scenario.schema import ScenarioFile
 
 

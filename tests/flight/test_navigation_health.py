@@ -10,9 +10,9 @@ from scipy import stats
 from rpojax.core.pytree import replace
 from rpojax.flight import navigation_health
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import outlier_gate
+from rpojax.flight.navigation.box_measurement import outlier_gate
+from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
-from rpojax.flight.navigation.relative_orbit_ekf import ExpectedBox
 from rpojax.flight.navigation_health import TESTS, NavigationHealth
 
 TICKS = 1500

@@ -19,14 +19,9 @@ from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
 from rpojax.flight.guidance.slew_profile import SlewReference
-from rpojax.flight.navigation import (
-    attitude_ekf,
-    combined_orbit_filter,
-    outlier_gate,
-    relative_orbit_ekf,
-    servicer_orbit_ekf,
-)
+from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.scenario.params import Params
 

@@ -24,7 +24,7 @@ EXCEPTIONS = {
     **dict.fromkeys(
         (
             "flight/guidance/burn_planning.py",
-            "flight/navigation/outlier_gate.py",
+            "flight/navigation/box_measurement/outlier_gate.py",
             "flight/navigation/burn_errors/thrust_estimator.py",
             "flight/navigation_health.py",
             "physics/equipment_faults.py",

@@ -25,11 +25,11 @@ from rpojax.flight.cooperation.free_relative_motion import apply
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.message import TargetTrack
 from rpojax.flight.cooperation.peer_news import News
-from rpojax.flight.navigation import orbit_covariance, relative_orbit_ekf
+from rpojax.flight.navigation import orbit_covariance, relative_estimate, relative_orbit_ekf
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
+from rpojax.flight.navigation.relative_estimate import RelativeEstimate
 
 Flag = Bool[Array, ""]
 Matrix = Float[Array, "3 3"]
@@ -355,9 +355,9 @@ def predict(
     of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
     state = moved(_state(memory.local)[:6])
     is_widened = _position_variance(before.relative.covariance) > _WIDENED * memory.fused_variance
-    widened = relative_orbit_ekf.widen(memory.local, is_widened)
+    widened = relative_estimate.widen(memory.local, is_widened)
     local = relative_orbit_ekf.predict(tuning, widened, state[:3], state[3:], r_before_N, burn_covariance, dt)
-    correlated = relative_orbit_ekf.widen(replace(memory.local, covariance=memory.correlated), is_widened)
+    correlated = relative_estimate.widen(replace(memory.local, covariance=memory.correlated), is_widened)
     correlated = relative_orbit_ekf.predict(tuning, correlated, state[:3], state[3:], r_before_N, zero, dt)
     tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
     return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

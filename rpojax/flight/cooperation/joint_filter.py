@@ -18,7 +18,7 @@ from rpojax.flight.cooperation.joint_covariance import JointCovariance
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.navigation import outline_correlation, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
+from rpojax.flight.navigation.relative_estimate import RelativeEstimate
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]

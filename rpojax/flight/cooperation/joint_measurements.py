@@ -20,7 +20,7 @@ from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.navigation import outline_correlation, relative_orbit_ekf, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
+from rpojax.flight.navigation.relative_estimate import RelativeEstimate
 
 Flag = Bool[Array, ""]
 Scalar = Float[Array, ""]

@@ -32,7 +32,7 @@ from rpojax.flight.navigation.burn_errors import burn_execution_error
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
+from rpojax.flight.navigation.relative_estimate import RelativeEstimate
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
-from rpojax.flight.navigation import box_evidence
+from rpojax.flight.navigation.box_measurement import box_evidence
 
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]

@@ -14,12 +14,13 @@ from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation import relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation import relative_estimate, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.burn_errors import burn_execution_error, burn_scale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
-from rpojax.flight.navigation.outlier_gate import GateState
-from rpojax.flight.navigation.relative_orbit_ekf import ExpectedBox, RelativeEstimate
+from rpojax.flight.navigation.relative_estimate import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 
 Vector = Float[Array, "3"]
@@ -61,7 +62,7 @@ def initial(tuning: OrbitFilterTuning, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: V
     """Estimate at hand-over with positions [m] and velocities [m/s] as means."""
     return OrbitEstimate(
         servicer=servicer_orbit_ekf.initial(tuning, r_SN_N, v_SN_N),
-        relative=relative_orbit_ekf.initial(tuning, r_TS_N, v_TS_N),
+        relative=relative_estimate.initial(tuning, r_TS_N, v_TS_N),
     )
 
 

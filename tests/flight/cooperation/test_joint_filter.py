@@ -14,7 +14,7 @@ from rpojax.flight.cooperation import free_relative_motion, joint_filter, joint_
 from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
-from rpojax.flight.navigation import relative_orbit_ekf
+from rpojax.flight.navigation import relative_estimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.scenario import params as parameters
@@ -48,7 +48,7 @@ def peer_tuning() -> OrbitFilterTuning:
 
 
 def initial() -> JointEstimate:
-    own = relative_orbit_ekf.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3))
+    own = relative_estimate.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3))
     return joint_filter.initial(tuning(), BASELINE, own, PLACES, peer_tuning(), True)
 
 

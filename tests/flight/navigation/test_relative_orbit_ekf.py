@@ -10,11 +10,12 @@ from numpy_reference import SEEDS, axis_angle_quaternion, random_covariance, ran
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import box_measurement_model, outlier_gate, outline_correlation, relative_orbit_ekf
+from rpojax.flight.navigation import outline_correlation, relative_orbit_ekf
+from rpojax.flight.navigation.box_measurement import box_measurement_model, outlier_gate
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.outlier_gate import GateState
-from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
+from rpojax.flight.navigation.relative_estimate import RelativeEstimate
 from rpojax.scenario.params import Params
 
 TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding

@@ -6,7 +6,7 @@ import pytest
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import detection_model
+from rpojax.flight.navigation.box_measurement import detection_model
 
 GRID = np.linspace(-6.0, 8.0, 20_001)
 OFFSET, SPREAD = detection_model._LOG_LARGEST_SIDE

@@ -9,7 +9,8 @@ import rendezvous_scene
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import box_position, outlier_gate, relative_orbit_ekf
+from rpojax.flight.navigation import relative_estimate, relative_orbit_ekf
+from rpojax.flight.navigation.box_measurement import box_position, outlier_gate
 
 
 def test_the_position_by_a_box_without_error_is_that_of_the_target(flight: FlightParams) -> None:
@@ -75,8 +76,8 @@ def test_a_part_of_a_target_behind_the_estimated_place_is_found_in_front_of_the_
 
 def test_a_search_without_success_doubles_the_variance_of_the_relative_state_alone(flight: FlightParams) -> None:
     before = rendezvous_scene.estimate(flight).relative
-    after = relative_orbit_ekf.widen(before, jnp.asarray(True))
+    after = relative_estimate.widen(before, jnp.asarray(True))
     ratio = np.asarray(after.covariance).diagonal() / np.asarray(before.covariance).diagonal()
     np.testing.assert_allclose(ratio, [2.0] * 6 + [1.0] * 6)
-    np.testing.assert_array_equal(relative_orbit_ekf.widen(before, jnp.asarray(False)).covariance, before.covariance)
+    np.testing.assert_array_equal(relative_estimate.widen(before, jnp.asarray(False)).covariance, before.covariance)
     assert replace(after, covariance=before.covariance).r_TS_N is before.r_TS_N

@@ -7,7 +7,7 @@ from hypothesis import given
 from numpy_reference import SEEDS, random_unit, rotation_matrix, unit
 
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import box_measurement_model
+from rpojax.flight.navigation.box_measurement import box_measurement_model
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.scenario.params import Params
 

@@ -7,10 +7,10 @@ import pytest
 from numpy_reference import IDENTITY, axis_angle_quaternion, unit
 
 from rpojax.core.pytree import replace
-from rpojax.flight.navigation import outlier_gate
+from rpojax.flight.navigation.box_measurement import outlier_gate
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.scenario.params import Params
 
 FOCAL = jnp.float64(700.0)
