@@ -1,4 +1,4 @@
-"""Flight computer: the stages of the flight software in the order in which they run; burns: `burn_decision.py`."""
+"""Flight computer: the stages of the flight software in the order in which they run; burns: `decisions`."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -9,9 +9,10 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import replace, select
 from rpojax.core.vectors import apply
-from rpojax.flight import burn_decision, control_effort, mission_decision, navigation_health
+from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import station_keeping, wheel_torque_allocation
 from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.decisions import burn_decision, mission_decision
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import (
     attitude_guidance,

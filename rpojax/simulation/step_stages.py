@@ -8,12 +8,13 @@ from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import sun_moon_ephemeris, third_body_gravity
 from rpojax.core.pytree import replace, select
-from rpojax.flight import burn_decision, computer, mission_decision
+from rpojax.flight import computer
+from rpojax.flight.decisions import burn_decision, mission_decision, phase_burn
+from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.team_mission import TeamMission
-from rpojax.flight.motion_prediction import Prediction, predict_to_burn
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
@@ -119,8 +120,8 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
         if mission is not None:
             assert tick.prediction is not None
-            team = None if tick.peers is None else mission_decision.Team(tuning=loop.params.team, peers=tick.peers)
-            plan, decided, due = mission_decision.plan_burn(
+            team = None if tick.peers is None else phase_burn.Team(tuning=loop.params.team, peers=tick.peers)
+            plan, decided, due = phase_burn.plan_burn(
                 loop.stages, mission, flight, memory, tick.prediction, pointing, tick.time, scenario.tick_s, team
             )
             return select(due, (plan, error, decided), keep(memory))

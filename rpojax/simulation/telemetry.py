@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 from rpojax.core.numerics import double_single
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.pytree import pytree
-from rpojax.flight import phase_goal
+from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics.plant_state import Truth

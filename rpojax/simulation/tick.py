@@ -7,8 +7,8 @@ from typing import Any
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
+from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, Measurements
-from rpojax.flight.motion_prediction import Prediction
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages

@@ -15,8 +15,9 @@ from numpy_reference import IDENTITY, MU, axis_angle_quaternion, rotation_matrix
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
-from rpojax.flight import burn_decision, computer
+from rpojax.flight import computer
 from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.decisions import burn_decision
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.burn_planning import BurnPlan

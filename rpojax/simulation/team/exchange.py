@@ -11,9 +11,10 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
 from rpojax.core.vectors import apply
-from rpojax.flight import computer, phase_goal
+from rpojax.flight import computer
 from rpojax.flight.cooperation import sharing
 from rpojax.flight.cooperation.team_records import TeamRecords
+from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import line_of_sight_uncertainty
 from rpojax.flight.navigation.burn_errors import thrust_estimator

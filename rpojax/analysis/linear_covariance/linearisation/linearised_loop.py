@@ -16,7 +16,7 @@ from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replace_leaves
 from rpojax.core.vectors import apply
-from rpojax.flight import burn_decision
+from rpojax.flight.decisions import burn_decision
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode

@@ -1,33 +1,25 @@
-"""Decisions of a mission with phases: the present phase, and its next burn, made safe or replaced by an abort burn."""
+"""Burn of a mission's phase: planned by the control law, then made safe or replaced by an abort burn."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.numerics import gradient_safe
-from rpojax.core.orbits import yamanaka_ankersen
-from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.pytree import pytree, replace, select
+from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply_transposed
-from rpojax.flight import burn_decision, phase_goal
 from rpojax.flight.control import formation_law, periodic_lqr_gain, reference_governor
-from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.decisions import burn_decision, phase_goal
+from rpojax.flight.decisions.mission_decision import is_passively_safe, keep_out_zone
+from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.guidance import burn_planning
-from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance.burn_planning import BurnPlan
-from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.mission import drift_clearance, mission_state, safe_burn, team_mission
+from rpojax.flight.mission import drift_clearance, safe_burn, team_mission
 from rpojax.flight.mission.drift_clearance import Drift
-from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, of_phase
 from rpojax.flight.mission.safe_burn import SafeBurn
 from rpojax.flight.mission.team_mission import TeamMission
-from rpojax.flight.motion_prediction import Prediction, predict_to_burn
-from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.stages import Stages
 from rpojax.flight.team_guidance import peer_drift, team_knowledge
 from rpojax.flight.team_guidance.known_peers import KnownPeers
@@ -38,136 +30,6 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 Flag = Bool[Array, ""]
-
-
-def initial_state(
-    settings: MissionSettings,
-    params: FlightParams,
-    estimate: OrbitEstimate,
-    first_decision: Scalar | None = None,
-    phase_rate: Scalar | None = None,
-) -> MissionState:
-    """State of the mission at the start of a run, whose first phase begins with the `first_decision` [s].
-
-    In a team whose phases are chosen on the way these shift at a `phase_rate` [rad/s].
-    """
-    predicted = predict_to_burn(params, estimate, first_decision)
-    state = mission_state.initial(predicted.burn_state_H, params.formation.lead, first_decision)
-    if not settings.coordinated:
-        return state
-    rate = None if settings.phasing == "fixed" else phase_rate
-    return replace(state, team=team_mission.initial(state.entered_at, rate))
-
-
-def phase_gains(
-    settings: MissionSettings, params: FlightParams, estimate: OrbitEstimate, hold_period: float
-) -> tuple[Float[Array, "places 3 6"], ...]:
-    """LQR gains over the orbit by row of the phase table; held places have a `hold_period` [s]."""
-    assert params.mission is not None
-    relative, servicer = estimate.relative, estimate.servicer
-    orbit = yamanaka_ankersen.target_orbit(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)
-
-    def over_orbit(weights: FormationTuning, places: int, period: float) -> Float[Array, "places 3 6"]:
-        if places == 1:
-            return lqr_gain(weights, mean_motion(orbit.semi_major_axis), period)[None]
-        return periodic_lqr_gain.periodic_lqr_gains(weights, orbit, places)
-
-    tick_s = hold_period / settings.hold_ticks
-    gains = []
-    for static in settings.phases:
-        phase = params.mission.phases[static.name]
-        weights = replace(
-            params.formation,
-            position_weight=phase.position_weight,
-            velocity_weight=phase.velocity_weight,
-            delta_v_weight=phase.delta_v_weight,
-        )
-        gains.append(over_orbit(weights, static.burns_per_orbit, static.control_ticks * tick_s))
-    held = over_orbit(params.formation, settings.hold_burns_per_orbit, hold_period)
-    return (*gains, held, held)
-
-
-def manage_mission(
-    stages: Stages,
-    settings: MissionSettings,
-    params: FlightParams,
-    memory: FlightMemory,
-    predicted: Prediction,
-    time: Scalar,
-) -> MissionState:
-    """State of the mission after a decision at `time` [s], with the motion `predicted` from the estimate."""
-    state, tuning = memory.mission, params.mission
-    assert state is not None
-    assert tuning is not None
-    lead = params.formation.lead
-    # An abort that is decided at the next decision burns its `lead` later.
-    soon = 2.0 * lead
-    drift = Drift(
-        orbit=predicted.orbit,
-        state_H=predicted.state_H,
-        scale_sigma=predicted.range_ratio_sigma,
-        covariance_H=predicted.covariance_H,
-        sigmas=tuning.abort_sigmas,
-        semi_axes=keep_out_zone(settings, tuning, state),
-        first_span=soon,
-        horizon=soon,
-    )
-    none = jnp.zeros_like(predicted.state_H[:3, None])
-    clearance, by_estimate = drift_clearance.least_clearance(drift, none, none[:1], _SAMPLES_BEFORE_ABORT)
-    # As for its burns: on a passively safe orbit to know more is better than to leave it by an uncertain estimate.
-    is_passive = constant_of_phase(state.phase, _passively_safe(settings))
-    least = jnp.where(is_passive, by_estimate[0, 0], clearance[0, 0])
-    situation = Situation(
-        time=time,
-        state_H=predicted.state_H,
-        burn_time=time + lead,
-        burn_state_H=predicted.burn_state_H,
-        burn_pending=(memory.plan.cutoff > memory.plan.ignition) & (memory.plan.cutoff > time),
-        end_H=phase_goal.end_position(settings, tuning, state, predicted.orbit, time),
-        range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
-        seen=memory.pointing.acquired,
-        lost=_is_lost(params, memory),
-        confident=memory.health.confident,
-        thruster_works=burn_decision.thruster_works(params, memory, time),
-        enters_keep_out=least < 1.0,
-    )
-    return stages.call("mission_manager", settings=settings, tuning=tuning, state=state, situation=situation)
-
-
-_SAMPLES_BEFORE_ABORT = 6
-"""Times in the two minutes in which an abort cannot act yet."""
-
-
-def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
-    """True if the target should have been seen for too long and was not.
-
-    A burn is not based on a target that has been out of sight for some seconds. An abort waits: at the edge of light
-    the camera may see nothing before the estimate says so, and burns keep the motion safe for two control periods.
-    """
-    return memory.pointing.unseen_time > params.health.unseen_limit
-
-
-def other_pointing(
-    settings: MissionSettings, params: FlightParams, memory: FlightMemory, sun_N: Vector
-) -> OtherPointing | None:
-    """Attitude of a phase that does not point at the target, with the Sun at `sun_N` [m]; None if all phases do."""
-    modes = [*(phase.pointing for phase in settings.phases), "target", "target"]
-    if set(modes) == {"target"}:
-        return None
-    assert memory.mission is not None
-    phase = memory.mission.phase
-    safe = attitudes.sun_safe_attitude(params.vehicle, memory.orbit, sun_N)
-    ahead = attitudes.velocity_attitude(params.vehicle, memory.orbit)
-    is_ahead = constant_of_phase(phase, [mode == "velocity" for mode in modes])
-    q_BN, omega = select(is_ahead, ahead, safe)
-    is_wanted = constant_of_phase(phase, [mode != "target" for mode in modes])
-    return OtherPointing(q_BN=q_BN, omega_BN_B=omega, is_wanted=is_wanted)
-
-
-def keep_out_zone(settings: MissionSettings, tuning: MissionTuning, state: MissionState) -> Vector:
-    """Semi-axes [m] of the keep-out ellipsoid of the present phase."""
-    phases = [tuning.phases[phase.name].keep_out for phase in settings.phases]
-    return of_phase(state.phase, [*phases, tuning.keep_out, tuning.keep_out])
 
 
 @pytree
@@ -215,7 +77,7 @@ def plan_burn(
     works = burn_decision.thruster_works(params, memory, time)
     uncertain = predicted.range_ratio_sigma >= params.formation.range_uncertainty_limit
     keeps = ~aborted & pointing.visible & ~burn_decision.is_lost(params, memory) & memory.health.confident & ~uncertain
-    passive = constant_of_phase(state.phase, _passively_safe(settings))
+    passive = is_passively_safe(settings, state)
     drift = _drift_after_burn(settings, tuning, state, predicted, passive, period)
     greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
     planned_H, may_wait = jnp.where(keeps, planned_H, 0.0), passive & ~aborted
@@ -334,11 +196,6 @@ def _decided(before: TeamMission, burn: SafeBurn, team: Team, can_burn: Flag, ti
         changed_at=jnp.where(is_changed, time, before.changed_at),
         changed_for=jnp.where(is_changed, number, before.changed_for),
     )
-
-
-def _passively_safe(settings: MissionSettings) -> list[bool]:
-    """Whether each row of the phase table is passively safe."""
-    return [*(phase.passively_safe for phase in settings.phases), False, True]
 
 
 def _drift_after_burn(
