@@ -63,6 +63,7 @@ def test_metrics_from_python_are_those_of_the_histories_and_change_nothing_else(
     assert printed.count("Docking angle") == 2
 
 
+@pytest.mark.slow
 def test_a_resume_needs_the_same_metrics(mission: ScenarioFile, tmp_path: Path) -> None:
     found = run_campaign(mission, 3, tmp_path / "own", 0, metrics=METRICS, block_size=1, histories=[0, 1, 2])
     before = found.metrics["docking_angle_deg"].copy()

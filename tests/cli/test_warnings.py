@@ -31,9 +31,7 @@ def test_a_run_warns_on_stderr_first_and_in_its_report(call: Call, tmp_path: Pat
     words = ("run", "inspection", "--no-film", "--set", "duration_s=2", *NOISY)
     result = call(*words, "--out", out)
     assert result.err.splitlines()[0].startswith(f"rpojax: warning: {WARNING}")
-    assert (
-        result.status == call("run", "inspection", "--no-film", "--set", "duration_s=2", "--out", tmp_path / "b").status
-    )
+    assert result.status == 0
     (listed,) = json.loads((out / "report.json").read_text())["warnings"]
     assert listed.startswith(WARNING)
     page = (out / "report.html").read_text()

@@ -266,7 +266,10 @@ def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_
     ("reference", "key", "step"),
     [
         ({"kind": "relative_orbit", "radial_m": 8.0, "along_track_m": -50.0, "join_s": 3000.0}, "radial_m", 1e-3),
-        ({"kind": "transfer", "position_m": [0.0, -40.0, 0.0], "duration_s": 1500.0}, "duration_s", 0.1),
+        pytest.param(
+            *({"kind": "transfer", "position_m": [0.0, -40.0, 0.0], "duration_s": 1500.0}, "duration_s", 0.1),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_derivative_of_a_planned_burn_by_a_number_of_its_phase(

@@ -76,12 +76,13 @@ def upsample(values: Array) -> Array:
 
 
 NETWORK = ProposalNetwork()
+_initialize = jax.jit(NETWORK.init)
 
 
 def initialize(key: Array) -> Params:
     """Untrained parameters."""
     sample = jnp.zeros((1, SIDE_MULTIPLE_PX, SIDE_MULTIPLE_PX, 3), jnp.float32)
-    return dict(jax.jit(NETWORK.init)(key, sample)["params"])
+    return dict(_initialize(key, sample)["params"])
 
 
 def forward(params: Params, images: Images) -> tuple[ProposalMaps, Float[Array, "n y x c"]]:

@@ -92,13 +92,14 @@ def _along_axis(name: str) -> linen.Conv:
 
 
 NETWORK = RefinementNetwork()
+_initialize = jax.jit(NETWORK.init)
 
 
 def initialize(key: Array) -> Params:
     """Untrained parameters."""
     crops = jnp.zeros((1, CROP_PX, CROP_PX, CHANNELS), jnp.float32)
     maps = jnp.zeros((1, _MAP_CELLS, _MAP_CELLS, FEATURES), jnp.float32)
-    return dict(jax.jit(NETWORK.init)(key, crops, maps, jnp.zeros((1, 4, PLACES), jnp.float32))["params"])
+    return dict(_initialize(key, crops, maps, jnp.zeros((1, 4, PLACES), jnp.float32))["params"])
 
 
 def network_inputs(

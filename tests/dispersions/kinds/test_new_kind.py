@@ -94,6 +94,7 @@ def test_its_settings_are_checked(file: Callable[..., ScenarioFile]) -> None:
         file(ENTRY | {"key": "fault.wheel"})
 
 
+@pytest.mark.slow
 def test_runs_of_a_design_are_simulated_with_its_values(
     file: Callable[..., ScenarioFile], mission: ScenarioFile, tmp_path: Path
 ) -> None:
