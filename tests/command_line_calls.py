@@ -1,4 +1,4 @@
-"""Outcome of a command line, without what depends on the speed of the machine."""
+"""Outcome of a command line, and its stderr without the lines of a slow machine."""
 
 import json
 from collections.abc import Callable

@@ -11,6 +11,7 @@ import pytest
 from isolated_plugins import forgotten_plugins
 
 import rpojax
+from rpojax.campaign import run_and_resume
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import campaign_output
@@ -63,16 +64,24 @@ def test_metrics_from_python_are_those_of_the_histories_and_change_nothing_else(
     assert printed.count("Docking angle") == 2
 
 
+def test_a_resume_needs_the_same_metrics(
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_and_resume, "simulate_missing_blocks", lambda *_: None)
+    run_campaign(mission, 3, tmp_path / "own", 0, metrics=METRICS, block_size=1, progress=False)
+    plugin_registry._KNOWN.clear()
+    for other in (None, {"docking_angle_deg": docking_angle_of_ticks_deg}):
+        with pytest.raises(RpojaxError, match="metrics given again in Python"):
+            resume_campaign(tmp_path / "own", progress=False, metrics=other)
+    assert resume_campaign(tmp_path / "own", metrics=METRICS, progress=False).missing_blocks() == [0, 1, 2]
+
+
 @pytest.mark.slow
-def test_a_resume_needs_the_same_metrics(mission: ScenarioFile, tmp_path: Path) -> None:
+def test_a_resume_with_the_same_metrics_has_the_same_results(mission: ScenarioFile, tmp_path: Path) -> None:
     found = run_campaign(mission, 3, tmp_path / "own", 0, metrics=METRICS, block_size=1, histories=[0, 1, 2])
     before = found.metrics["docking_angle_deg"].copy()
     (tmp_path / "own" / "manifest" / "000000.json").unlink()
     plugin_registry._KNOWN.clear()
-    with pytest.raises(RpojaxError, match="metrics given again in Python"):
-        resume_campaign(tmp_path / "own", progress=False)
-    with pytest.raises(RpojaxError, match="metrics given again in Python"):
-        resume_campaign(tmp_path / "own", metrics={"docking_angle_deg": docking_angle_of_ticks_deg}, progress=False)
     again = resume_campaign(tmp_path / "own", metrics=METRICS, progress=False)
     np.testing.assert_array_equal(again.metrics["docking_angle_deg"], before)
 

@@ -29,7 +29,7 @@ STAGES = {
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended: status of a shell, streams without signs of life, seconds from the signal to the end."""
+    """How a command ended: status of a shell, streams, seconds from the signal to the end."""
 
     status: int
     out: str
@@ -53,7 +53,9 @@ def ended(process: subprocess.Popen[str], since: float | None = None) -> Ended:
     """Waits for the end of a command."""
     out, err = process.communicate(timeout=300)
     status = process.returncode if process.returncode >= 0 else 128 - process.returncode
-    return Ended(status, out or "", without_signs_of_life(err), 0.0 if since is None else time.monotonic() - since)
+    # With --json a sign of life would be a fault.
+    shown = err if "--json" in process.args else without_signs_of_life(err)
+    return Ended(status, out or "", shown, 0.0 if since is None else time.monotonic() - since)
 
 
 def run_to_end(*words: str, **environment: str | None) -> Ended:

@@ -1,1 +1,1 @@
-"""Decisions about burns and phases, from what navigation knows: the flight computer asks for them tick by tick."""
+"""Decisions about burns and phases on decision ticks, from what navigation knows and how both spacecraft move on."""

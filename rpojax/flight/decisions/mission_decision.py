@@ -26,7 +26,6 @@ from rpojax.flight.stages import Stages
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
-Matrix = Float[Array, "3 3"]
 Flag = Bool[Array, ""]
 
 

@@ -28,7 +28,6 @@ from rpojax.flight.team_guidance.team_tuning import TeamTuning
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
-Matrix = Float[Array, "3 3"]
 Flag = Bool[Array, ""]
 
 

@@ -1,1 +1,1 @@
-"""Navigation: orbit and attitude Kalman filters, outlier gate, burn errors."""
+"""Navigation: orbit and attitude Kalman filters, boxes as measurements, burn errors."""

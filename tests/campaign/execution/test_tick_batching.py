@@ -90,7 +90,7 @@ def simulate(engine: BatchEngine, mode: BatchingMode, values: Any, state: Any, d
 def assert_both_ways_agree(
     name: str, overrides: Sequence[str] = (), same_derivatives: float = SAME, derivatives: bool = True
 ) -> None:
-    """Asserts that both ways of batching have the same state, channels and derivatives after some ticks.
+    """Asserts that both ways of batching have the same state, channels and, with `derivatives`, their change.
 
     Floating-point numbers may differ by `SAME` of the largest number of their leaf, of all runs and components: a
     component that happens to be near zero is the sum of larger ones. Times, flags, decisions and keys are equal.

@@ -15,6 +15,8 @@ from scipy.stats import triang
 
 from rpojax.analysis.linear_covariance.linearisation.dispersion_linearisation import linearise_dispersions
 from rpojax.analysis.statistics.dispersion_marginals import drawn_marginals, goodness_of_fit_p
+from rpojax.campaign import dry_run
+from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.dispersions.kinds import registry
 from rpojax.dispersions.kinds.dispersion_kind import ExtremeValue, SingleKeyKind
@@ -94,17 +96,30 @@ def test_its_settings_are_checked(file: Callable[..., ScenarioFile]) -> None:
         file(ENTRY | {"key": "fault.wheel"})
 
 
+def of_a_design(file: Callable[..., ScenarioFile], mission: ScenarioFile) -> ScenarioFile:
+    """The mission with this kind among its dispersions, drawn as a Latin hypercube."""
+    kept = [entry for entry in mission.dispersions if entry.name != ENTRY["key"]]
+    return scenario_loader.validate(file(*kept, ENTRY).model_dump() | {"design": {"kind": "latin_hypercube"}})
+
+
+def quarters_of(masses_kg: np.ndarray) -> list[float]:
+    """Quarter of the distribution of each value, sorted."""
+    return sorted(np.floor(4.0 * triang(0.5, MASS_KG - ENTRY["half_width"], 2.0 * ENTRY["half_width"]).cdf(masses_kg)))
+
+
+def test_a_design_draws_one_value_from_each_quarter(file: Callable[..., ScenarioFile], mission: ScenarioFile) -> None:
+    planned = dry_run.plan_campaign(of_a_design(file, mission), CampaignOptions(4, 5))
+    assert quarters_of(planned.values["servicer.mass_kg"]) == [0.0, 1.0, 2.0, 3.0]
+
+
 @pytest.mark.slow
 def test_runs_of_a_design_are_simulated_with_its_values(
     file: Callable[..., ScenarioFile], mission: ScenarioFile, tmp_path: Path
 ) -> None:
-    kept = [entry for entry in mission.dispersions if entry.name != ENTRY["key"]]
-    tables = file(*kept, ENTRY).model_dump() | {"design": {"kind": "latin_hypercube"}}
-    campaign = run_campaign(scenario_loader.validate(tables), 4, tmp_path / "out", seed=5, histories=[])
+    campaign = run_campaign(of_a_design(file, mission), 4, tmp_path / "out", seed=5, histories=[])
     drawn = campaign.drawn["servicer.mass_kg"]
     np.testing.assert_allclose(campaign.used["servicer.mass_kg"], drawn, rtol=1e-13)
-    quarters = np.floor(4.0 * triang(0.5, MASS_KG - ENTRY["half_width"], 2.0 * ENTRY["half_width"]).cdf(drawn))
-    assert sorted(quarters) == [0.0, 1.0, 2.0, 3.0]
+    assert quarters_of(drawn) == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_independent_runs_have_its_distribution(file: Callable[..., ScenarioFile]) -> None:

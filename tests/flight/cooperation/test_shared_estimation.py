@@ -43,7 +43,7 @@ def test_estimates_fused_as_if_independent_are_over_confident() -> None:
     assert nees > 10.0
 
 
-@pytest.mark.parametrize(("method", "least"), [("boxes", 0.75), pytest.param("estimates", 0.3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("method", "least"), [("boxes", 0.75), ("estimates", 0.3)])
 def test_ranges_over_the_link_tell_the_baseline_where_code_does_not(method: str, least: float) -> None:
     """Opposite each other in a relative orbit, whose bearings and the sum of whose ranges the link measures."""
     code = {"baseline_noise": 2.83, "baseline_error": 0.54, "ticks": 600}

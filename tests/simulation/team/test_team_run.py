@@ -67,7 +67,6 @@ def test_decisions_of_the_second_servicer_are_staggered(pair: ScenarioFile) -> N
     assert 80 < (second - first) % 200 < 120
 
 
-@pytest.mark.slow
 def test_all_servicers_decide_though_their_clocks_coincide(pair: ScenarioFile) -> None:
     changes = {"servicers": [each.model_copy(update={"decision_offset_s": 0.0}) for each in pair.servicers]}
     found = simulate(pair.model_copy(update={"duration_s": 400.0, **changes}), [4])

@@ -25,7 +25,7 @@ def data(empty: int) -> DetectionDataset:
 
 
 def test_a_hundredth_of_the_empty_images_reaches_the_threshold(params: DetectorParams) -> None:
-    images = data(100)
+    images = data(150)
     before = detect_images(params, images.images)
     after = detect_images(calibrate_score(params, images), images.images)
     best = np.array([scores.max() for scores in after.scores[10:]])

@@ -1,1 +1,1 @@
-"""Commands that simulate runs, and those about campaigns under way."""
+"""Commands that simulate runs, those about campaigns under way, and the speed of this machine."""
