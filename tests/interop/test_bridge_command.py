@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line_calls import without_signs_of_life
 
 from rpojax.cli import main
 from rpojax.interop.cosimulation.exchanged_topics import COMMAND_TOPICS
@@ -39,7 +38,7 @@ NODE, NAVIGATION = NODES / "example_node.py", NODES / "navigation_node.py"
 )
 def test_bad_input_is_one_line(arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["bridge", "inspection", *arguments]) == 2
-    assert without_signs_of_life(capsys.readouterr().err) == f"rpojax: error: {line}\n"
+    assert capsys.readouterr().err == f"rpojax: error: {line}\n"
 
 
 def test_the_page_lists_every_command_topic_and_the_defaults() -> None:

@@ -116,6 +116,7 @@ def test_a_quiet_display_shows_no_sign_of_life(
 
 def test_a_stage_counts_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [100.0]
+    monkeypatch.setattr(sign_of_life, "INTERVAL_S", 3.0)
     monkeypatch.setattr(sign_of_life.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(sign_of_life._last_sign, "time", 100.0)
     lines: list[str] = []
