@@ -9,8 +9,8 @@ import fast_compile_flags
 import jax
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 from memory_release import release_memory
+from runtime_type_checks import check_package
 from worker_scheduling import GroupScheduling, sort_longest_group_first
 
 PACKAGE = Path(__file__).parents[1] / "rpojax"
@@ -28,11 +28,8 @@ jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
-# Types and shapes of every sub-package are checked at run time.
-install_import_hook(
-    [f"rpojax.{folder.name}" for folder in sorted(PACKAGE.iterdir()) if (folder / "__init__.py").exists()],
-    "runtime_type_checks.type_checked",
-)
+# Before the package is imported.
+check_package(PACKAGE)
 
 pytest_plugins = ["campaign_fixtures"]
 

@@ -90,8 +90,9 @@ def plan_campaign(
         raise RpojaxError.of_argument(
             "runs", f"found {runs}, expected at most {MAX_PLAN_BYTES // bytes_per_run} for a plan"
         )
-    size = options.block_size or batch_engine.default_block_size(file)
-    used_devices = device_programs.choose_devices(devices, most=-(-runs // size))
+    available = device_programs.choose_devices(devices)
+    size = options.block_size or batch_engine.fitted_block_size(file, runs, len(available))
+    used_devices = device_programs.choose_devices(available, most=-(-runs // size))
     design = experiment_design.make_design(file, seed, options.design_range)
     engine = BatchEngine(file, size, used_devices, design=design)
     blocks = [engine.draw_values(seed, first_run + begin + np.arange(size)) for begin in range(0, runs, size)]
@@ -100,16 +101,14 @@ def plan_campaign(
         seed=seed,
         run_ids=first_run + np.arange(runs),
         values={key: values[:runs] for key, values in concatenate(blocks).items()},
-        estimate=_estimate_resources(
-            file, runs, size, used_devices, options.max_full_histories(len(file.requirements)), speed
-        ),
+        estimate=_estimate_resources(file, options, size, used_devices, speed),
     )
 
 
 def _estimate_resources(
-    file: ScenarioFile, runs: int, block_size: int, devices: Sequence[Any], history_count: int, speed: float | None
+    file: ScenarioFile, options: CampaignOptions, block_size: int, devices: Sequence[Any], speed: float | None
 ) -> ResourceEstimate:
-    source, simulated_s = "given", runs * file.duration_s
+    source, simulated_s = "given", options.runs * file.duration_s
     if speed is None:
         platform = devices[0].platform
         speed_per_core = TYPICAL_SPEEDS[file.camera.model] if platform == "cpu" else None
@@ -120,8 +119,8 @@ def _estimate_resources(
             source = f"rough figure for {len(devices)} x CPU core"
             source += " and servicers that share nothing" if file.servicers else ""
     return ResourceEstimate(
-        memory_bytes=resource_estimates.memory_bytes(file, runs, block_size, len(devices), history_count),
-        disk_bytes=resource_estimates.disk_bytes(file, runs, history_count),
+        memory_bytes=resource_estimates.memory_bytes(file, options, block_size, len(devices)),
+        disk_bytes=resource_estimates.disk_bytes(file, options, block_size, len(devices)),
         simulated_s=simulated_s,
         time_s=None if speed is None else simulated_s / speed,
         run_seconds_per_s=speed,

@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 from rpojax.campaign.experiment_design import design_bytes
+from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.preflight import MAX_BLOCKS, existing_parent
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
@@ -18,6 +19,10 @@ EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are evaluated [B]."""
 HISTORY_BYTES_PER_TICK = 328
 """Memory and disk per tick of a full history [B]."""
+HISTORY_MEMORY_BYTES = 1_000_000_000
+"""Memory for the channels that only histories of a batch need [B]; a batch with more of them keeps them in a file."""
+_BATCHES_IN_MEMORY = 2
+"""Results of one batch are stored while the next one is simulated."""
 _RUN_BYTES = 2048
 _PHASES_BYTES = 1536
 _TRACE_BYTES_PER_S = 4
@@ -26,51 +31,72 @@ _PROCESS_BYTES = 500_000_000
 
 
 def check_resources(
-    file: ScenarioFile, runs: int, block_size: int, devices: int, history_count: int, directory: Path
+    file: ScenarioFile, options: CampaignOptions, block_size: int, devices: int, directory: Path
 ) -> None:
     """Refuses a campaign whose records exceed the memory, whose results exceed the disk, or with too many blocks.
 
     Raises:
         RpojaxError: with the amount needed, the amount available and what to lower.
     """
-    ticks, at_once = _tick_count(file), block_size * devices
-    memory = memory_bytes(file, runs, block_size, devices, history_count)
+    runs, ticks, at_once = options.runs, _tick_count(file), block_size * devices
+    memory = memory_bytes(file, options, block_size, devices)
     if memory > (available := _available_memory()):
         raise RpojaxError(
             f"memory: found {_format_bytes(available)} available, expected {_format_bytes(memory)} for "
             f"{at_once} runs of {ticks} ticks at once; lower block_size, duration_s or histories"
         )
-    disk = disk_bytes(file, runs, history_count)
+    disk = disk_bytes(file, options, block_size, devices)
     if disk > (free := shutil.disk_usage(existing_parent(directory)).free):
         raise RpojaxError(
             f"disk: found {_format_bytes(free)} free, expected {_format_bytes(disk)} for {runs} runs of "
-            f"{file.duration_s:g} s and {history_count} full histories; lower runs, duration_s or histories"
+            f"{file.duration_s:g} s and {_history_count(file, options)} full histories; lower runs, duration_s or histories"
         )
 
     if (blocks := -(-runs // block_size)) > MAX_BLOCKS:
         raise RpojaxError.of_argument("block_size", f"found {blocks} blocks, expected at most {MAX_BLOCKS}")
 
 
-def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, history_count: int) -> int:
+def memory_bytes(file: ScenarioFile, options: CampaignOptions, block_size: int, devices: int) -> int:
     """Upper estimate of the memory of a campaign [B]."""
     ticks = _tick_count(file)
-    # Results of one batch are stored while the next one is simulated.
-    at_once = min(runs, 2 * block_size * devices)
-    record_runs = max(at_once, block_size * devices)
-    record_bytes = RECORD_BYTES_PER_TICK + (POSE_BYTES_PER_TICK if file.coverage.enabled else 0)
-    record_bytes += MISSION_BYTES_PER_TICK if file.phases else 0
-    records = ticks * (record_runs * record_bytes + block_size * EVALUATION_BYTES_PER_TICK)
-    histories = min(history_count, at_once) * ticks * HISTORY_BYTES_PER_TICK
-    return _PROCESS_BYTES + servicer_count(file) * (records + histories) + design_bytes(file, runs)
+    record_runs = max(_runs_in_memory(options, block_size, devices), block_size * devices)
+    records = ticks * (record_runs * _record_bytes_per_tick(file) + block_size * EVALUATION_BYTES_PER_TICK)
+    histories = min(_history_bytes(file, options, block_size, devices), _BATCHES_IN_MEMORY * HISTORY_MEMORY_BYTES)
+    return _PROCESS_BYTES + servicer_count(file) * records + histories + design_bytes(file, options.runs)
 
 
-def disk_bytes(file: ScenarioFile, runs: int, history_count: int) -> int:
-    """Upper estimate of the size of a campaign folder [B]."""
+def disk_bytes(file: ScenarioFile, options: CampaignOptions, block_size: int, devices: int) -> int:
+    """Upper estimate of the size of a campaign folder, with what it needs while runs are simulated [B]."""
     servicers = servicer_count(file)
-    histories = history_count * _tick_count(file) * HISTORY_BYTES_PER_TICK * servicers
+    stored = _history_count(file, options) * _tick_count(file) * HISTORY_BYTES_PER_TICK * servicers
+    in_files = _history_bytes(file, options, block_size, devices)
+    if in_files <= _BATCHES_IN_MEMORY * HISTORY_MEMORY_BYTES:
+        in_files = 0
     per_run = _RUN_BYTES + (_PHASES_BYTES if file.phases else 0) + round(file.duration_s) * _TRACE_BYTES_PER_S
     # Of a team, what each servicer has is stored beside what they have together.
-    return _REPORT_BYTES + runs * per_run * (servicers + 1 if file.servicers else 1) + histories
+    of_runs = options.runs * per_run * (servicers + 1 if file.servicers else 1)
+    return _REPORT_BYTES + of_runs + stored + in_files
+
+
+def _history_count(file: ScenarioFile, options: CampaignOptions) -> int:
+    return options.max_full_histories(len(file.requirements))
+
+
+def _runs_in_memory(options: CampaignOptions, block_size: int, devices: int) -> int:
+    return min(options.runs, _BATCHES_IN_MEMORY * block_size * devices)
+
+
+def _record_bytes_per_tick(file: ScenarioFile) -> int:
+    with_poses = RECORD_BYTES_PER_TICK + (POSE_BYTES_PER_TICK if file.coverage.enabled else 0)
+    return with_poses + (MISSION_BYTES_PER_TICK if file.phases else 0)
+
+
+def _history_bytes(file: ScenarioFile, options: CampaignOptions, block_size: int, devices: int) -> int:
+    """Channels that only histories need, of all runs that may keep one, in the batches that are held at once [B]."""
+    runs = _runs_in_memory(options, block_size, devices)
+    if not options.histories.depends_on_results:  # else known only at the end of a batch
+        runs = min(runs, _history_count(file, options))
+    return runs * _tick_count(file) * (HISTORY_BYTES_PER_TICK - RECORD_BYTES_PER_TICK) * servicer_count(file)
 
 
 def servicer_count(file: ScenarioFile) -> int:

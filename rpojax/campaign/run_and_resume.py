@@ -12,8 +12,13 @@ from rpojax.campaign import (
     replaced_stage_provenance,
     resource_estimates,
 )
-from rpojax.campaign.execution import batch_engine, campaign_engine, custom_metric_checks, selected_histories
-from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.execution import (
+    block_runner,
+    campaign_engine,
+    custom_metric_checks,
+    selected_histories,
+)
+from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size, fitted_block_size
 from rpojax.campaign.execution.executor import Executor
 from rpojax.campaign.execution.local_executor import LocalExecutor
 from rpojax.campaign.options import history_retention
@@ -118,12 +123,14 @@ def start_campaign(
     used = execution or Execution()
     if used.shard is None:
         preflight.check_folder(out, force)
-    size = options.block_size or batch_engine.default_block_size(file)
+    # Processes that share a campaign need blocks of the same size, whatever each has of cores.
+    is_shared = used.shard is not None or used.executor is not None
+    most = len(device_programs.choose_devices(used.devices))
+    fitted = default_block_size(file) if is_shared else fitted_block_size(file, options.runs, most)
+    size = options.block_size or fitted
     options = replace(options, block_size=size)
     devices = _devices_for_blocks(used.devices, -(-options.runs // size))
-    resource_estimates.check_resources(
-        file, options.runs, size, len(devices), options.max_full_histories(len(file.requirements)), out
-    )
+    resource_estimates.check_resources(file, options, size, len(devices), out)
     design = experiment_design.make_design(file, options.seed, options.design_range)
     stages = replaced_stage_provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
     engine = BatchEngine(file, size, devices, used.stages, design)
@@ -244,6 +251,7 @@ def simulate_missing_blocks(
     if blocks:
         campaign.failed_blocks.update(executor.run_blocks(blocks, report_runs))
     if not campaign.missing_blocks():
+        selected_histories.remove_displaced_histories(campaign)
         engine = executor.engine if isinstance(executor, LocalExecutor) else None
         _simulate_selected_histories(campaign, report_progress, stages, engine)
 
@@ -264,7 +272,7 @@ def _simulate_selected_histories(
     def report_runs(done: float) -> None:
         on_progress(Progress(done=done, total=total, failed=0, compiled=True))
 
-    selected_histories.simulate_histories(campaign, engine, run_ids, report_runs)
+    block_runner.simulate_histories(campaign, engine, run_ids, report_runs)
 
 
 def _ignore_progress(_: Progress) -> None:

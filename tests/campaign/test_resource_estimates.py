@@ -12,6 +12,8 @@ from rpojax.campaign import resource_estimates
 from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.errors import RpojaxError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
@@ -22,9 +24,9 @@ def test_too_little_memory_is_refused_with_amounts_and_remedies(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(resource_estimates, "_available_memory", lambda: 2e9)
-    resource_estimates.check_resources(mission, 1000, 256, 2, 8, tmp_path / "runs")
+    resource_estimates.check_resources(mission, options(1000), 256, 2, tmp_path / "runs")
     with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 11.*lower block_size"):
-        resource_estimates.check_resources(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
+        resource_estimates.check_resources(mission, options(100_000), 100_000, 1, tmp_path / "runs")
 
 
 def test_too_little_disk_is_refused_with_amounts_and_remedies(
@@ -32,9 +34,9 @@ def test_too_little_disk_is_refused_with_amounts_and_remedies(
 ) -> None:
     usage = shutil.disk_usage(tmp_path)._replace(free=50_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    resource_estimates.check_resources(mission, 1000, 256, 1, 8, tmp_path / "runs")
+    resource_estimates.check_resources(mission, options(1000), 256, 1, tmp_path / "runs")
     with pytest.raises(RpojaxError, match=r"disk: found 50 MB free, expected .*lower runs, duration_s"):
-        resource_estimates.check_resources(mission, 100_000, 256, 1, 8, tmp_path / "runs")
+        resource_estimates.check_resources(mission, options(100_000), 256, 1, tmp_path / "runs")
 
 
 def test_memory_estimate_of_records_is_tight(mission: ScenarioFile) -> None:
@@ -71,8 +73,25 @@ def test_disk_estimate_covers_a_campaign(three_runs: Campaign, mission: Scenario
 def test_each_servicer_of_a_team_counts() -> None:
     team = scenario_loader.load("cooperative_inspection")
     alone = team.model_copy(update={"servicers": []})
-    sizes = [resource_estimates.memory_bytes(file, 1000, 100, 2, 8) - 500_000_000 for file in (alone, team)]
+    sizes = [resource_estimates.memory_bytes(file, options(1000), 100, 2) - 500_000_000 for file in (alone, team)]
     np.testing.assert_allclose(sizes[1] / sizes[0], 3.0, rtol=0.05)
-    histories = [resource_estimates.disk_bytes(file, 0, 8) - 10_000_000 for file in (alone, team)]
+    histories = [resource_estimates.disk_bytes(file, options(8), 100, 2) - 10_000_000 for file in (alone, team)]
     assert histories[1] == 3 * histories[0]
-    assert resource_estimates.disk_bytes(team, 1000, 0) > 3 * resource_estimates.disk_bytes(alone, 1000, 0)
+    without = [resource_estimates.disk_bytes(file, options(1000, "none"), 100, 2) for file in (alone, team)]
+    assert without[1] - 10_000_000 > 3 * (without[0] - 10_000_000)
+
+
+def test_histories_selected_by_results_count_for_all_runs_of_a_batch_and_above_a_limit_on_disk() -> None:
+    file = scenario_loader.load("rendezvous")  # of 48,000 ticks
+    rules = [options(1000, rule) for rule in ("8", "8+requirements")]
+    of_one = file.duration_s * (resource_estimates.HISTORY_BYTES_PER_TICK - resource_estimates.RECORD_BYTES_PER_TICK)
+    small, large = [resource_estimates.memory_bytes(file, each, 16, 2) for each in rules]
+    assert large - small == pytest.approx((2 * 2 * 16 - 8) * of_one if 64 * of_one < 2e9 else 2e9 - 8 * of_one)
+    in_memory, in_files = [resource_estimates.memory_bytes(file, each, 128, 2) for each in rules]
+    assert in_files - in_memory == pytest.approx(2e9 - 8 * of_one)
+    on_disk = [resource_estimates.disk_bytes(file, each, 128, 2) for each in rules]
+    assert on_disk[1] - on_disk[0] > 2 * 2 * 128 * of_one
+
+
+def options(runs: int, histories: str = "8") -> CampaignOptions:
+    return CampaignOptions(runs=runs, histories=Retention(histories))

@@ -61,6 +61,21 @@ def default_block_size(file: ScenarioFile) -> int:
     return max(1, runs // servicers) if rendered else -(-runs // (servicers * _VECTOR_RUNS)) * _VECTOR_RUNS
 
 
+def fitted_block_size(file: ScenarioFile, runs: int, devices: int) -> int:
+    """Runs per device and block of a campaign of `runs` runs: on a CPU, those that keep all devices busy to its end.
+
+    The size is the default one or a part of it, so that campaigns share few programs. A pass of all devices through the
+    loop takes about as long as its runs and the widest vector of the CPU together; the last, incomplete pass takes as
+    long as any other.
+    """
+    largest = default_block_size(file)
+    if jax.default_backend() != "cpu":
+        return largest
+    unit = 1 if file.camera.model == "rendered" else _VECTOR_RUNS
+    parts = sorted({-(-largest // (part * unit)) * unit for part in (1, 2, 4, 8)}, reverse=True)
+    return min(parts, key=lambda size: -(-runs // (size * devices)) * (size + unit))
+
+
 @dataclass(frozen=True)
 class RedrawnNoise:
     """Random keys of streams in segments of time, where they are not those of the run.

@@ -1,10 +1,13 @@
-"""Recording of a batch: of every run the channels for metrics, traces and outcomes, of runs with a history all.
+"""Recording of a batch: of every run the channels for metrics, traces and outcomes, all channels of some for histories.
 
 `block_arrays` turns the records into the arrays that a block stores.
 """
 
+import math
+import tempfile
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +15,7 @@ from rpojax.campaign.execution import surface_coverage
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
 from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.resource_estimates import HISTORY_MEMORY_BYTES
 from rpojax.campaign.storage import campaign_folder
 from rpojax.metrics.time_windows import split_name
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
@@ -45,7 +49,7 @@ class ChannelRecorder:
 
     Attributes:
         records: name -> (ticks, ..., runs), in the layout of the loop, so that they are copied in long rows
-        histories: name -> (history rows, ticks, ...)
+        other_channels: name -> (ticks, ..., history rows), the kept channels that are not among the records
     """
 
     def __init__(
@@ -54,13 +58,16 @@ class ChannelRecorder:
         history_rows: Sequence[int],
         keeps_channel: Callable[[str], bool],
         recorded: Set[str] = RECORDED_CHANNELS,
+        spool: Path | None = None,
     ) -> None:
+        """`spool` is the folder of the file for channels of histories that exceed `HISTORY_MEMORY_BYTES`."""
         self.ticks = ticks
         self.recorded = recorded
         self.history_rows = np.array(sorted(history_rows), dtype=int)
         self.keeps_channel = keeps_channel
         self.records: dict[str, np.ndarray] = {}
-        self.histories: dict[str, np.ndarray] = {}
+        self.other_channels: dict[str, np.ndarray] = {}
+        self._spool = spool
 
     def add_segment(self, segment: Segment) -> None:
         """Copies the channels of the next segment."""
@@ -84,11 +91,29 @@ class ChannelRecorder:
         columns = self.history_rows[places] - runs.start
         if len(columns) == 0:
             return
-        for name, values in channels.items():
-            if name != "running" and self.keeps_channel(name):
-                shape = (len(self.history_rows), self.ticks, *values.shape[1:-1])
-                kept = np.moveaxis(values[..., columns], -1, 0)
-                _allocated(self.histories, name, shape, values.dtype)[places, ticks] = kept
+        others = {
+            name: values for name, values in channels.items() if self._is_kept(name) and name not in self.recorded
+        }
+        if not self.other_channels:
+            self.other_channels = self._allocate_others(others)
+        columns = columns if len(columns) < runs.stop - runs.start else slice(None)  # a slice copies long rows
+        for name, values in others.items():
+            self.other_channels[name][ticks, ..., places] = values[..., columns]
+
+    def _is_kept(self, name: str) -> bool:
+        return name != "running" and self.keeps_channel(name)
+
+    def _allocate_others(self, channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Arrays for channels that only histories need; in a file without a name if they exceed the memory for them."""
+        shapes = {name: (self.ticks, *values.shape[1:-1], len(self.history_rows)) for name, values in channels.items()}
+        size = sum(channels[name].dtype.itemsize * math.prod(shape) for name, shape in shapes.items())
+        if self._spool is None or size <= HISTORY_MEMORY_BYTES:
+            return {name: np.empty(shape, channels[name].dtype) for name, shape in shapes.items()}
+        arrays = {}
+        for name, shape in shapes.items():
+            with tempfile.TemporaryFile(dir=self._spool) as file:  # the array keeps it open
+                arrays[name] = np.memmap(file, channels[name].dtype, "w+", shape=shape)
+        return arrays
 
     def records_of_runs(self, rows: slice = slice(None)) -> dict[str, np.ndarray]:
         """Recorded channels of some runs, name -> (runs, ticks, ...)."""
@@ -108,9 +133,10 @@ class ChannelRecorder:
         the number of one of a team.
         """
         place = int(np.searchsorted(self.history_rows, row))
+        of_run = {name: values[..., row] for name, values in self.records.items() if self._is_kept(name)}
+        of_run |= {name: values[..., place] for name, values in self.other_channels.items()}
         channels = {
-            name: (values[place] if servicer is None else values[place][..., servicer]).copy()
-            for name, values in self.histories.items()
+            name: np.array(of_run[name] if servicer is None else of_run[name][..., servicer]) for name in sorted(of_run)
         }
         time_s = np.arange(self.ticks) / file.rates.camera_hz
         if np.isfinite(frozen_at_s):

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns, Segment
 from rpojax.campaign.execution.block_recording import ChannelRecorder, ServicerResults, recorded_channels
 from rpojax.campaign.execution.campaign_engine import check_versions
+from rpojax.campaign.execution.selected_histories import SelectionSoFar
+from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.execution.teams import member_values, passive_separation, team_recording
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import block_manifests
@@ -18,6 +21,7 @@ from rpojax.campaign.storage.provenance import device_description
 from rpojax.simulation.metrics import team_metrics
 from rpojax.simulation.outcomes import team_outcome
 from rpojax.simulation.outcomes.judgement import JudgedRuns, judge
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 BatchProgressCallback = Callable[[float, int], None]
 """Called with the finished fraction of a batch of runs, and with the number of its runs that have failed."""
@@ -72,6 +76,9 @@ def simulate_batch(
     unpadded_rows: np.ndarray,
     retention: Retention,
     on_progress: BatchProgressCallback,
+    *,
+    drifts: bool = True,
+    spool: Path | None = None,
 ) -> SimulatedBatch:
     """Simulates `engine.capacity` runs to their end.
 
@@ -79,14 +86,16 @@ def simulate_batch(
         engine: compiled for the scenario
         seed: master seed
         run_ids: (capacity,) run numbers
-        history_rows: rows of the runs that keep a history
+        history_rows: rows of the runs that may keep a history
         unpadded_rows: rows of the runs that are no padding, or a mask of them
         retention: which channels are kept
         on_progress: called after every segment
+        drifts: whether free drifts and coverage are evaluated, which histories do without
+        spool: folder for a file of channels that exceed the memory for histories
     """
     prepared = engine.prepare(seed, run_ids)
     recorder = ChannelRecorder(
-        engine.scenario.ticks, history_rows, retention.keeps_channel, recorded_channels(engine.file)
+        engine.scenario.ticks, history_rows, retention.keeps_channel, recorded_channels(engine.file), spool
     )
     last = None
     for number, segment in enumerate(engine.simulate(prepared)):
@@ -95,12 +104,16 @@ def simulate_batch(
         on_progress((number + 1) / engine.segment_count, int(_failures(segment)[unpadded_rows].sum()))
     assert last is not None
     failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
-    servicers = [_judged(engine, prepared, recorder, number, failure, last.failed_at) for number in _numbers(engine)]
+    ended = failure, last.failed_at
+    servicers = [_judged(engine, prepared, recorder, number, *ended, drifts) for number in _numbers(engine)]
     if not engine.file.servicers:
         return SimulatedBatch(prepared, recorder, servicers, servicers[0].judged, {})
+    worst = team_outcome.worst([own.judged for own in servicers])
+    if not drifts:
+        return SimulatedBatch(prepared, recorder, servicers, worst, {})
     drawn = [member_values.of_member(engine.file, prepared.drawn, number) for number in _numbers(engine)]
     between = passive_separation.least_separation(engine.passive_safety, engine.member_params, drawn, recorder.records)
-    return SimulatedBatch(prepared, recorder, servicers, team_outcome.worst([own.judged for own in servicers]), between)
+    return SimulatedBatch(prepared, recorder, servicers, worst, between)
 
 
 def _failures(segment: Segment) -> np.ndarray:
@@ -119,6 +132,7 @@ def _judged(
     number: int,
     failure: np.ndarray,
     failed_at: np.ndarray,
+    drifts: bool,
 ) -> ServicerResults:
     """What is judged of one servicer."""
     file, nominal, is_team = engine.members[number], engine.member_params[number], bool(engine.file.servicers)
@@ -131,8 +145,8 @@ def _judged(
         file=file,
         used=used,
         records=records,
-        passive_safety=engine.passive_safety.evaluate(drawn, channels, nominal),
-        coverage=engine.coverage.evaluate(drawn, channels, nominal),
+        passive_safety=engine.passive_safety.evaluate(drawn, channels, nominal) if drifts else {},
+        coverage=engine.coverage.evaluate(drawn, channels, nominal) if drifts else CoverageResults({}, {}),
         judged=judge(file, used, records, own_failure, own_failed_at),
     )
 
@@ -145,14 +159,12 @@ class BlockResults:
         blocks: their numbers
         batch: their runs, padded to the capacity of the engine
         timing: computation time of each
-        history_rows: rows of the runs that keep a history
         failed_runs: number of their runs that failed
     """
 
     blocks: Sequence[int]
     batch: SimulatedBatch
     timing: BlockTiming
-    history_rows: Sequence[int]
     failed_runs: int
 
 
@@ -170,9 +182,14 @@ def simulate_and_store(
 
 
 def simulate_blocks(
-    campaign: Campaign, engine: BatchEngine, blocks: Sequence[int], on_progress: BatchProgressCallback
+    campaign: Campaign,
+    engine: BatchEngine,
+    blocks: Sequence[int],
+    on_progress: BatchProgressCallback,
+    *,
+    any_history: bool = False,
 ) -> BlockResults:
-    """Simulates some blocks at once, one per device."""
+    """Simulates some blocks at once, one per device; with `any_history` each of their runs may keep its history."""
     options = campaign.configuration.options
     check_versions(campaign.configuration.versions)
     engine.compile()
@@ -184,12 +201,15 @@ def simulate_blocks(
     run_ids = np.concatenate([campaign.block_run_ids(block) for block in padded])
     unpadded_rows = _unpadded_rows(campaign, engine, blocks)
     kept_run_ids = options.histories.unconditional_run_ids(options.first_run, options.runs)
-    history_rows = [row for row in unpadded_rows.tolist() if int(run_ids[row]) in kept_run_ids]
-    batch = simulate_batch(engine, options.seed, run_ids, history_rows, unpadded_rows, options.histories, on_progress)
+    history_rows = [row for row in unpadded_rows.tolist() if any_history or int(run_ids[row]) in kept_run_ids]
+    batch = simulate_batch(
+        *(engine, options.seed, run_ids, history_rows, unpadded_rows, options.histories, on_progress),
+        spool=campaign.directory,
+    )
     # Without the time to store, which overlaps with the simulation of the next blocks.
     wall_s = max(0.0, time.time() - began_s)
     timing = BlockTiming(began_s, wall_s, engine.compile_s, device_description(len(engine.devices)))
-    return BlockResults(blocks, batch, timing, history_rows, int(batch.judged.failed[unpadded_rows].sum()))
+    return BlockResults(blocks, batch, timing, int(batch.judged.failed[unpadded_rows].sum()))
 
 
 def _unpadded_rows(campaign: Campaign, engine: BatchEngine, blocks: Sequence[int]) -> np.ndarray:
@@ -198,8 +218,13 @@ def _unpadded_rows(campaign: Campaign, engine: BatchEngine, blocks: Sequence[int
     return np.concatenate([np.arange(count) + place * engine.runs_per_device for place, count in enumerate(counts)])
 
 
-def store_blocks(campaign: Campaign, engine: BatchEngine, results: BlockResults) -> None:
+def store_blocks(
+    campaign: Campaign, engine: BatchEngine, results: BlockResults, selection: SelectionSoFar | None = None
+) -> None:
     """Stores simulated blocks in the campaign folder.
+
+    With the `selection` of the blocks before, histories of the runs that it selects among these are stored, too, and
+    those of runs that it selects no more are removed.
 
     Raises:
         UnfinishedError: they cannot be stored.
@@ -207,11 +232,65 @@ def store_blocks(campaign: Campaign, engine: BatchEngine, results: BlockResults)
     size, batch = engine.runs_per_device, results.batch
     if engine.file.coverage.enabled:
         campaign.write_surface(engine.coverage.facets.arrays())
-    retention = campaign.configuration.options.histories
+    options = campaign.configuration.options
+    unconditional = options.histories.unconditional_run_ids(options.first_run, options.runs)
     for place, block in enumerate(results.blocks):
         rows = slice(place * size, place * size + size)
-        for row in results.history_rows:
-            if rows.start <= row < rows.stop:
-                history = block_recording.thin_history(batch.history(row, engine), retention, engine.scenario.ticks)
-                campaign.write_history(int(batch.prepared.run_ids[row]), history)
-        campaign.write_block(block, batch.block_arrays(rows, engine), results.timing)
+        arrays = batch.block_arrays(rows, engine)
+        count = campaign.configuration.runs_in_block(block)
+        run_ids = batch.prepared.run_ids[rows][:count]
+        kept, displaced = set(unconditional), set[int]()
+        if selection is not None:
+            completed = arrays["status/failure"][:count] == Outcome.COMPLETED.code
+            metrics = _metrics(arrays, campaign.servicer_names)
+            displaced = selection.add(run_ids, completed, {name: values[:count] for name, values in metrics.items()})
+            kept.update(selection.run_ids.tolist())
+        for row, run_id in enumerate(run_ids.tolist(), start=rows.start):
+            if run_id in kept:
+                history = block_recording.thin_history(
+                    batch.history(row, engine), options.histories, engine.scenario.ticks
+                )
+                campaign.write_history(run_id, history)
+        campaign.write_block(block, arrays, results.timing)
+        for run_id in displaced - unconditional:
+            campaign.remove_history(run_id)
+
+
+def _metrics(arrays: Mapping[str, np.ndarray], servicers: Sequence[str]) -> dict[str, np.ndarray]:
+    """Metrics among the arrays of a block, as `Campaign.metrics` names them."""
+    metrics: dict[str, np.ndarray] = {}
+    for path, values in arrays.items():
+        group, _, name = path.partition("/")
+        if group == "metrics":
+            metrics[name] = values
+        elif group == "servicer_metrics":
+            metrics |= {f"{name}/{servicer}": values[:, number] for number, servicer in enumerate(servicers)}
+    return metrics
+
+
+def simulate_histories(
+    campaign: Campaign, engine: BatchEngine, run_ids: Sequence[int], on_progress: Callable[[float], None]
+) -> None:
+    """Simulates some runs again, in batches of the campaign's block size, and stores their histories.
+
+    `on_progress` is called with the number of finished runs, fractions of runs included.
+
+    Raises:
+        UnfinishedError: they cannot be stored.
+    """
+    options = campaign.configuration.options
+    engine.compile()
+    for first in range(0, len(run_ids), engine.capacity):
+        batch_ids = list(run_ids[first : first + engine.capacity])
+        padded_ids = np.array(batch_ids + [batch_ids[-1]] * (engine.capacity - len(batch_ids)))
+        rows = np.arange(len(batch_ids))
+
+        def on_batch_progress(fraction: float, _: int, first: int = first, count: int = len(batch_ids)) -> None:
+            on_progress(first + fraction * count)
+
+        batch = simulate_batch(
+            engine, options.seed, padded_ids, rows.tolist(), rows, options.histories, on_batch_progress, drifts=False
+        )
+        for row, run_id in enumerate(batch_ids):
+            history = block_recording.thin_history(batch.history(row, engine), options.histories, engine.scenario.ticks)
+            campaign.write_history(run_id, history)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import ExecutorProgressCallback
+from rpojax.campaign.execution.selected_histories import SelectionSoFar
 from rpojax.campaign.storage.campaign_folder import Campaign
 
 
@@ -27,6 +28,8 @@ class LocalExecutor:
         on_progress(0.0, 0, False)
         self.engine.compile()
         on_progress(0.0, 0, True)
+        histories = self.campaign.configuration.options.histories
+        selection = SelectionSoFar(self.campaign) if histories.depends_on_results else None
         done, failed = 0, 0
         devices = len(self.engine.devices)
         with ThreadPoolExecutor(1) as pool:
@@ -35,10 +38,12 @@ class LocalExecutor:
                 batch = blocks[first : first + devices]
                 runs = sum(self.campaign.configuration.runs_in_block(block) for block in batch)
                 on_batch_progress = _batch_progress(on_progress, runs, done, failed)
-                results = block_runner.simulate_blocks(self.campaign, self.engine, batch, on_batch_progress)
+                results = block_runner.simulate_blocks(
+                    self.campaign, self.engine, batch, on_batch_progress, any_history=selection is not None
+                )
                 if storing is not None:
                     storing.result()
-                storing = pool.submit(block_runner.store_blocks, self.campaign, self.engine, results)
+                storing = pool.submit(block_runner.store_blocks, self.campaign, self.engine, results, selection)
                 done, failed = done + runs, failed + results.failed_runs
             if storing is not None:
                 storing.result()

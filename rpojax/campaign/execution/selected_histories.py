@@ -1,12 +1,13 @@
-"""Histories of runs that are selected by their results, such as failures: simulated again once all blocks are done."""
+"""Histories of runs that are selected by their results, such as failures.
 
-from collections.abc import Callable, Mapping, Sequence
+A process that simulates the blocks one after the other stores the histories of the runs selected so far, and removes
+those that later runs displace. Where several processes share the blocks, selected runs are simulated again at the end.
+"""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.execution.block_recording import thin_history
-from rpojax.campaign.execution.block_runner import simulate_batch
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.metrics.metric_catalogue import worst_first
@@ -17,14 +18,69 @@ def pending_histories(campaign: Campaign) -> list[int]:
 
     All blocks of the campaign must be finished.
     """
+    return sorted(_selected_run_ids(campaign) - set(campaign.history_ids))
+
+
+def remove_displaced_histories(campaign: Campaign) -> None:
+    """Removes histories that were kept for results which runs of later blocks surpass.
+
+    All blocks of the campaign must be finished.
+    """
+    options = campaign.configuration.options
+    if options.histories.depends_on_results:
+        kept = _selected_run_ids(campaign) | options.histories.unconditional_run_ids(options.first_run, options.runs)
+        for run_id in set(campaign.history_ids) - kept:
+            campaign.remove_history(run_id)
+
+
+def _selected_run_ids(campaign: Campaign) -> set[int]:
     retention = campaign.configuration.options.histories
     if not retention.depends_on_results:
-        return []
-    # The images of a rendered camera would all be rendered again.
+        return set()
+    required = _required_metrics(campaign)
+    return selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics, required)
+
+
+def _required_metrics(campaign: Campaign) -> list[str]:
+    """Metrics of requirements whose worst run keeps a history."""
+    # Selected runs may have to be simulated again, and the images of a rendered camera would all be rendered again.
     wanted = [] if campaign.file.camera.model == "rendered" else campaign.file.requirements
-    required = [requirement.metric_name for requirement in wanted]
-    selected = selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics, required)
-    return sorted(selected - set(campaign.history_ids))
+    return [requirement.metric_name for requirement in wanted]
+
+
+class SelectionSoFar:
+    """Runs whose histories are kept for their results, among those of the blocks stored so far.
+
+    Attributes:
+        run_ids: their numbers
+    """
+
+    def __init__(self, campaign: Campaign) -> None:
+        self._retention = campaign.configuration.options.histories
+        self._required = _required_metrics(campaign)
+        self._completed = np.zeros(0, dtype=bool)
+        self._metrics: dict[str, np.ndarray] = {}
+        self.run_ids = np.zeros(0, dtype=int)
+        if campaign.manifests:
+            self.add(campaign.run_ids, campaign.completed, campaign.metrics)
+
+    def add(self, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]) -> set[int]:
+        """Adds the runs of another block, of which `metrics` maps names to (runs,); returns the runs displaced."""
+        before = set(self.run_ids.tolist())
+        order = np.argsort(np.concatenate([self.run_ids, run_ids]), kind="stable")
+
+        def joined(name: str) -> np.ndarray:
+            return np.concatenate([self._metrics.get(name, np.zeros(0)), metrics[name]])[order]
+
+        all_ids = np.concatenate([self.run_ids, run_ids])[order]
+        all_completed = np.concatenate([self._completed, completed])[order]
+        decisive = {*self._required, *(metric for metric, _ in self._retention.worst_kept)}
+        all_metrics = {name: joined(name) for name in decisive}
+        selected = selected_by_result(self._retention, all_ids, all_completed, all_metrics, self._required)
+        kept = np.isin(all_ids, sorted(selected))
+        self.run_ids, self._completed = all_ids[kept], all_completed[kept]
+        self._metrics = {name: values[kept] for name, values in all_metrics.items()}
+        return before - selected
 
 
 def selected_by_result(
@@ -48,31 +104,3 @@ def selected_by_result(
     for metric, count in (*retention.worst_kept, *worst_kept):
         kept.update(run_ids[worst_first(metric, metrics[metric])[:count]].tolist())
     return kept
-
-
-def simulate_histories(
-    campaign: Campaign, engine: BatchEngine, run_ids: Sequence[int], on_progress: Callable[[float], None]
-) -> None:
-    """Simulates some runs again, in batches of the campaign's block size, and stores their histories.
-
-    `on_progress` is called with the number of finished runs, fractions of runs included.
-
-    Raises:
-        UnfinishedError: they cannot be stored.
-    """
-    options = campaign.configuration.options
-    engine.compile()
-    for first in range(0, len(run_ids), engine.capacity):
-        batch_ids = list(run_ids[first : first + engine.capacity])
-        padded_ids = np.array(batch_ids + [batch_ids[-1]] * (engine.capacity - len(batch_ids)))
-        rows = np.arange(len(batch_ids))
-
-        def on_batch_progress(fraction: float, _: int, first: int = first, count: int = len(batch_ids)) -> None:
-            on_progress(first + fraction * count)
-
-        batch = simulate_batch(
-            engine, options.seed, padded_ids, rows.tolist(), rows, options.histories, on_batch_progress
-        )
-        for row, run_id in enumerate(batch_ids):
-            history = thin_history(batch.history(row, engine), options.histories, engine.scenario.ticks)
-            campaign.write_history(run_id, history)

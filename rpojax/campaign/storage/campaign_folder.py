@@ -218,6 +218,14 @@ class Campaign:
         """
         self._writer.write_history(run_id, channels)
 
+    def remove_history(self, run_id: int) -> None:
+        """Removes the history of one run, if it is stored.
+
+        Raises:
+            UnfinishedError: it cannot be removed.
+        """
+        self._writer.remove_history(run_id)
+
     def write_surface(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Stores the facets of the target, if they are not stored yet.
 

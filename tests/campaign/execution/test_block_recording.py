@@ -1,8 +1,11 @@
 """Channels of several devices are recorded as if there were one device."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import Segment
 from rpojax.campaign.execution.block_recording import ChannelRecorder
 from rpojax.scenario.loading import scenario_loader
@@ -29,14 +32,20 @@ def segments() -> list[Segment]:
     ]
 
 
-@pytest.mark.parametrize("rows", [[1, 3, 5], [5, 0], [4], []])
-def test_records_of_two_devices_equal_those_of_one(rows: list[int]) -> None:
-    recorder = ChannelRecorder(TICKS, rows, lambda _: True)
+@pytest.mark.parametrize("memory_bytes", [10**9, 0])
+@pytest.mark.parametrize("rows", [[1, 3, 5], [5, 0], [4], [], [0, 1, 2, 3, 4, 5]])
+def test_records_of_two_devices_equal_those_of_one(
+    rows: list[int], memory_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(block_recording, "HISTORY_MEMORY_BYTES", memory_bytes)
+    recorder = ChannelRecorder(TICKS, rows, lambda _: True, spool=tmp_path)
     for segment in segments():
         recorder.add_segment(segment)
     assert set(recorder.records) == {"range_m", "rho_H"}
     for name, values in recorder.records.items():
         np.testing.assert_array_equal(values, WHOLE[name])
+    assert all(isinstance(each, np.memmap) == (memory_bytes == 0) for each in recorder.other_channels.values())
+    assert not list(tmp_path.iterdir())  # the file has no name, so that nothing is left of a killed process
     file = scenario_loader.load("inspection")
     for row in rows:
         history = recorder.history(row, file, {}, np.inf)

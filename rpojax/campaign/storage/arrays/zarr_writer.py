@@ -1,5 +1,6 @@
 """Writing of `results.zarr`: rows of finished blocks and histories, each file whole, with groups and array metadata."""
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -45,6 +46,21 @@ class ZarrWriter:
             UnfinishedError: they cannot be written.
         """
         self._write_whole_group(Path("histories", str(run_id)), channels, array_binding(self.seal, "histories", run_id))
+
+    def remove_history(self, run_id: int) -> None:
+        """Removes the channels of one run; first the metadata of their group, which say that they are complete.
+
+        Raises:
+            UnfinishedError: they cannot be removed.
+        """
+        folder = self.directory / "results.zarr" / "histories" / str(run_id)
+        safe_paths.check_no_links(self.directory, folder)
+        try:
+            (folder / "zarr.json").unlink(missing_ok=True)
+            if folder.is_dir():
+                shutil.rmtree(folder)
+        except OSError as error:
+            raise atomic_files.write_error(folder, error) from None
 
     def write_surface(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Writes the facets of the target, once; the metadata of their group are written last.
