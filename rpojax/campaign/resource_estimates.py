@@ -49,7 +49,8 @@ def check_resources(
     if disk > (free := shutil.disk_usage(existing_parent(directory)).free):
         raise RpojaxError(
             f"disk: found {_format_bytes(free)} free, expected {_format_bytes(disk)} for {runs} runs of "
-            f"{file.duration_s:g} s and {_history_count(file, options)} full histories; lower runs, duration_s or histories"
+            f"{file.duration_s:g} s and {_history_count(file, options)} full histories; "
+            "lower runs, duration_s or histories"
         )
 
     if (blocks := -(-runs // block_size)) > MAX_BLOCKS:

@@ -11,9 +11,9 @@ import pytest
 from rpojax.campaign import resource_estimates
 from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile

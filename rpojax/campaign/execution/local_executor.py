@@ -28,8 +28,7 @@ class LocalExecutor:
         on_progress(0.0, 0, False)
         self.engine.compile()
         on_progress(0.0, 0, True)
-        histories = self.campaign.configuration.options.histories
-        selection = SelectionSoFar(self.campaign) if histories.depends_on_results else None
+        selection = SelectionSoFar.of_campaign(self.campaign)
         done, failed = 0, 0
         devices = len(self.engine.devices)
         with ThreadPoolExecutor(1) as pool:

@@ -55,14 +55,24 @@ class SelectionSoFar:
         run_ids: their numbers
     """
 
-    def __init__(self, campaign: Campaign) -> None:
-        self._retention = campaign.configuration.options.histories
-        self._required = _required_metrics(campaign)
+    def __init__(self, retention: Retention, required: Sequence[str]) -> None:
+        """`required` are the metrics of the scenario's requirements."""
+        self._retention = retention
+        self._required = required
         self._completed = np.zeros(0, dtype=bool)
         self._metrics: dict[str, np.ndarray] = {}
         self.run_ids = np.zeros(0, dtype=int)
+
+    @classmethod
+    def of_campaign(cls, campaign: Campaign) -> "SelectionSoFar | None":
+        """Selection among the finished blocks of a campaign; None if no history is kept for results."""
+        retention = campaign.configuration.options.histories
+        if not retention.depends_on_results:
+            return None
+        selection = cls(retention, _required_metrics(campaign))
         if campaign.manifests:
-            self.add(campaign.run_ids, campaign.completed, campaign.metrics)
+            selection.add(campaign.run_ids, campaign.completed, campaign.metrics)
+        return selection
 
     def add(self, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]) -> set[int]:
         """Adds the runs of another block, of which `metrics` maps names to (runs,); returns the runs displaced."""

@@ -1,14 +1,10 @@
 """Histories that are kept for their results while blocks are stored."""
 
-from types import SimpleNamespace
-from typing import Any, cast
-
 import numpy as np
 import pytest
 
 from rpojax.campaign.execution.selected_histories import SelectionSoFar, selected_by_result
 from rpojax.campaign.options.history_retention import Retention
-from rpojax.campaign.storage.campaign_folder import Campaign
 
 REQUIRED = ["formation_error_rms_m", "min_range_m"]
 
@@ -19,7 +15,7 @@ def test_selection_by_blocks_in_any_order_is_that_of_all_runs_at_once(rule: str,
     rng = np.random.default_rng(seed)
     run_ids, completed, metrics = random_runs(rng, 40)
     stored: set[int] = set()
-    selection = SelectionSoFar(campaign_without_blocks(rule))
+    selection = SelectionSoFar(Retention(rule), REQUIRED)
     for block in rng.permutation(8):
         rows = slice(5 * block, 5 * block + 5)
         displaced = selection.add(
@@ -36,11 +32,3 @@ def random_runs(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.nd
     names = [*REQUIRED, "delta_v_m_s"]
     metrics = {name: rng.choice([0.0, 0.5, 1.0, 2.0, np.nan], count) for name in names}
     return 100 + np.arange(count), rng.random(count) < 0.9, metrics
-
-
-def campaign_without_blocks(rule: str) -> Campaign:
-    requirements = [SimpleNamespace(metric_name=name) for name in REQUIRED]
-    file = SimpleNamespace(camera=SimpleNamespace(model="geometric"), requirements=requirements)
-    options = SimpleNamespace(histories=Retention(rule))
-    campaign: Any = SimpleNamespace(file=file, configuration=SimpleNamespace(options=options), manifests={})
-    return cast(Campaign, campaign)
