@@ -74,3 +74,7 @@ class UnfinishedError(RpojaxError):
 
 class BatchingError(RpojaxError):
     """A function or its arguments cannot be batched over the last axis; RPOJAX_BATCHING=jax chooses `jax.vmap`."""
+
+
+class Notice(UserWarning):
+    """Something that a user should know and that stops nothing; commands print it as a line."""

@@ -1,7 +1,7 @@
 """All that batching uses of JAX beyond its public promise: jaxprs, and names and parameters of their primitives.
 
 A program is a jaxpr, an operation is one of its equations. A new version of JAX needs to be checked against this module
-alone; `pyproject.toml` allows the versions for which that was done.
+alone; with one that `is_known` does not hold for, `jax.vmap` takes the place of this batching.
 """
 
 import contextlib
@@ -14,6 +14,14 @@ import numpy as np
 from jax.extend import core
 
 from rpojax.errors import BatchingError
+
+KNOWN_VERSIONS = (0, 10), (0, 12)
+"""Oldest and newest minor versions of JAX with which this module is tested."""
+
+
+def is_known(version: tuple[int, ...] = jax.__version_info__) -> bool:
+    """Whether this module is tested with that version of JAX, by default the installed one."""
+    return KNOWN_VERSIONS[0] <= version[:2] <= KNOWN_VERSIONS[1]
 
 
 class Form(Enum):
@@ -61,7 +69,7 @@ _PURE_FORMS = {
 
 _PRIMITIVES_WITH_FUNCTIONS = {
     *("cond", "jit", "scan", "while", "checkpoint", "remat2"),
-    *("custom_jvp_call", "custom_vjp_call", "custom_vmap_call", "custom_linear_solve"),
+    *("custom_jvp_call", "custom_vjp_call", "custom_vmap_call", "custom_linear_solve", "call_hi_primitive"),
     *("pure_callback", "reduce", "reduce_window", "scatter", "scatter-add", "scatter-sub", "scatter-mul"),
     *("scatter-min", "scatter-max"),
 }
@@ -141,10 +149,13 @@ class Operation:
     @property
     def scan(self) -> "Scan":
         """Parts of a `Form.SCAN`."""
-        parameters = self._parameters
-        first, count = parameters["num_consts"], parameters["num_carry"]
-        options = {name: parameters[name] for name in ("length", "reverse", "unroll")}
-        return Scan(Program(parameters["jaxpr"]), slice(0, first), slice(first, first + count), options)
+        body = Program(self._parameters["jaxpr"])
+        # By shapes, since parameters differ between versions of JAX: only inputs and outputs have the axis of the loop.
+        inputs = sum(_rank(whole) > _rank(part) for whole, part in zip(self.operands, body.inputs, strict=True))
+        carry = sum(_rank(whole) == _rank(part) for whole, part in zip(self.results, body.outputs, strict=True))
+        first = len(self.operands) - inputs - carry
+        options = {name: self._parameters[name] for name in ("length", "reverse", "unroll")}
+        return Scan(body, slice(0, first), slice(first, first + carry), options)
 
     def named_scope(self) -> contextlib.AbstractContextManager[Any]:
         """Context with the named scope in which the operation was traced."""
@@ -250,6 +261,11 @@ def trace(function: Callable[..., Any], arguments: Sequence[Any]) -> tuple[Progr
 def _read_atom(atom: Any) -> Any:
     """A variable, or the value of a literal with its type."""
     return np.asarray(atom.val, dtype=atom.aval.dtype) if isinstance(atom, core.Literal) else atom  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _rank(value: Any) -> int:
+    """Number of axes of a variable or an array."""
+    return len(value.aval.shape if hasattr(value, "aval") else np.shape(value))
 
 
 def _contains_function(value: Any) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rpojax.batching import batching_mode, vmap_last_axis
-from rpojax.errors import BatchingError, RpojaxError
+from rpojax.errors import BatchingError, Notice, RpojaxError
 
 ROOT = Path(__file__).parents[2]
 
@@ -20,6 +20,26 @@ def test_batching_over_the_last_axis_is_the_default(monkeypatch: pytest.MonkeyPa
         if value is not None:
             monkeypatch.setenv(batching_mode.VARIABLE, value)
         assert batching_mode.transform() is vmap_last_axis.vmap
+
+
+@pytest.mark.parametrize("version", ["0.9.2", "0.13.0", "1.0.0.dev20270101"])
+def test_runs_are_batched_by_jax_with_a_version_that_is_not_known(
+    version: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(batching_mode.VARIABLE, raising=False)
+    monkeypatch.setattr(jax, "__version__", version)
+    with pytest.warns(Notice, match=rf"jax {version}: found a version other than 0\.10 to 0\.12, .* by jax\.vmap"):
+        assert batching_mode.transform() is jax.vmap
+    assert batching_mode.transform() is jax.vmap  # said once
+    monkeypatch.setenv(batching_mode.VARIABLE, "last_axis")
+    assert batching_mode.transform() is vmap_last_axis.vmap
+
+
+@pytest.mark.parametrize("version", ["0.10.0", "0.11.1", "0.12.0.1"])
+def test_known_versions(version: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(batching_mode.VARIABLE, raising=False)
+    monkeypatch.setattr(jax, "__version__", version)
+    assert batching_mode.transform() is vmap_last_axis.vmap
 
 
 def test_the_environment_chooses_vmap_of_jax(monkeypatch: pytest.MonkeyPatch) -> None:
