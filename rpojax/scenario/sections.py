@@ -60,7 +60,7 @@ class OrbitSection(Section):
 
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-MessageKind = Literal["OEM", "OMM", "TLE"]
+MessageKind = Literal["OEM", "OMM", "OPM", "TLE"]
 
 
 class StartSection(OptionalKeys):
@@ -75,12 +75,14 @@ class StartSection(OptionalKeys):
     target_frame: str
     target_position_m: Vector
     target_velocity_m_s: Vector
+    target_interpolation_error_m: NonNegative | None = None
     servicer_sha256: Sha256 | None = None
     servicer_format: MessageKind | None = None
     servicer_object: str | None = None
     servicer_frame: str | None = None
     servicer_position_m: Vector | None = None
     servicer_velocity_m_s: Vector | None = None
+    servicer_interpolation_error_m: NonNegative | None = None
 
 
 class HandoverSection(OptionalKeys):
