@@ -33,6 +33,7 @@ _DAY: Final = 86400
 _J2000_DAY: Final = 2451545.0
 _TAI_LESS: Final = {"TAI": 0, "TT": -32_184 * PS // 1000, "TDB": -32_184 * PS // 1000, "GPS": 19 * PS}
 """TAI less another scale [ps]; less a periodic difference of milliseconds for TDB."""
+_LABEL_PS: Final = 50
 _TIDY_DECIMALS: Final = (0, 6, 9, 12)
 
 
@@ -111,9 +112,12 @@ def leap_seconds_are_known(year: int) -> bool:
 
 
 def utc_texts(instants: Sequence[Instant]) -> list[str]:
-    """Dates and times in UTC with as many decimals as all need to be right to 20 ps, at least to the microsecond."""
+    """Dates and times in UTC with 6, 9 or 12 decimals, as many as all of them need to be right to 50 ps.
+
+    A spacecraft in low orbit moves 4e-7 m in that time, and the rounding of times of days is less.
+    """
     digits = next(
-        (each for each in (6, 9) if all(abs(at.tai_ps - _rounded(at.tai_ps, each)) <= 20 for at in instants)), 12
+        (each for each in (6, 9) if all(abs(at.tai_ps - _rounded(at.tai_ps, each)) <= _LABEL_PS for at in instants)), 12
     )
     return [at.utc(digits) for at in instants]
 

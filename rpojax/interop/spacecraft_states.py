@@ -90,7 +90,7 @@ class SpacecraftStates:
 
     @property
     def epochs(self) -> list[str]:
-        """Time of each tick in UTC with 6, 9 or 12 decimals, as ticks need to be right to 20 ps."""
+        """Time of each tick in UTC with 6, 9 or 12 decimals, as all need to be right to 50 ps."""
         return utc_texts([self.epoch.after(each) for each in self.time_s.tolist()])
 
 

@@ -8,6 +8,7 @@ from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
 from rpojax.scenario.warnings.phase_warnings import phase_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
 from rpojax.scenario.warnings.target_size import small_box_warnings
+from rpojax.scenario.warnings.unknown_leap_seconds import leap_second_warnings
 
 
 def mission_warnings(file: ScenarioFile) -> list[str]:
@@ -20,6 +21,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
         *control_warnings(file, reach),
         *phase_warnings(file, reach),
         *belief_warnings(file, reach),
+        *leap_second_warnings(file),
     ]
     # With phases the station of `formation` is not used.
     return [each for each in found if not (file.phases and "formation.desired_position_m" in each)]

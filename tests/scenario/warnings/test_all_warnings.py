@@ -37,6 +37,9 @@ CASES = {
         "= 4 px",
     ),
     "boxes too small": (["camera.minimum_size_px=30.0"], "formation.desired_position_m", "% of attitudes", "= 30 px"),
+    "a start of which leap seconds are not known": (
+        ['epoch_utc="2046-03-20T14:46:00"'], "epoch_utc", "found 2046, expected a year to 20", "not known"
+    ),
     "a low Sun": (["orbit.raan_deg=0.0"], "initial.relative_position_m", "% of the starts", "eclipse"),
     "a camera that stands no light": (
         ["camera.sun_exclusion_deg=120.0"], "formation.desired_position_m", "of an orbit at the station", "at most 75 %"

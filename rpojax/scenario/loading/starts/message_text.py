@@ -233,8 +233,8 @@ def _from_xml(text: str, key: str) -> list[Segment]:
     segments = [element for element in messages[0].iter() if _tag(element) == "segment"]
     if not segments or (kind != "OEM" and len(segments) > 1):
         raise ScenarioError(key, f"{len(segments)} segments", f"the XML of one {kind}")
-    for outer, inner in ((root, messages), (messages[0], segments)):
-        _fields({}, list(outer), message_keywords.HEADER, kind, key, apart=tuple(inner))
+    for outer, inner in ([root], messages), (list(messages[0]), segments):
+        _fields({}, outer, message_keywords.HEADER, kind, key, apart=tuple(inner))
     return [_segment(element, kind, key) for element in segments]
 
 

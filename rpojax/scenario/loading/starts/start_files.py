@@ -6,6 +6,8 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.starts import ephemeris_message, mean_elements, message_text, parameter_message
 from rpojax.scenario.loading.starts.orbit_states import OrbitState, orbit_section, relative_state
@@ -76,8 +78,10 @@ def _read(path: Path, epoch: Instant | None, key: str) -> tuple[OrbitState, str]
         found = error.found if isinstance(error, FileError) else "no text in UTF-8"
         raise ScenarioError(key, f"{path} ({found})", "a readable OEM, OMM, OPM or element set") from None
     try:
-        found = _state(text, epoch, key, path)
-        if not all(map(math.isfinite, orbit_section(found).values())):
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            found = _state(text, epoch, key, path)
+            elements = orbit_section(found)
+        if not all(map(math.isfinite, elements.values())):
             raise ValueError
         return found, hashlib.sha256(content).hexdigest()
     except (ArithmeticError, ValueError, RecursionError) as error:
