@@ -163,6 +163,22 @@ def test_the_table_has_every_keyword_of_the_standard(kind: MessageKind, folder: 
     assert missing == set()
 
 
+def test_the_page_says_of_every_keyword_what_a_start_does() -> None:
+    page = (Path(__file__).parents[4] / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")
+    section = page.split("### Keywords of orbit messages\n")[1].split("\n### ")[0]
+    rows = [line.split("|")[1:4] for line in section.splitlines() if line.startswith("| ") and "`" in line]
+    for kind, keywords in KEYWORDS.items():
+        for name, keyword in keywords.items():
+            shown = "CX_X" if name in message_keywords.COVARIANCE and name != "COV_REF_FRAME" else name
+            said = [
+                words.lower()
+                for kinds, names, words in rows
+                if (kind in kinds or "all" in kinds) and f"`{shown}`" in names and "covariance." not in names
+            ]
+            verb = {Use.USED: "uses", Use.IGNORED: "ignores", Use.REFUSED: "refuses"}[keyword.use]
+            assert said and verb in said[0], (kind, name)
+
+
 def with_keyword(kind: MessageKind, name: str, value: str) -> str:
     """A message with a keyword more, where it belongs."""
     line = f"{name} = {value}\n"
