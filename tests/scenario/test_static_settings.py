@@ -37,6 +37,22 @@ def test_the_epoch_is_terrestrial_time_since_2000_01_01_noon(utc: str, days: flo
         assert static.epoch_s == pytest.approx(days * 86400.0 + leap_s + 32.184, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("utc", "seconds"),
+    [
+        ("2026-079T14:46:00Z", 827_289_960.0 + 69.184),
+        ("2026-03-20T14:46:00.123456789012345", 827_289_960.123456789 + 69.184),
+        # Midnight that follows is 17 years of 365 days, 5 leap days and 12 hours less after noon: 536500800 s of UTC.
+        ("2016-12-31T23:59:60.5", 536_500_800.0 - 0.5 + 69.184),
+        ("2017-01-01T02:59:60+03:00", 536_500_800.0 - 1.0 + 69.184),
+        ("1972-01-01T00:00:00", -883_656_000.0 + 42.184),
+    ],
+)
+def test_an_epoch_is_read_as_dates_of_messages_are(utc: str, seconds: float) -> None:
+    static = static_settings(scenario_loader.load("inspection", [f'epoch_utc="{utc}"']))
+    assert static.epoch_s == pytest.approx(seconds, abs=2e-7)
+
+
 def test_durations_are_integer_numbers_of_ticks_and_steps() -> None:
     file = scenario_loader.load(
         "inspection",

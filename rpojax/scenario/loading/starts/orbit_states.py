@@ -8,8 +8,11 @@ import numpy as np
 from rpojax.core.constants import MU_EARTH
 from rpojax.time_scales import Instant
 
-_NO_DIRECTION = 1e-11
-"""Length of the eccentricity vector, or of the normal's part in the equator, below which it has no direction."""
+_NO_DIRECTION = 1e-14
+"""Length of the eccentricity vector, or of the normal's part in the equator, below which it has no direction.
+
+A position is right to some 1e-7 m without it.
+"""
 
 
 @dataclass(frozen=True)

@@ -236,6 +236,22 @@ def test_an_oem_of_both_gives_the_orbit_and_the_relative_state(tmp_path: Path, s
     np.testing.assert_allclose(file.initial.relative_velocity_m_s, 0.0, atol=1e-6)
 
 
+def test_a_run_begins_where_the_opm_that_was_exported_says(tmp_path: Path) -> None:
+    epoch, times = instant("2016-12-31T23:59:60.123456"), np.zeros(1)
+    attitude = np.array([[1.0, 0.0, 0.0, 0.0]])
+    for name, phase in (("target", 0.3), ("servicer", 0.3 - 50.0 / 7e6)):
+        states = SpacecraftStates(name, epoch, times, *circular(times, phase), attitude, ("By hand",))
+        (tmp_path / f"{name}.opm").write_text(navigation_messages.opm(states, datetime.datetime(2026, 1, 1)))
+    file = rpojax.load(write_scenario(tmp_path, 'target = "target.opm"\nservicer = "servicer.opm"'))
+    assert file.epoch_utc == "2016-12-31T23:59:60.123456"
+    # A message has positions to 1e-6 m and velocities to 1e-9 m/s.
+    truth = single_run.initialise_run(rpojax_without_dispersions(file), 0, 0)[2].truth
+    r, v = circular(times, 0.3 - 50.0 / 7e6)
+    np.testing.assert_allclose(truth.r_TN_N, circular(times, 0.3)[0][0], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(truth.r_TN_N + truth.r_ST_N, r[0], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(truth.v_TN_N + truth.v_ST_N, v[0], rtol=0.0, atol=2e-9)
+
+
 def test_the_record_of_a_start_is_not_read_again_and_changes_no_hash(tmp_path: Path) -> None:
     (tmp_path / "iss.tle").write_text(TLE)
     file = rpojax.load(write_scenario(tmp_path, 'target = "iss.tle"'))
