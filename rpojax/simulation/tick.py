@@ -20,6 +20,7 @@ from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors.camera import CameraFrame
+from rpojax.simulation import stage_use
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import State, state_axes
 
@@ -32,11 +33,17 @@ class Loop:
         scenario: static settings
         params: parameters of the run
         stages: replaceable parts of the flight software
+
+    Raises:
+        RpojaxError: a stage is replaced that such a scenario does not use.
     """
 
     scenario: Scenario
     params: Params
     stages: Stages
+
+    def __post_init__(self) -> None:
+        stage_use.check(self.stages, stage_use.kinds_of(self.scenario))
 
 
 @pytree
