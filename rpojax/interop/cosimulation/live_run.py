@@ -129,13 +129,13 @@ def simulate_live(
 class _LiveRun:
     """State and records of the run."""
 
-    def __init__(self, file: ScenarioFile, own: Stages, seed: int, run_id: int, settings: LiveSettings) -> None:
+    def __init__(self, file: ScenarioFile, stages: Stages, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
         self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
         own = dispersed_values.read_back(self._params, dispersion_keys.varied_keys(file))
         self._varied = {key: np.asarray(value)[None] for key, value in own.items()}
         self._takes_burns = ExternalStage.FORMATION in settings.external_stages
-        self._stages = CompiledStages(self.scenario, own, self._params, self._takes_burns)
+        self._stages = CompiledStages(self.scenario, stages, self._params, self._takes_burns)
         start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
         self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))
