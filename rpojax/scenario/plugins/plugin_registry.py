@@ -34,6 +34,7 @@ def add(plugin: Plugin) -> dict[str, str]:
     """Makes a plugin from Python known; returns the entries of a scenario that has it."""
     entries = {"plugin": FROM_PYTHON, "plugin_sha256": plugin.sha256()}
     _KNOWN[FROM_PYTHON, entries["plugin_sha256"]] = plugin
+    plugin.activate()
     return entries
 
 
@@ -64,6 +65,7 @@ def load_for(tables: dict[str, Any], allow: bool) -> None:
         raise ScenarioError("plugin", f"{reference} with {found:.12}...", expected)
     tables["plugin_sha256"] = found
     _KNOWN[reference, found] = plugin
+    plugin.activate()
 
 
 def schema_for(tables: Mapping[str, Any]) -> type[ScenarioFile]:
