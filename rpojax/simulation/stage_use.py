@@ -23,7 +23,7 @@ class Mode:
     """
 
     name: str
-    refused: Mapping[str, str] = field(default_factory=dict)
+    refused: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
 def _filters(reason: str) -> dict[str, str]:
