@@ -17,6 +17,7 @@ from rpojax.benchmark.synthetic_filter_inputs import (
     nominal_setup,
     simulate_measurements,
 )
+from rpojax.flight import stage_use
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.box_measurement import outlier_gate
@@ -27,7 +28,6 @@ from rpojax.runtime.device_programs import choose_devices
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation import stage_use
 
 Scalar = Float[Array, ""]
 

@@ -7,6 +7,7 @@ from typing import Any
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
+from rpojax.flight import stage_use
 from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -20,7 +21,6 @@ from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors.camera import CameraFrame
-from rpojax.simulation import stage_use
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import State, state_axes
 
@@ -43,7 +43,8 @@ class Loop:
     stages: Stages
 
     def __post_init__(self) -> None:
-        stage_use.check(self.stages, stage_use.kinds_of(self.scenario))
+        kinds = stage_use.kinds_of(self.scenario.camera_model, self.scenario.mission, self.scenario.team)
+        stage_use.check(self.stages, kinds)
 
 
 @pytree

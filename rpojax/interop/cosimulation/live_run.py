@@ -11,6 +11,7 @@ import numpy as np
 from rpojax.campaign import single_run
 from rpojax.core.array_packing import PackedRecord
 from rpojax.errors import UnfinishedError
+from rpojax.flight import stage_use
 from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
 from rpojax.interop.cosimulation.command_checks import CommandLimits
@@ -29,7 +30,7 @@ from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
-from rpojax.simulation import initial_state, stage_use
+from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
 from rpojax.simulation.metrics import recorded_metrics
 from rpojax.simulation.outcomes.judgement import judge_one

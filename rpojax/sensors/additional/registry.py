@@ -51,9 +51,9 @@ def present_sensors(sections: AdditionalSensors) -> dict[str, AdditionalSensor]:
     return {name: sensor for name, sensor in found.items() if isinstance(sensor, AdditionalSensor)}
 
 
-def sensor_keys(name: str) -> set[str]:
-    """Keys of the section of an additional sensor; of all plugins that have one of that name."""
+def sensor_classes(name: str) -> list[type[AdditionalSensor]]:
+    """Classes of the additional sensors of that name: of the package, or of all plugins that have one."""
     if name in _OF_PLUGINS:
-        return {key for cls in _OF_PLUGINS[name] for key in cls.model_fields}
+        return _OF_PLUGINS[name]
     annotation: Any = AdditionalSensors.model_fields[name].annotation
-    return set(next(each for each in annotation.__args__ if each is not type(None)).model_fields)
+    return [each for each in annotation.__args__ if each is not type(None)]

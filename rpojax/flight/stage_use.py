@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from rpojax.errors import RpojaxError
+from rpojax.flight.cooperation.team_settings import TeamSettings
+from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.stages import Stages
-from rpojax.scenario.static_settings import Scenario
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,13 @@ CAMERAS: Final = {
 
 RUNS: Final = Mode("runs and campaigns, and their `resume` and `rerun`")
 REPLAYS: Final = Mode("exports and recordings that simulate a run again")
-DERIVATIVES: Final = Mode("`gradient`, `sensitivity`, `tune` and `worst-case`")
-RARE_EVENTS: Final = Mode("`probability`")
-LINEAR_COVARIANCE: Final = Mode("`lincov`")
-BENCH_LOOP: Final = Mode("`bench --only loop`")
-BENCH_KERNELS: Final = Mode("`bench --only kernels`", _filters("where the packaged orbit filter is measured"))
+DERIVATIVES: Final = Mode("derivatives of runs (`gradient`, `sensitivity`, `tune`, `worst-case`)")
+RARE_EVENTS: Final = Mode("rare events (`probability`)")
+LINEAR_COVARIANCE: Final = Mode("a linear covariance (`lincov`)")
+BENCH_LOOP: Final = Mode("a benchmark of the closed loop (`bench --only loop`)")
+BENCH_KERNELS: Final = Mode(
+    "a benchmark of kernels (`bench --only kernels`)", _filters("where the packaged orbit filter is measured")
+)
 LIVE: Final = Mode("a live run (`bridge`)")
 EXTERNAL: Final = {
     "attitude": Mode(
@@ -93,10 +96,9 @@ MODES: Final = (
 """All modes, in the order of the documentation."""
 
 
-def kinds_of(scenario: Scenario) -> list[Mode]:
-    """Modes that a scenario is of."""
-    mission, team = scenario.mission, scenario.team
-    kinds = [CAMERAS[scenario.camera_model], WITHOUT_PHASES if mission is None else PHASES]
+def kinds_of(camera_model: str, mission: MissionSettings | None, team: TeamSettings | None) -> list[Mode]:
+    """Modes that a scenario is of, by the model of its camera, the phases of its mission and its team."""
+    kinds = [CAMERAS[camera_model], WITHOUT_PHASES if mission is None else PHASES]
     if mission is not None and any(phase.has_arrival_box for phase in mission.phases):
         kinds.append(ARRIVAL)
     if team is None:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.interpreters import partial_eval
+from rpojax.simulation.stage_use import MODES, Mode
 
 import rpojax
 from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure
@@ -32,7 +33,6 @@ from rpojax.simulation import initial_state, stage_use
 from rpojax.simulation.channels import compute_channels
 from rpojax.simulation.external_inputs import ExternalOrbitEstimate
 from rpojax.simulation.noise import run_key
-from rpojax.simulation.stage_use import MODES, Mode
 from rpojax.simulation.step import step
 from rpojax.simulation.team import initial_team, member_axes, team_step
 from rpojax.simulation.tick import Loop
