@@ -71,18 +71,21 @@ def show_results(
     result: "Campaign", report: Callable[[], Path | None], as_json: bool, more: dict[str, Any] | None = None
 ) -> None:
     """Prints the results as tables, or as JSON; tables come before the report is written."""
+    from rpojax.metrics import metric_catalogue
     from rpojax.report.page.campaign_summary import summarise
     from rpojax.report.worked_out import Notes
+    from rpojax.scenario.plugins import plugin_registry
 
-    with busy("evaluating the results", quiet=as_json, announce=False):
-        summary = Notes().part("The summary", summarise, result)
-    if as_json:
-        path = report()
-        place = {"directory": str(result.directory), "report": None if path is None else str(path)}
-        print_json({**place, **summary, **(more or {})})
-        return
-    console.show_campaign(summary)
-    console.show_places(result.directory, report())
+    with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(result.info)):
+        with busy("evaluating the results", quiet=as_json, announce=False):
+            summary = Notes().part("The summary", summarise, result)
+        if as_json:
+            path = report()
+            place = {"directory": str(result.directory), "report": None if path is None else str(path)}
+            print_json({**place, **summary, **(more or {})})
+            return
+        console.show_campaign(summary)
+        console.show_places(result.directory, report())
 
 
 def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id: int | None = None) -> Path:

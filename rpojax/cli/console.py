@@ -102,9 +102,9 @@ def _failed_without_value(summary: Mapping[str, Any]) -> int:
 
 def _shown_metrics(summary: Mapping[str, Any]) -> list[str]:
     """Metrics of the table: the key ones, and those of the scenario's plugin."""
-    from rpojax.metrics.metric_catalogue import METRICS
+    from rpojax.metrics.metric_catalogue import find
 
-    own = [name for name in summary["metrics"] if name in METRICS and METRICS[name].source == "plugin"]
+    own = [name for name in summary["metrics"] if (metric := find(name)) is not None and metric.source == "plugin"]
     return [*_KEY_METRICS, *own]
 
 

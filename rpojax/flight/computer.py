@@ -69,6 +69,7 @@ def initial(
         thrust_estimate=thrust_estimator.initial(),
         thruster_failed_at=jnp.full_like(n, -jnp.inf),
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
+        reopened=jnp.zeros((), dtype=bool),
         camera=detector_window.whole_frame(camera),
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
@@ -202,9 +203,9 @@ def guide(
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt, other
     )
-    not_found = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
-    orbit = replace(memory.orbit, relative=relative_estimate.widen(memory.orbit.relative, not_found))
-    return replace(memory, plan=plan, pointing=pointing, orbit=orbit), mode
+    reopened = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
+    orbit = replace(memory.orbit, relative=relative_estimate.reopen(memory.orbit.relative, reopened))
+    return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode
 
 
 def _may_be_visible(params: FlightParams, estimate: OrbitEstimate, sun_N: Vector) -> Bool[Array, ""]:

@@ -38,7 +38,7 @@ from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
 from rpojax.scenario import key_units, phase_table
 from rpojax.scenario.trained import fitted_camera, trained_files
-from rpojax.sensors.additional.registry import sensor_class, sensor_names
+from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.sensors.camera import Camera
 from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
@@ -298,7 +298,7 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
         return ("baseline", key_units.split_unit(key.removeprefix(_BELIEF_IN_DIFFERENCES))[0]), factor
     if key.split(".")[0] in ("phases", "mission"):
         return ("flight", "mission", *phase_table.leaf_path(key)), factor
-    if section in sensor_names() and name in sensor_class(section).model_fields:
+    if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):
         return ("additional_sensors", section, leaf), factor
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
 

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from empty_campaign_folders import empty_campaign, synthetic_timing
+from isolated_plugins import forgotten_plugins
 
 from rpojax.cli import main
 from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.plugins.plugin import Plugin
 
 RUNS = 40
 RNG = np.random.default_rng(0)
@@ -134,3 +136,45 @@ def test_servicers_of_a_team_are_compared_in_json_alone(tmp_path: Path, capsys: 
     shown = capsys.readouterr().out
     assert "Delta-v" in shown
     assert "Delta-v, second" not in " ".join(shown.split())
+
+
+def with_score(directory: Path, function: object) -> Path:
+    """A finished campaign with a metric `score_m` of the user's own, and a requirement on it."""
+    file = scenario_loader.load("inspection", plugin=Plugin({"score_m": function}))
+    limit = {"metric": "score_m", "bound": "at most", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
+    file = scenario_loader.validate({**file.model_dump(), "requirements": [limit]})
+    result = empty_campaign(directory, file, 0, RUNS, 0, RUNS)
+    arrays = {f"metrics/{name}": BEFORE for name in (*UNITS, "score_m")}
+    arrays |= {"drawn/servicer.mass_kg": DRAWN, "used/servicer.mass_kg": DRAWN}
+    arrays |= {"traces/range_m": np.tile(np.linspace(50.0, 30.0, 600, dtype=np.float32), (RUNS, 1))}
+    status = {"status/failure": np.zeros(RUNS, np.int8), "status/failed_at_s": np.full(RUNS, np.nan)}
+    result.write_block(0, arrays | status, synthetic_timing())
+    return directory
+
+
+def score_of_mean(range_m):
+    return range_m.mean()
+
+
+def score_of_peak(range_m):
+    return range_m.max()
+
+
+def test_metrics_that_plugins_define_differently_are_named_and_not_compared(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with forgotten_plugins():
+        folders = [
+            with_score(tmp_path / name, function)
+            for name, function in (("a", score_of_mean), ("b", score_of_peak), ("c", score_of_mean))
+        ]
+        apart = compared(capsys, folders[0], folders[1], "--out", tmp_path / "apart.html")
+        alike = compared(capsys, folders[0], folders[2], "--out", tmp_path / "alike.html")
+    for found, page, is_compared in ((apart, "apart.html", False), (alike, "alike.html", True)):
+        metrics = found["metrics"]
+        assert isinstance(metrics, list)
+        assert ("score_m" in {each["metric"] for each in metrics}) is is_compared
+        assert ("metrics that plugins define differently are not compared: score_m" in found["warnings"]) is (
+            not is_compared
+        )
+        assert ("histogram-score_m" in (tmp_path / page).read_text()) is is_compared

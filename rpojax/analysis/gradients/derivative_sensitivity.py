@@ -23,12 +23,12 @@ from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
-from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, METRICS
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import component_columns
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 
 if TYPE_CHECKING:
@@ -201,12 +201,13 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
     Raises:
         RpojaxError: a metric has no derivative, or there is none.
     """
+    known = [name for name, metric in plugin_registry.catalogue_of(file).items() if metric.has_derivative]
     for name in names:
-        if name not in DIFFERENTIABLE:
-            known = ", ".join(DIFFERENTIABLE)
-            raise RpojaxError.of_argument("metrics", f"found {name!r}, expected a metric with a derivative: {known}")
+        if name not in known:
+            expected = f"a metric with a derivative: {', '.join(known)}"
+            raise RpojaxError.of_argument("metrics", f"found {name!r}, expected {expected}")
     of_whole_runs = [each.metric for each in file.requirements if each.is_of_all_runs]
-    chosen = names or [name for name in of_whole_runs if name in DIFFERENTIABLE]
+    chosen = names or [name for name in of_whole_runs if name in known]
     if not chosen:
         raise RpojaxError.of_argument(
             "metrics", "found none, expected one, for a scenario without requirements on such metrics"
@@ -244,7 +245,7 @@ def _metric_sensitivity(
     space: StandardNormalSpace, name: str, gradients: np.ndarray, at_median: np.ndarray, values: np.ndarray
 ) -> MetricSensitivity:
     """From gradients (runs, k) of a metric, that at the median run (k,), and the metric's values (runs,)."""
-    metric = METRICS[name]
+    metric = plugin_registry.catalogue_of(space.file)[name]
     groups = np.array(space.groups)
     shares = []
     for group in dict.fromkeys(space.groups):

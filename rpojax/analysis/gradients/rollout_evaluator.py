@@ -20,7 +20,6 @@ from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform
 from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
-from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
 from rpojax.runtime.device_programs import share_runs
@@ -84,7 +83,7 @@ class RolloutEvaluator:
 
     Attributes:
         file: the scenario
-        metric_names: from `metric_catalogue.METRICS`, without those that need whole records
+        metric_names: of the scenario, without those that need whole records
         input_count: number of inputs, k
         runs_per_device: runs that a device simulates at once
         checkpoint_ticks: ticks from one kept state to the next in reverse mode
@@ -107,7 +106,8 @@ class RolloutEvaluator:
         refuse_team(file, "derivatives of runs")
         self.scenario, self._nominal = single_run.nominal_parameters(file)
         self._stages = plugin_registry.stages_of(file, stages)
-        self._metrics = [METRICS[name] for name in self.metric_names]
+        known = plugin_registry.catalogue_of(file)
+        self._metrics = [known[name] for name in self.metric_names]
         self._input_function, self._cotangent = input_function, cotangent
         devices, self.runs_per_device = share_runs(runs, RUNS_PER_DEVICE)
         self._mesh = DeviceMesh(devices)

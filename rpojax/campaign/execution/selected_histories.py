@@ -9,7 +9,8 @@ from rpojax.campaign.execution.block_recording import thin_history
 from rpojax.campaign.execution.block_runner import simulate_batch
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.metrics.metric_catalogue import worst_first
+from rpojax.metrics.metric_catalogue import metrics_of_scenario, worst_first
+from rpojax.scenario.plugins import plugin_registry
 
 
 def pending_histories(campaign: Campaign) -> list[int]:
@@ -23,7 +24,8 @@ def pending_histories(campaign: Campaign) -> list[int]:
     # The images of a rendered camera would all be rendered again.
     wanted = [] if campaign.file.camera.model == "rendered" else campaign.file.requirements
     required = [requirement.metric_name for requirement in wanted]
-    selected = selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics, required)
+    with metrics_of_scenario(plugin_registry.metrics_of(campaign.file)):
+        selected = selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics, required)
     return sorted(selected - set(campaign.history_ids))
 
 

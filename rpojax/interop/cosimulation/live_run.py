@@ -11,6 +11,8 @@ import numpy as np
 from rpojax.campaign import single_run
 from rpojax.core.array_packing import PackedRecord
 from rpojax.errors import UnfinishedError
+from rpojax.flight import stage_use
+from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
 from rpojax.interop.cosimulation.command_checks import CommandLimits
 from rpojax.interop.cosimulation.command_input import NO_COMMAND, CommandInput
@@ -78,16 +80,18 @@ def simulate_live(
     """Simulates one run live; `write_line` gets lines on progress and events.
 
     Raises:
-        RpojaxError: the scenario is that of a team, its plugin is not allowed, the domain cannot be joined, or no
-            external nodes were found.
+        RpojaxError: the scenario is that of a team, its plugin is not allowed, a stage is replaced that is left to
+            external nodes, the domain cannot be joined, or no external nodes were found.
     """
     refuse_team(file, "a live run")
     events = EventLog(write_line)
     stages = settings.external_stages
+    own = plugin_registry.stages_of(file)
+    stage_use.check(own, (stage_use.EXTERNAL[each] for each in sorted(stages)))
     exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)
     write_line("compiling")
     with SignOfLife(write_line, "compiling"):
-        run = _LiveRun(file, seed, run_id, settings)
+        run = _LiveRun(file, own, seed, run_id, settings)
         run.warm_up()
     write_line("waiting for external nodes")
     with SignOfLife(write_line, "waiting for external nodes"):
@@ -126,14 +130,13 @@ def simulate_live(
 class _LiveRun:
     """State and records of the run."""
 
-    def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings) -> None:
+    def __init__(self, file: ScenarioFile, stages: Stages, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
         self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
         own = dispersed_values.read_back(self._params, dispersion_keys.varied_keys(file))
         self._varied = {key: np.asarray(value)[None] for key, value in own.items()}
         self._takes_burns = ExternalStage.FORMATION in settings.external_stages
-        chosen = plugin_registry.stages_of(file)
-        self._stages = CompiledStages(self.scenario, chosen, self._params, self._takes_burns)
+        self._stages = CompiledStages(self.scenario, stages, self._params, self._takes_burns)
         start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
         self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))

@@ -56,7 +56,7 @@ def _custom(file: ScenarioFile, quantities: Records, timing: RunTiming) -> dict[
 
 
 def _metric_of(file: ScenarioFile, name: str) -> Metric | None:
-    return plugin_registry.metrics_of(file).get(name) or METRICS.get(name)
+    return plugin_registry.catalogue_of(file).get(name)
 
 
 def evaluate_windows(file: ScenarioFile, records: Records, varied: Values) -> dict[str, Floats]:

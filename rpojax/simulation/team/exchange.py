@@ -183,6 +183,7 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
         ratio[None] * motion.delta_v_N,
         planned,
         inflation,
+        ticks.flight.reopened,
         loop.scenario.tick_s,
     )
     number = ticks.state.tick + 1

@@ -37,6 +37,7 @@ def settings(on_timeout: TimeoutAction = "hold", passively_safe: bool = False) -
             burns_per_orbit=1,
             on_timeout=on_timeout,
             ends=True,
+            has_arrival_box=True,
             passively_safe=passively_safe,
             has_corridor=name == "first",
         )
