@@ -58,7 +58,7 @@ def estimate_gradient(
     """
     found, gradient, excluded, clipped = _pathwise_gradient(evaluator, objective, nonsmooth, x, keys)
     if nonsmooth.any():
-        gradient[nonsmooth] = _finite_differences(evaluator, objective, nonsmooth, x, keys, found.metrics)
+        gradient[nonsmooth] = _finite_differences(evaluator, objective, nonsmooth, x, keys)
     return GradientEstimate(found.metrics, gradient, excluded, clipped)
 
 
@@ -73,8 +73,9 @@ def run_gradients(
         return found, found.gradient
     found = evaluator.jacobian(inputs, keys)
     assert found.jacobian is not None
-    cotangents = objective.gradient(*map(jnp.asarray, (found.metrics, found.metrics, np.ones(len(keys)))))
-    return found, np.einsum("rf,rfk->rk", np.asarray(cotangents), found.jacobian)
+    cotangents = np.asarray(objective.gradient(jnp.asarray(found.metrics), jnp.ones(len(keys))))[..., None]
+    # What an undefined metric contributes is constant.
+    return found, np.where(cotangents == 0.0, 0.0, cotangents * found.jacobian).sum(axis=1)
 
 
 def clipped_sum(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
@@ -100,25 +101,17 @@ def _pathwise_gradient(
     if nonsmooth.all():
         return evaluator.evaluate(np.tile(x, (len(keys), 1)), keys), np.zeros(len(x)), 0, 0
     found, gradients = run_gradients(evaluator, objective, x, keys)
-    # Runs beyond the capacity of the devices make several batches, each with an objective of its own.
-    smooth = np.where(nonsmooth, 0.0, gradients / -(-len(keys) // evaluator.batch_size))
-    return found, *clipped_sum(smooth)
+    return found, *clipped_sum(np.where(nonsmooth, 0.0, gradients))
 
 
 def _finite_differences(
-    evaluator: RolloutEvaluator,
-    objective: Objective,
-    nonsmooth: np.ndarray,
-    x: np.ndarray,
-    keys: np.ndarray,
-    metrics: np.ndarray,
+    evaluator: RolloutEvaluator, objective: Objective, nonsmooth: np.ndarray, x: np.ndarray, keys: np.ndarray
 ) -> np.ndarray:
-    """Central differences of the objective over the runs that are finite on both sides."""
+    """Central differences of the objective; a run that loses a metric on one side points away from that side."""
     differences = []
     for index in np.flatnonzero(nonsmooth):
         move = DIFFERENCE_HALF_WIDTH * np.eye(len(x))[index]
         sides = [evaluator.evaluate(np.tile(x + sign * move, (len(keys), 1)), keys).metrics for sign in (1.0, -1.0)]
-        failed = ~np.isfinite(np.concatenate([metrics, *sides], axis=1)).all(axis=1, keepdims=True)
-        up, down = (objective(np.where(failed, np.nan, side))[0] for side in sides)
+        up, down = (objective(side)[0] for side in sides)
         differences.append((up - down) / (2.0 * DIFFERENCE_HALF_WIDTH))
     return np.array(differences)
