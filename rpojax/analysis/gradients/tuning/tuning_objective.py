@@ -40,7 +40,8 @@ _RANGE: Final = {
     "delta_v": (1e-3, 1e4),
     "pointing": (1e-3, 180.0),
 }
-"""Least and greatest value of a run: surprise, the radius of an orbit [m], what no thruster has [m/s], an angle [deg]."""
+"""Least and greatest value of a run; the greatest are about the radius of an orbit [m], more than any propellant gives
+[m/s], and the greatest angle [deg]."""
 _RANGE_OF_ANY: Final = (1e-9, 1e9)
 """That of a metric with a weight of its own, in its unit."""
 _LOST_NEES_RATIO: Final = 10.0
@@ -89,8 +90,9 @@ class Objective:
 
     def undefined_runs(self, metrics: np.ndarray) -> dict[str, int]:
         """By part, how many runs of a batch (runs, metrics) have no value of it, and count as the worst."""
-        columns = dict(zip(self.metric_names, ~np.isfinite(metrics).T, strict=True))
-        return {part: int(np.any([columns[name] for name in part_metrics(part)], axis=0).sum()) for part in self.weights}
+        missing = dict(zip(self.metric_names, ~np.isfinite(metrics).T, strict=True))
+        by_part = {part: [missing[name] for name in part_metrics(part)] for part in self.weights}
+        return {part: int(np.any(columns, axis=0).sum()) for part, columns in by_part.items()}
 
     def _total(self, metrics: MetricArray, mask: Array) -> tuple[Array, dict[str, Array]]:
         columns = dict(zip(self.metric_names, metrics.T, strict=True))

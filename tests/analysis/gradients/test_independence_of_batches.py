@@ -1,0 +1,62 @@
+"""Gradients do not depend on how runs are divided among devices and batches, in either mode."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import linear_runs
+import numpy as np
+import pytest
+from linear_runs import DIVISIONS, OFFSETS, RUNS, START, TICKS, TRANSITION, UNDEFINED_RUN
+
+import rpojax
+from rpojax.analysis.gradients.rollout_evaluator import run_keys
+
+
+def by_hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Metrics of the linear system, their derivatives (runs, metrics, 3), and the gradient of the objective."""
+    # x = S (u + b) after all ticks, where S is the sum of the powers of A.
+    total = sum(np.linalg.matrix_power(TRANSITION, power) for power in range(TICKS))
+    keys = [jnp.asarray(key) for key in run_keys(0, np.arange(RUNS))]
+    own, outputs = map(np.stack, zip(*(map(np.asarray, linear_runs.parts_of_run(key)) for key in keys), strict=True))
+    metrics = np.einsum("rfi,ij,rj->rf", outputs, total, START + own) + OFFSETS
+    jacobian = np.einsum("rfi,ij->rfj", outputs, total)
+    both, relative, formation, pointing = np.moveaxis(jacobian / RUNS, 1, 0)
+    nees, nees_relative = metrics[:, 0], metrics[:, 1]
+    consistency = 0.0
+    for values, derivative in ((nees_relative, relative), (nees - nees_relative, both - relative)):
+        # No run is beyond ten times the median: d log(m / 6)^2 = 2 log(m / 6) dm / m.
+        assert np.all(values < 10.0 * np.median(values))
+        mean = values.mean()
+        consistency = consistency + 2.0 * np.log(mean / 6.0) / mean * derivative.sum(axis=0)
+    settled = np.arange(RUNS) != UNDEFINED_RUN
+    gradient = consistency + (formation / metrics[:, 2:3]).sum(axis=0)
+    gradient = gradient + (pointing / metrics[:, 3:])[settled].sum(axis=0)
+    metrics[UNDEFINED_RUN, 3] = np.nan
+    return metrics, jacobian, gradient
+
+
+@pytest.fixture(scope="module")
+def divided() -> list[dict]:
+    """Gradients in a process with three devices, one entry for each division of the runs and mode."""
+    cache: str | None = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    environment = dict(os.environ) | {"PYTHONPATH": str(Path(rpojax.__file__).parents[1])}
+    environment["XLA_FLAGS"] = "--xla_force_host_platform_device_count=3 --xla_backend_optimization_level=0"
+    environment |= {"JAX_COMPILATION_CACHE_DIR": cache} if cache else {"RPOJAX_CACHE": "off"}
+    script = [sys.executable, linear_runs.__file__]
+    return json.loads(subprocess.run(script, env=environment, check=True, capture_output=True, text=True).stdout)
+
+
+def test_gradients_of_a_linear_system_do_not_depend_on_devices_and_batches(divided: list[dict]) -> None:
+    metrics, jacobian, gradient = by_hand()
+    assert len(divided) == 2 * len(DIVISIONS)
+    for found in divided:
+        division = str(found["division"])
+        np.testing.assert_allclose(found["metrics"], metrics, rtol=1e-12, err_msg=division)
+        np.testing.assert_allclose(found["gradient"], gradient, rtol=1e-12, atol=1e-14, err_msg=division)
+        np.testing.assert_allclose(found["of_metric"], jacobian[:, 0], rtol=1e-12, atol=1e-14, err_msg=division)
+        assert found["excluded"] == 0
