@@ -60,7 +60,7 @@ class RolloutResult:
     """Metrics of runs and their derivatives.
 
     Attributes:
-        metrics: (runs, metrics), NaN where undefined
+        metrics: (runs, metrics), NaN where undefined, and for runs that ended early
         jacobian: (runs, metrics, k) from the forward mode, else None; NaN where the metric is undefined
         gradient: (runs, k) from the reverse mode, else None: of the weighted sum of metrics, NaN where one of them with
             a weight is undefined, or of a function of all metrics, to which undefined ones contribute nothing
@@ -188,8 +188,15 @@ class RolloutEvaluator:
         return self._programs[kind]
 
     def _traced_metrics(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
-        metrics, status = self._simulate_metrics(nominal, inputs, keys)
+        metrics, status = self._defined_metrics(nominal, inputs, keys)
         return metrics, *status
+
+    def _defined_metrics(
+        self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
+    ) -> tuple[Array, RunStatus]:
+        """What `_simulate_metrics` gives, NaN for runs that ended early: as in campaigns, they have no metrics."""
+        metrics, status = self._simulate_metrics(nominal, inputs, keys, checkpoint_ticks)
+        return jnp.where(status[0][:, None], jnp.nan, metrics), status
 
     def _simulate_metrics(
         self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
@@ -220,7 +227,7 @@ class RolloutEvaluator:
         def along(direction: Array) -> tuple[Array, ...]:
             tangent = jnp.broadcast_to(direction, inputs.shape)
             metrics, change, status = jax.jvp(
-                lambda x: self._simulate_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
+                lambda x: self._defined_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
             )
             return metrics, *status, change
 
@@ -242,7 +249,7 @@ class RolloutEvaluator:
     def _reversible_metrics(self, nominal: Params, inputs: Array, keys: Array) -> tuple[Array, Any, RunStatus]:
         """Metrics of runs, the function from their cotangents to that of the inputs, and the status of the runs."""
         return jax.vjp(
-            lambda x: self._simulate_metrics(nominal, x, keys, checkpoint_ticks=self.checkpoint_ticks),
+            lambda x: self._defined_metrics(nominal, x, keys, checkpoint_ticks=self.checkpoint_ticks),
             inputs,
             has_aux=True,
         )

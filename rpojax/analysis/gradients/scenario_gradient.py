@@ -42,7 +42,7 @@ class Gradient:
         metrics: metric -> (runs,), NaN where undefined
         derivatives: metric -> key -> (runs, ...), the key's own shape behind the runs; NaN where the
             metric is undefined
-        completed: (runs,) bool; the values of other runs end with their failure
+        completed: (runs,) bool; other runs ended early and have no metrics
         events: (runs,) hash of accepted boxes and guidance modes; runs of the same hash differ smoothly
         mode: of differentiation, 'forward' or 'reverse'
         compile_s: time to compile [s]

@@ -24,8 +24,8 @@ RUNS, TICKS = 7, 20
 START = np.array([0.3, -0.2, 0.5])
 TRANSITION = np.array([[0.9, 0.1, 0.0], [-0.2, 0.8, 0.1], [0.0, 0.1, 0.7]])
 OFFSETS = np.array([40.0, 20.0, 20.0, 20.0])
-UNDEFINED_RUN = 2
-"""Its pointing error is undefined."""
+UNDEFINED_RUN, FAILED_RUN = 2, 5
+"""One has no pointing error; the other becomes non-finite, and so do its derivatives."""
 DIVISIONS = [(1, 7), (1, 3), (2, 2), (3, 1)]
 """Devices, and runs that each takes at once; the last batch of most of them is padded."""
 PARTS = ("formation", "consistency", "pointing")
@@ -36,7 +36,7 @@ class LinearRuns(RolloutEvaluator):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.undefined_key = run_keys(0, np.array([UNDEFINED_RUN]))[0]
+        self.special_keys = run_keys(0, np.array([UNDEFINED_RUN, FAILED_RUN]))
 
     def _simulate_metrics(
         self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
@@ -49,11 +49,13 @@ class LinearRuns(RolloutEvaluator):
             return outputs @ last + jnp.asarray(OFFSETS)
 
         found = jax.vmap(metrics)(inputs, keys)
-        undefined = jnp.all(keys == self.undefined_key[None], axis=1)
+        undefined, failed = (jnp.all(keys == key[None], axis=1) for key in self.special_keys)
         found = found.at[:, self.metric_names.index("pointing_error_rms_deg")].set(
             jnp.where(undefined, jnp.nan, found[:, -1])
         )
-        return found, (jnp.zeros(len(keys), dtype=bool), jnp.zeros(len(keys), dtype=jnp.uint32))
+        root = jnp.sqrt(jnp.where(failed, 0.0, 1.0) * inputs[:, 0] ** 2)
+        found = found + (root - jnp.abs(inputs[:, 0]))[:, None]
+        return found, (failed, jnp.zeros(len(keys), dtype=jnp.uint32))
 
 
 def parts_of_run(key: Array) -> tuple[Array, Array]:

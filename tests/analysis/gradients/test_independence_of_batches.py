@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import linear_runs
 import numpy as np
 import pytest
-from linear_runs import DIVISIONS, OFFSETS, RUNS, START, TICKS, TRANSITION, UNDEFINED_RUN
+from linear_runs import DIVISIONS, FAILED_RUN, OFFSETS, RUNS, START, TICKS, TRANSITION, UNDEFINED_RUN
 
 import rpojax
 from rpojax.analysis.gradients.rollout_evaluator import run_keys
@@ -25,18 +25,20 @@ def by_hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     own, outputs = map(np.stack, zip(*(map(np.asarray, linear_runs.parts_of_run(key)) for key in keys), strict=True))
     metrics = np.einsum("rfi,ij,rj->rf", outputs, total, START + own) + OFFSETS
     jacobian = np.einsum("rfi,ij->rfj", outputs, total)
-    both, relative, formation, pointing = np.moveaxis(jacobian / RUNS, 1, 0)
+    completed = np.arange(RUNS) != FAILED_RUN
+    both, relative, formation, pointing = np.moveaxis(jacobian, 1, 0)
     nees, nees_relative = metrics[:, 0], metrics[:, 1]
     consistency = 0.0
     for values, derivative in ((nees_relative, relative), (nees - nees_relative, both - relative)):
         # No run is beyond ten times the median: d log(m / 6)^2 = 2 log(m / 6) dm / m.
         assert np.all(values < 10.0 * np.median(values))
-        mean = values.mean()
-        consistency = consistency + 2.0 * np.log(mean / 6.0) / mean * derivative.sum(axis=0)
-    settled = np.arange(RUNS) != UNDEFINED_RUN
-    gradient = consistency + (formation / metrics[:, 2:3]).sum(axis=0)
-    gradient = gradient + (pointing / metrics[:, 3:])[settled].sum(axis=0)
-    metrics[UNDEFINED_RUN, 3] = np.nan
+        mean = values[completed].mean()
+        consistency = consistency + 2.0 * np.log(mean / 6.0) / mean * derivative[completed].mean(axis=0)
+    # What the others contribute is constant, and counts in the mean.
+    settled = completed & (np.arange(RUNS) != UNDEFINED_RUN)
+    gradient = consistency + (formation / metrics[:, 2:3])[completed].sum(axis=0) / RUNS
+    gradient = gradient + (pointing / metrics[:, 3:])[settled].sum(axis=0) / RUNS
+    metrics[UNDEFINED_RUN, 3] = metrics[FAILED_RUN] = jacobian[FAILED_RUN] = np.nan
     return metrics, jacobian, gradient
 
 

@@ -67,15 +67,14 @@ def run_gradients(
 ) -> tuple[RolloutResult, np.ndarray]:
     """Metrics of runs at coordinates (k,), and the derivative (runs, k) of each run's contribution to the objective."""
     inputs = np.tile(x, (len(keys), 1))
-    if evaluator.input_count > FORWARD_MODE_MAX_INPUTS:
-        found = evaluator.gradient(inputs, keys)
-        assert found.gradient is not None
-        return found, found.gradient
-    found = evaluator.jacobian(inputs, keys)
-    assert found.jacobian is not None
+    is_reverse = evaluator.input_count > FORWARD_MODE_MAX_INPUTS
+    found = evaluator.gradient(inputs, keys) if is_reverse else evaluator.jacobian(inputs, keys)
     cotangents = np.asarray(objective.gradient(jnp.asarray(found.metrics), jnp.ones(len(keys))))[..., None]
-    # What an undefined metric contributes is constant.
-    return found, np.where(cotangents == 0.0, 0.0, cotangents * found.jacobian).sum(axis=1)
+    # What undefined metrics contribute is constant, whatever their derivatives.
+    if found.jacobian is not None:
+        return found, np.where(cotangents == 0.0, 0.0, cotangents * found.jacobian).sum(axis=1)
+    assert found.gradient is not None
+    return found, np.where((cotangents == 0.0).all(axis=1), 0.0, found.gradient)
 
 
 def clipped_sum(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
