@@ -69,7 +69,7 @@ def test_failed_runs_are_left_out_and_the_share_of_one_run_is_reported(space: St
 class SometimesUndefined(KnownDerivatives):
     """The same, with one metric undefined in the median run and in some of the others, as an evaluator gives it."""
 
-    lost = (0, 3, 4)
+    lost: tuple[int, ...] = (0, 3, 4)
 
     def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
         found = super().jacobian(inputs, keys)
