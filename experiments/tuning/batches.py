@@ -18,7 +18,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--horizon", type=float, default=300.0)
     options = parser.parse_args()
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=2"
+    if "device_count" not in os.environ.get("XLA_FLAGS", ""):
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=2"
     for mode in ("forward", "reverse"):
         print(json.dumps({mode: differences(mode, options.runs, options.horizon)}), flush=True)
 
@@ -62,7 +63,7 @@ def gradients(mode: str, runs: int, horizon_s: float, devices: int, per_device: 
     found, of_runs = gradient_estimator.run_gradients(evaluator, objective, chosen.initial, keys)
     total, excluded, _ = gradient_estimator.clipped_sum(of_runs)
     assert excluded == 0
-    return {"metrics": found.metrics, "runs": of_runs, "gradient": total, "norm": np.linalg.norm(total)}
+    return {"metrics": found.metrics, "runs": of_runs, "gradient": total, "norm": np.array(np.linalg.norm(total))}
 
 
 if __name__ == "__main__":

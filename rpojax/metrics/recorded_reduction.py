@@ -32,7 +32,8 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
 
 def _counts(reduction: Reduction | None, weight: np.ndarray) -> NDArray[np.bool_]:
     """Whether any tick of a run has a weight (runs,), or the last one where it alone counts."""
-    return weight[:, -1] > 0 if reduction in ("end", "total") else (weight > 0).any(axis=1)
+    has_weight = np.asarray(weight > 0)
+    return has_weight[:, -1] if reduction in ("end", "total") else np.any(has_weight, axis=1)
 
 
 def _reduced(metric: Metric, value: np.ndarray, weight: np.ndarray | None) -> Floats:
@@ -51,7 +52,7 @@ def _reduced(metric: Metric, value: np.ndarray, weight: np.ndarray | None) -> Fl
             return _counted(value, weight, np.inf).min(axis=over_ticks_and_components).astype(float)
         case "max":
             return _counted(value, weight, -np.inf).max(axis=over_ticks_and_components).astype(float)
-        case "end" | "total":
+        case _:
             return value[:, -1].astype(float)
 
 

@@ -81,9 +81,11 @@ def tuning_gradient(devices: int, per_device: int, mode: str) -> dict[str, Any]:
         found = gradient_estimator.estimate_gradient(evaluator, made, smooth, START, keys)
         inputs = np.tile(START, (RUNS, 1))
         if mode == "forward":
-            of_metric = evaluator.jacobian(inputs, keys).jacobian[:, 0]
+            jacobian = evaluator.jacobian(inputs, keys).jacobian
+            of_metric = None if jacobian is None else jacobian[:, 0]
         else:
             of_metric = evaluator.gradient(inputs, keys, np.tile(np.eye(len(made.metric_names))[0], (RUNS, 1))).gradient
+    assert of_metric is not None
     return {
         "division": [devices, per_device, mode],
         "metrics": found.metrics.tolist(),

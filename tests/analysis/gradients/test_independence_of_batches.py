@@ -6,11 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import fast_compile_flags
 import jax
 import jax.numpy as jnp
 import linear_runs
 import numpy as np
 import pytest
+from experiment_modules import EXPERIMENTS
 from linear_runs import DIVISIONS, FAILED_RUN, OFFSETS, RUNS, START, TICKS, TRANSITION, UNDEFINED_RUN
 
 import rpojax
@@ -42,19 +44,19 @@ def by_hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return metrics, jacobian, gradient
 
 
-@pytest.fixture(scope="module")
-def divided() -> list[dict]:
-    """Gradients in a process with three devices, one entry for each division of the runs and mode."""
+def printed(script: str | Path, devices: int) -> str:
+    """Output of a script in a process with some host devices."""
     cache: str | None = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     environment = dict(os.environ) | {"PYTHONPATH": str(Path(rpojax.__file__).parents[1])}
-    environment["XLA_FLAGS"] = "--xla_force_host_platform_device_count=3 --xla_backend_optimization_level=0"
+    environment["XLA_FLAGS"] = f"--xla_force_host_platform_device_count={devices} {fast_compile_flags.FLAGS[0]}"
     environment |= {"JAX_COMPILATION_CACHE_DIR": cache} if cache else {"RPOJAX_CACHE": "off"}
-    script = [sys.executable, linear_runs.__file__]
-    return json.loads(subprocess.run(script, env=environment, check=True, capture_output=True, text=True).stdout)
+    words = [sys.executable, str(script)]
+    return subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout
 
 
-def test_gradients_of_a_linear_system_do_not_depend_on_devices_and_batches(divided: list[dict]) -> None:
+def test_gradients_of_a_linear_system_do_not_depend_on_devices_and_batches() -> None:
     metrics, jacobian, gradient = by_hand()
+    divided = json.loads(printed(linear_runs.__file__, 3))
     assert len(divided) == 2 * len(DIVISIONS)
     for found in divided:
         division = str(found["division"])
@@ -62,3 +64,14 @@ def test_gradients_of_a_linear_system_do_not_depend_on_devices_and_batches(divid
         np.testing.assert_allclose(found["gradient"], gradient, rtol=1e-12, atol=1e-14, err_msg=division)
         np.testing.assert_allclose(found["of_metric"], jacobian[:, 0], rtol=1e-12, atol=1e-14, err_msg=division)
         assert found["excluded"] == 0
+
+
+@pytest.mark.slow
+def test_gradients_of_the_closed_loop_do_not_depend_on_devices_and_batches() -> None:
+    # Three runs of 300 s: one batch on one device, and two batches on two devices, the last one padded.
+    lines = [json.loads(line) for line in printed(EXPERIMENTS / "tuning" / "batches.py", 2).splitlines()]
+    assert [list(line) for line in lines] == [["forward"], ["reverse"]]
+    for line in lines:
+        ((mode, differences),) = line.items()
+        assert set(differences) == {"metrics", "runs", "gradient", "norm"}
+        assert max(differences.values()) < 1e-8, mode

@@ -18,7 +18,7 @@ from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS,
 from rpojax.analysis.gradients.tuning.tuning_objective import Objective
 
 CLIP_RATIO: Final = 10.0
-"""Longest gradient of a run over the median of the batch."""
+"""Longest gradient of a run over the median of all that are not zero."""
 DIFFERENCE_HALF_WIDTH: Final = 0.4
 """Step of the differences to either side, in coordinates: a third less and a half more of a number."""
 
@@ -80,14 +80,15 @@ def run_gradients(
 def clipped_sum(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
     """Sum (k,) of the gradients (runs, k) of runs, and how many were excluded as not finite, and clipped.
 
-    Next to a discrete event the derivative of a run may be enormous while that of the mean is not.
+    Next to a discrete event the derivative of a run may be enormous while that of the mean is not. Runs without any
+    metric have no gradient, and do not shorten those of the others.
     """
     finite = np.isfinite(gradients).all(axis=1)
     kept = gradients[finite]
     if len(kept) == 0:
         return np.full(gradients.shape[1], math.nan), len(gradients), 0
     norms = np.linalg.norm(kept, axis=1)
-    longest = CLIP_RATIO * np.median(norms)
+    longest = CLIP_RATIO * np.median(norms[norms > 0.0]) if norms.any() else 0.0
     factors = np.where(norms > longest, longest / np.where(norms > 0.0, norms, 1.0), 1.0)
     total = (kept * factors[:, None]).sum(axis=0)
     return total * len(gradients) / len(kept), int((~finite).sum()), int((factors < 1.0).sum())

@@ -50,3 +50,22 @@ def test_differences_point_away_from_the_side_where_a_run_loses_its_metric(monke
     found = gradient_estimator.estimate_gradient(evaluator, objective, nonsmooth, x, keys).gradient
     # One of four runs goes from 10 m to the worst, 1e7 m, over twice 0.4.
     np.testing.assert_allclose(found[2:], np.log(1e6) / 4.0 / 0.8, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("gradients", "total", "excluded", "clipped"),
+    [
+        ([1.0, 2.0, 3.0], 6.0, 0, 0),
+        ([1.0, 2.0, 1e6], 23.0, 0, 1),
+        # Most runs have no metric, and the others are not clipped to nothing.
+        ([1.0, 2.0, 0.0, 0.0, 0.0], 3.0, 0, 0),
+        ([0.0, 0.0], 0.0, 0, 0),
+        # The mean of the others stands for a run that is left out.
+        ([1.0, 2.0, 3.0, np.nan], 8.0, 1, 0),
+    ],
+)
+def test_gradients_are_clipped_at_ten_times_the_median(
+    gradients: list[float], total: float, excluded: int, clipped: int
+) -> None:
+    found = gradient_estimator.clipped_sum(np.array(gradients)[:, None])
+    assert found == (pytest.approx([total]), excluded, clipped)
