@@ -36,13 +36,22 @@ def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
     def descend(file: ScenarioFile, settings: TuningSettings, *_: Any) -> TuningResult:
         scenario_at_horizon(file, settings)
-        steps = tuple(TuningStep(objective, {}, 1.0, 0, 0, 2.0) for objective in (3.0, 1.0))
+        steps = tuple(
+            TuningStep(
+                objective, {"formation": 0.5, "pointing": 0.5}, {"formation": 0, "pointing": lost}, 1.0, 0, 0, 2.0
+            )
+            for objective, lost in ((3.0, 5), (1.0, 2))
+        )
         return TuningResult(np.zeros(1), {"navigation.edge_noise_px": 2.0}, steps, "reverse", 9.0, 1000)
 
     def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: Any, stages: Any) -> RunMetrics:
         assert (seed, stages) == (8, STAGES[0])
         base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
-        return RunMetrics(np.arange(runs), np.full(runs, "completed"), dict.fromkeys(UNITS, base))
+        metrics = dict.fromkeys(UNITS, base)
+        if file.navigation.edge_noise_px == 2.0:
+            metrics["pointing_error_p95_deg"] = np.where(np.arange(runs) < 3, np.nan, base)
+            metrics["nees_mean"] = np.full(runs, np.nan)
+        return RunMetrics(np.arange(runs), np.full(runs, "completed"), metrics)
 
     monkeypatch.setattr(gradient_descent, "descend", descend)
     monkeypatch.setattr(tuning_validation, "simulate_runs", simulate_runs)
@@ -60,6 +69,11 @@ def test_a_tuning_writes_a_scenario_and_its_record(nothing_simulated: Path, caps
     change = content["judged"]["means"]["formation_error_rms_m"]
     assert change["ratio_95"][0] <= change["ratio"] <= change["ratio_95"][1]
     assert change["ratio"] == pytest.approx(0.5, abs=0.1)
+    assert [step["undefined"] for step in content["steps"]] == [
+        {"formation": 0, "pointing": 5},
+        {"formation": 0, "pointing": 2},
+    ]
+    assert content["judged"]["undefined"] == {"pointing_error_p95_deg": [0, 3], "nees_mean": [0, 50]}
     made = rpojax.load("new/tuned.toml")
     assert made == rpojax.load("inspection", ["navigation.edge_noise_px=2.0"])
 
@@ -78,6 +92,10 @@ def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest
     assert "navigation.edge_noise_px: 1.0 -> 2.0" in text
     assert "objective 3.0000 -> 1.0000" in text
     assert "50 unseen runs, seed 8" in text
+    assert "pointing: no value in 5 of 64 runs at the first step and 2 at the last (7 of all 128)" in text
+    assert "formation: no value" not in text
+    assert "pointing_error_p95_deg has no value in 0 runs with the start and in 3 with the tuned scenario" in text
+    assert "nees_mean has no value in 0 runs with the start and in 50 with the tuned scenario" in text
     assert "Beyond chance" not in text
 
 

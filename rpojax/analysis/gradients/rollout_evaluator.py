@@ -6,7 +6,7 @@ independent, so there is one derivative per run, and those of failed runs can be
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -40,10 +40,11 @@ InputFunction = Callable[[Array, Array], Values]
 """Map from the inputs (k,) and the random key of a run to values by scenario key, in the user's units."""
 RunStatus = tuple[Array, Array]
 """Of runs (runs,): failed or not, and the hash of their events."""
-CotangentFunction = Callable[[Array, Array, Array], Array]
-"""Cotangents (runs, metrics) from the metrics of all runs of a batch, weights of the same shape, and a mask (runs,): 1
-for runs that count, 0 for padding."""
-ProgramKind = Literal["values", "forward", "reverse"]
+CotangentFunction = Callable[[Array, Array], Array]
+"""Derivative (runs, metrics) of a number to the metrics of runs, from these metrics and a mask (runs,): 1 for runs that
+count, 0 for padding."""
+ProgramKind = Literal["values", "forward", "reverse", "reverse of all"]
+"""`reverse` is that of a weighted sum of metrics, `reverse of all` that of a function of all runs in one batch."""
 
 RUNS_PER_DEVICE = 64
 """Runs at a time on each device; more are no faster."""
@@ -58,9 +59,10 @@ class RolloutResult:
     """Metrics of runs and their derivatives.
 
     Attributes:
-        metrics: (runs, metrics)
-        jacobian: (runs, metrics, k) from the forward mode, else None
-        gradient: (runs, k) of the weighted sum of metrics, from the reverse mode, else None
+        metrics: (runs, metrics), NaN where undefined, and for runs that ended early
+        jacobian: (runs, metrics, k) from the forward mode, else None; NaN where the metric is undefined
+        gradient: (runs, k) from the reverse mode, else None: of the weighted sum of metrics, NaN where one of them with
+            a weight is undefined, or of a function of all metrics, to which undefined ones contribute nothing
         failed: (runs,) bool, the run ended early
         events: (runs,) hash of the accepted and rejected boxes and of the guidance modes at all ticks
     """
@@ -70,12 +72,6 @@ class RolloutResult:
     gradient: np.ndarray | None
     failed: np.ndarray
     events: np.ndarray
-
-
-def constant_weights(metrics: Array, weights: Array, mask: Array) -> Array:
-    """Cotangents of a weighted sum of metrics: the weights themselves."""
-    del metrics
-    return weights * mask[:, None]
 
 
 class RolloutEvaluator:
@@ -99,7 +95,7 @@ class RolloutEvaluator:
         metric_names: Sequence[str],
         runs: int,
         stages: Stages | None = None,
-        cotangent: CotangentFunction = constant_weights,
+        cotangent: CotangentFunction | None = None,
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
     ) -> None:
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
@@ -134,11 +130,21 @@ class RolloutEvaluator:
     def gradient(self, inputs: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> RolloutResult:
         """Metrics, and the gradient of their weighted sum in reverse mode: costs about seven runs.
 
-        `weights` (runs, metrics) are needed unless the evaluator has a cotangent function of its own, which is then
-        applied to each batch of runs.
+        Without `weights` (runs, metrics) it is the gradient of the number of which the evaluator's cotangent function
+        is the derivative. Where the runs make several batches, that costs a run more: the derivative depends on the
+        metrics of all of them.
         """
-        chosen = np.zeros((len(inputs), len(self.metric_names))) if weights is None else weights
-        return self._run_batches("reverse", inputs, keys, chosen)
+        if weights is None:
+            assert self._cotangent is not None
+            if len(inputs) <= self.batch_size:
+                return self._run_batches("reverse of all", inputs, keys)
+            metrics = self.evaluate(inputs, keys).metrics
+            cotangents = np.asarray(self._cotangent(jnp.asarray(metrics), jnp.ones(len(metrics))))
+            return self._run_batches("reverse", inputs, keys, cotangents)
+        found = self._run_batches("reverse", inputs, keys, weights)
+        assert found.gradient is not None
+        undefined = (np.isnan(found.metrics) & (weights != 0.0)).any(axis=1, keepdims=True)
+        return replace(found, gradient=np.where(undefined, np.nan, found.gradient))
 
     def _run_batches(self, kind: ProgramKind, *arrays: np.ndarray) -> RolloutResult:
         """Runs in batches that the devices share."""
@@ -152,8 +158,8 @@ class RolloutEvaluator:
         metrics, failed, events, *derivative = (column[:runs] for column in concatenate(parts))
         return RolloutResult(
             metrics=metrics,
-            jacobian=derivative[0] if kind == "forward" else None,
-            gradient=derivative[0] if kind == "reverse" else None,
+            jacobian=np.where(np.isnan(metrics)[..., None], np.nan, derivative[0]) if kind == "forward" else None,
+            gradient=derivative[0] if kind.startswith("reverse") else None,
             failed=failed,
             events=events,
         )
@@ -165,6 +171,7 @@ class RolloutEvaluator:
                 "values": self._traced_metrics,
                 "forward": self._traced_jacobian,
                 "reverse": self._traced_gradient,
+                "reverse of all": self._traced_gradient_of_all,
             }[kind]
             shapes = [(), (self.input_count,), (2,), (len(self.metric_names),)][: 4 if kind == "reverse" else 3]
             types = [np.float64, np.float64, np.uint32, np.float64]
@@ -181,8 +188,15 @@ class RolloutEvaluator:
         return self._programs[kind]
 
     def _traced_metrics(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
-        metrics, status = self._simulate_metrics(nominal, inputs, keys)
+        metrics, status = self._defined_metrics(nominal, inputs, keys)
         return metrics, *status
+
+    def _defined_metrics(
+        self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
+    ) -> tuple[Array, RunStatus]:
+        """What `_simulate_metrics` gives, NaN for runs that ended early: as in campaigns, they have no metrics."""
+        metrics, status = self._simulate_metrics(nominal, inputs, keys, checkpoint_ticks)
+        return jnp.where(status[0][:, None], jnp.nan, metrics), status
 
     def _simulate_metrics(
         self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
@@ -213,7 +227,7 @@ class RolloutEvaluator:
         def along(direction: Array) -> tuple[Array, ...]:
             tangent = jnp.broadcast_to(direction, inputs.shape)
             metrics, change, status = jax.jvp(
-                lambda x: self._simulate_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
+                lambda x: self._defined_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
             )
             return metrics, *status, change
 
@@ -221,15 +235,24 @@ class RolloutEvaluator:
         return jax.vmap(along, out_axes=(None, None, None, 2))(directions)
 
     def _traced_gradient(
-        self, nominal: Params, mask: Array, inputs: Array, keys: Array, weights: Array
+        self, nominal: Params, _: Array, inputs: Array, keys: Array, weights: Array
     ) -> tuple[Array, ...]:
-        metrics, pull_back, status = jax.vjp(
-            lambda x: self._simulate_metrics(nominal, x, keys, checkpoint_ticks=self.checkpoint_ticks),
+        metrics, pull_back, status = self._reversible_metrics(nominal, inputs, keys)
+        return metrics, *status, pull_back(weights)[0]
+
+    def _traced_gradient_of_all(self, nominal: Params, mask: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
+        assert self._cotangent is not None
+        metrics, pull_back, status = self._reversible_metrics(nominal, inputs, keys)
+        cotangents = self._cotangent(*map(gather_rows, (metrics, mask)))
+        return metrics, *status, pull_back(own_rows(cotangents))[0]
+
+    def _reversible_metrics(self, nominal: Params, inputs: Array, keys: Array) -> tuple[Array, Any, RunStatus]:
+        """Metrics of runs, the function from their cotangents to that of the inputs, and the status of the runs."""
+        return jax.vjp(
+            lambda x: self._defined_metrics(nominal, x, keys, checkpoint_ticks=self.checkpoint_ticks),
             inputs,
             has_aux=True,
         )
-        cotangents = self._cotangent(*map(gather_rows, (metrics, weights, mask)))
-        return metrics, *status, pull_back(own_rows(cotangents))[0]
 
     def _state_bytes(self) -> int:
         """Size of the carry of a run from tick to tick [B]."""

@@ -131,6 +131,24 @@ def test_a_failed_run_is_a_violation(mission: ScenarioFile) -> None:
     assert (content["value"], content["value_flown"]) == (None, None)
 
 
+def test_a_run_without_the_metric_violates_the_limit(mission: ScenarioFile) -> None:
+    class SometimesUndefined(LinearRuns):
+        def evaluate(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+            found = super().evaluate(inputs, keys)
+            return replace(found, metrics=np.where(inputs[:, :1] > 2.0, np.nan, found.metrics))
+
+    space = standard_normal_space.make_space(mission)
+    settings = SearchSettings(starts=2, screening_points=16, budget=400.0)
+    worst = worst_case.search_worst_case(
+        space, MetricLimit("delta_v_m_s", "at most", 18.0), settings, 3, SometimesUndefined(space.dimension), COSTS
+    )
+    assert worst.search.nearest_violation is not None
+    # The metric is beyond its limit at 4 sigmas, and undefined from 2 sigmas on.
+    assert 2.0 < worst.reported_point.distance < 3.0
+    content = replace(worst, simulated_value=math.nan).to_dict()
+    assert (content["confirmed"], content["value"], content["value_flown"]) == (True, None, None)
+
+
 def test_a_limit_out_of_reach_is_reported(mission: ScenarioFile) -> None:
     worst = searched(mission, MetricLimit("min_range_m", "at least", 9.0))
     content = replace(worst, simulated_value=12.0).to_dict()

@@ -4,9 +4,10 @@ import hashlib
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from synthetic_channel_records import perfect_run
 
 import rpojax
 from rpojax.errors import RpojaxError, ScenarioError
-from rpojax.metrics import metric_catalogue
+from rpojax.metrics import metric_catalogue, running_reduction
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import custom_metrics, plugin_registry
 from rpojax.scenario.plugins.plugin import described_plugin
@@ -169,6 +170,29 @@ def test_ticks_without_a_finite_value_do_not_count_and_a_run_without_any_is_unde
     records["range_m"][0] = [10.0] * 4 + [30.0] * 3 + [40.0] * 2
     records["range_m"][1] = 5.0
     np.testing.assert_allclose(recorded_metrics.evaluate(file, records, {})["score"], [34.0, np.nan])
+
+
+@pytest.mark.parametrize("differentiate", [jax.jacfwd, jax.jacrev])
+def test_ticks_without_a_finite_value_do_not_enter_the_derivative_in_either_mode(differentiate: Callable) -> None:
+    @rpojax.metric("mean")
+    def root(range_m, is_eclipsed):
+        return jnp.where(is_eclipsed, jnp.sqrt(range_m - 20.0), jnp.nan)
+
+    definition = custom_metrics.make_metric("root", root, "-")
+    ranges = [24.0, 10.0, 29.0, 5.0]
+
+    def value(factor: jax.Array, ranges: list[float]) -> jax.Array:
+        sums = running_reduction.initial_accumulators([definition])
+        for tick, length in enumerate(ranges):
+            inputs = {"range_m": factor * length, "is_eclipsed": jnp.asarray(True)}
+            sums = running_reduction.accumulate([definition], inputs, sums, jnp.int32(tick), len(ranges), 1.0)
+        return running_reduction.final_values([definition], sums)[0]
+
+    assert value(jnp.ones(()), ranges) == 2.5
+    # Of sqrt(24 x - 20) and sqrt(29 x - 20) at x = 1.
+    assert differentiate(value)(1.0, ranges) == pytest.approx(0.5 * (24.0 / 4.0 + 29.0 / 6.0))
+    assert np.isnan(value(jnp.ones(()), ranges[1::2]))
+    assert differentiate(value)(1.0, ranges[1::2]) == 0.0
 
 
 def test_a_requirement_in_a_window_may_name_a_metric_of_the_plugin() -> None:

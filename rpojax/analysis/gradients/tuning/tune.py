@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
+from rpojax.analysis.gradients.tuning.descent_state import TuningStep
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.gradients.tuning.tuning_validation import Validation
@@ -73,6 +74,8 @@ class Tuning:
     def to_dataframe(self) -> "pandas.DataFrame":
         """Steps of the descent, one a row by `step`: objective, its parts as `part.NAME`, norm of the gradient, runs.
 
+        `undefined.NAME` is the number of runs without a value of a part, which count as the worst.
+
         Raises:
             MissingExtraError: pandas is not installed.
         """
@@ -80,7 +83,9 @@ class Tuning:
         rows = []
         for step in self.result.steps:
             entry = dataclasses.asdict(step)
-            rows.append(entry | {f"part.{name}": value for name, value in entry.pop("parts").items()})
+            for column, field in (("part", "parts"), ("undefined", "undefined")):
+                entry |= {f"{column}.{name}": value for name, value in entry.pop(field).items()}
+            rows.append(entry)
         return tables.DataFrame(rows, index=tables.RangeIndex(1, len(rows) + 1, name="step"))
 
     def write(self, path: Path | str, force: bool = False) -> None:
@@ -163,12 +168,18 @@ def run_tuning(
             settings,
             kept,
             resume,
-            lambda number, step: watch(number, settings.steps, f"objective {step.objective:.4f}"),
+            lambda number, step: watch(number, settings.steps, _progress_text(step, settings.runs)),
             stages,
         )
     tuned = tuned_scenario(file, result.values)
     validation = _validate(file, tuned, settings, stages, progress) if settings.validation_runs else None
     return Tuning(file, tuned, settings, result, validation, time.perf_counter() - begin)
+
+
+def _progress_text(step: TuningStep, runs: int) -> str:
+    """Objective of a step, and which of its parts some of the runs have no value of."""
+    missing = [f"{name} undefined in {count} of {runs} runs" for name, count in step.undefined.items() if count]
+    return ", ".join([f"objective {step.objective:.4f}", *missing])
 
 
 def _validate(
@@ -195,6 +206,7 @@ def _validation_entry(found: Validation) -> dict[str, Any]:
         "seed": found.seed,
         "runs": len(found.baseline.run_ids),
         "failed": [int((~each.completed).sum()) for each in (found.baseline, found.tuned)],
+        "undefined": found.undefined,
         "means": {name: dataclasses.asdict(change) for name, change in found.means.items()},
         "medians": [dataclasses.asdict(change) for change in found.medians.metrics],
     }
