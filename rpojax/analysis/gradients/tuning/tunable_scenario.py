@@ -32,7 +32,7 @@ def scenario_at_horizon(file: ScenarioFile, settings: TuningSettings) -> Scenari
 def horizon(file: ScenarioFile, settings: TuningSettings) -> float:
     """Simulated time of a run of the tuning [s], at most that of the scenario.
 
-    By default it is 2000 s, and for a mission of several phases the whole, since phases that have not begun are not tuned for.
+    By default it is 2000 s, and all of a mission of several phases: those that have not begun are not tuned for.
     """
     default = file.duration_s if len(file.phases) > 1 else _DEFAULT_S
     return min(default if settings.horizon_s is None else settings.horizon_s, file.duration_s)
