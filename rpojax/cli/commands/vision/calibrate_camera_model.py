@@ -39,9 +39,11 @@ def calibrate_camera_model(
             "samples, sequences", f"found {samples}, {sequences}, expected at least 200 and 4"
         )
     claim(out, force)
+    from rpojax.scenario.checks import target_checks
     from rpojax.scenario.loading import scenario_loader as scenarios
 
     file = scenarios.load(scenario, overrides)
+    target_checks.check_field(file)
     from rpojax.analysis.calibration import view_sampling
     from rpojax.scenario.command_lines import command_line
     from rpojax.scenario.trained import fitted_camera
