@@ -2,15 +2,13 @@
 
 import ast
 import functools
-import html
 import inspect
-import re
 import shlex
 from pathlib import Path
 from typing import Any
 
 import pytest
-from report_page_parser import page_text, rendered_page
+from report_page_parser import page_text, rendered_page, shown_commands
 from synthetic_campaign_results import synthetic_campaign
 
 import rpojax
@@ -39,12 +37,6 @@ def called(command: str) -> dict[str, Any]:
     call = parse(main.app, [word for word in words[1:] if word != "--allow-plugin"], main._NAMES, "")
     assert isinstance(call, functools.partial)
     return {**call.keywords, "positional": [str(each) for each in call.args], "allow_plugin": allowed}
-
-
-def shown_commands(page: Path) -> list[str]:
-    """Commands in the text of a page."""
-    found = re.findall(r"<code>\s*(rpojax .*?)</code>", page.read_text(), re.DOTALL)
-    return [html.unescape(command) for command in found]
 
 
 @pytest.mark.parametrize("plugin", [None, "/home/anna/my laws.py:setup"])
