@@ -1,6 +1,5 @@
 """Output of commands that simulate campaigns: tables, report, exit status, and the hint after an interrupt."""
 
-import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,17 +29,17 @@ def keeping_results(directory: Path) -> Iterator[None]:
 
 def _kept_blocks_sentence(directory: Path) -> str:
     from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.scenario.command_lines import command_line
 
     try:
         found = Campaign(directory)
     except RpojaxError:
         return "nothing was written"
-    missing, folder = len(found.missing_blocks()), shlex.quote(str(directory))
+    missing, plugin = len(found.missing_blocks()), found.configuration.scenario.get("plugin")
+    resume, report = (command_line(verb, directory, plugin=plugin) for verb in ("resume", "report"))
     if missing == 0:
-        return (
-            f"all runs are kept; go on with: rpojax resume {folder}, or write the report with: rpojax report {folder}"
-        )
-    return f"{found.block_count - missing} of {found.block_count} blocks are kept; go on with: rpojax resume {folder}"
+        return f"all runs are kept; go on with: {resume}, or write the report with: {report}"
+    return f"{found.block_count - missing} of {found.block_count} blocks are kept; go on with: {resume}"
 
 
 def conclude(

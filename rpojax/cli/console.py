@@ -1,6 +1,5 @@
 """Tables and lines that commands print on stdout, and warnings on stderr."""
 
-import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -126,18 +125,22 @@ def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
         print(f"rpojax: warning: {warning}", file=sys.stderr)
 
 
-def show_rare_requirements(file: "ScenarioFile", source: str, out: Path, quiet: bool) -> None:
-    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them."""
+def show_rare_requirements(file: "ScenarioFile", out: Path, quiet: bool) -> None:
+    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them.
+
+    It takes the copy of the scenario in the folder of the campaign, `out`, which has all that was set by `--set`.
+    """
     from rpojax.analysis.statistics import rare_requirements
 
     for each in [] if quiet else file.requirements:
         if rare_requirements.is_rare(each.probability) and each.is_of_all_runs:
             runs = rare_requirements.plain_runs(each.probability, each.consumer_risk)
-            command = rare_requirements.command(
-                shlex.quote(source), each.metric, shlex.quote(str(out / "probability" / each.metric))
-            )
-            print(
+            line = (
                 f"rpojax: {each.metric} {each.bound} {each.limit:g} with probability {each.probability:.9g} takes "
-                f"{runs:,} plain runs without a violation; instead, after the campaign: {command}",
-                file=sys.stderr,
+                f"{runs:,} plain runs without a violation"
             )
+            if rare_requirements.can_be_estimated(each.metric, len(file.servicers)):
+                place = out / "probability" / each.metric
+                command = rare_requirements.command(out / "scenario.toml", each.metric, place, file.plugin)
+                line += f"; instead, after the campaign: {command}"
+            print(line, file=sys.stderr)

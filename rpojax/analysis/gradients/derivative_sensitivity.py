@@ -242,7 +242,8 @@ def _metric_sensitivity(space: StandardNormalSpace, name: str, found: RolloutRes
         RpojaxError: too few runs reach their end with a value of it.
     """
     assert found.jacobian is not None
-    metric, values, jacobian = plugin_registry.catalogue_of(space.file)[name], found.metrics[:, index], found.jacobian[:, index]
+    metric = plugin_registry.catalogue_of(space.file)[name]
+    values, jacobian = found.metrics[:, index], found.jacobian[:, index]
     usable = ~found.failed & np.isfinite(values) & np.isfinite(jacobian).all(axis=1)
     rows, undefined = np.flatnonzero(usable[1:]) + 1, int((~found.failed & np.isnan(values))[1:].sum())
     if len(rows) < MIN_RUNS:

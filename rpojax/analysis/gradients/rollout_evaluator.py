@@ -45,6 +45,13 @@ CotangentFunction = Callable[[Array, Array], Array]
 count, 0 for padding."""
 ProgramKind = Literal["values", "forward", "reverse", "reverse of all"]
 """`reverse` is that of a weighted sum of metrics, `reverse of all` that of a function of all runs in one batch."""
+_COMPILING: dict[ProgramKind, str] = {
+    "values": "compiling runs",
+    "forward": "compiling runs and derivatives, a minute or more",
+    "reverse": "compiling runs and derivatives, some minutes",
+    "reverse of all": "compiling runs and derivatives, some minutes",
+}
+"""What is said while a program is compiled."""
 
 RUNS_PER_DEVICE = 64
 """Runs at a time on each device; more are no faster."""
@@ -97,14 +104,16 @@ class RolloutEvaluator:
         stages: Stages | None = None,
         cotangent: CotangentFunction | None = None,
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
+        on_stage: Callable[[str], None] = lambda words: None,
     ) -> None:
+        """Compiles nothing yet; `on_stage` is told in words what begins, a compilation or the simulation after it."""
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
         self.scenario, self._nominal = single_run.nominal_parameters(file)
         self._stages = plugin_registry.stages_of(file, stages)
         known = plugin_registry.catalogue_of(file)
         self._metrics = [known[name] for name in self.metric_names]
-        self._input_function, self._cotangent = input_function, cotangent
+        self._input_function, self._cotangent, self._on_stage = input_function, cotangent, on_stage
         devices, self.runs_per_device = share_runs(runs, RUNS_PER_DEVICE)
         self._mesh = DeviceMesh(devices)
         self.checkpoint_ticks = checkpoint_interval(
@@ -166,6 +175,7 @@ class RolloutEvaluator:
 
     def _compiled(self, kind: ProgramKind) -> Any:
         if kind not in self._programs:
+            self._on_stage(_COMPILING[kind])
             begin = time.perf_counter()
             function = {
                 "values": self._traced_metrics,
@@ -185,6 +195,7 @@ class RolloutEvaluator:
             if needed := program.memory_analysis():
                 self.program_memory_bytes = max(self.program_memory_bytes, needed.temp_size_in_bytes * self._mesh.size)
             self._programs[kind] = program
+            self._on_stage("simulating")
         return self._programs[kind]
 
     def _traced_metrics(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:

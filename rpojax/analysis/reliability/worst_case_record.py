@@ -15,6 +15,7 @@ from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.optional_packages import require_package
+from rpojax.scenario.command_lines import command_line
 from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
@@ -124,19 +125,25 @@ class WorstCase:
         """
         directory = Path(directory)
         check_replaceable((directory / SCENARIO_NAME, directory / RECORD_NAME), force)
-        write_atomically(directory / SCENARIO_NAME, self._scenario_text().encode())
+        write_atomically(directory / SCENARIO_NAME, self._scenario_text(directory).encode())
         write_json(directory / RECORD_NAME, self.to_dict())
 
-    def _scenario_text(self) -> str:
+    def _scenario_text(self, directory: Path) -> str:
         """The pinned scenario as TOML, with the command that simulates it."""
         import tomli_w
 
         limit, point = self.limit, self.reported_point
         what = "breaks" if self.search.nearest_violation is not None else "comes closest to breaking"
+        command = command_line(
+            "run",
+            (directory / SCENARIO_NAME).absolute(),
+            *("--seed", self.seed, "--run-id", point.replicate, "--out", "DIR"),
+            plugin=self.space.file.plugin,
+        )
         head = (
             f"# Run {point.replicate} of seed {self.seed} {what} {limit.metric} {limit.bound} "
             f"{limit.limit:g} {self._unit}, {point.distance:.2f} sigmas from the median run.\n"
-            f"# rpojax run {SCENARIO_NAME} --seed {self.seed} --run-id {point.replicate} --out DIR\n\n"
+            f"# {command}\n\n"
         )
         return head + tomli_w.dumps(self.pinned_scenario.model_dump(mode="json"))
 

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMetrics, compare_paired_runs
+from rpojax.analysis.statistics.paired_comparison import (
+    PairedComparison,
+    RunMetrics,
+    can_be_judged,
+    compare_paired_runs,
+    requirement_name,
+)
 from rpojax.campaign import experiment_design
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
@@ -105,7 +111,10 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
 
 
 def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
-    """Sentences on what makes the comparison less than one of like with like: durations, and metrics of one alone."""
+    """Sentences on what makes the comparison less than one of like with like.
+
+    They name durations that differ, and the metrics and requirements that only one of the campaigns has values for.
+    """
     found = []
     durations = [each.info["scenario"].get("duration_s") for each in (first, second)]
     if durations[0] != durations[1]:
@@ -113,7 +122,8 @@ def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
             f"durations differ, {durations[0]:g} s and {durations[1]:g} s: totals, peaks and the time windows of means "
             "are not those of the same span"
         )
-    if differing := defined_differently(first.info, second.info):
+    differing = defined_differently(first.info, second.info)
+    if differing:
         found.append(f"metrics that plugins define differently are not compared: {', '.join(differing)}")
     for here, there in ((first, second), (second, first)):
         alone = sorted(name for name in here.metrics if name not in there.metrics and "/" not in name)
@@ -121,6 +131,10 @@ def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
             more = f" and {len(alone) - _MAX_LISTED} more" if len(alone) > _MAX_LISTED else ""
             listed = ", ".join(alone[:_MAX_LISTED]) + more
             found.append(f"{there.directory} lacks metrics of {here.directory}, which are not compared: {listed}")
+        unjudged = [each for each in _requirements(first, second, differing) if not can_be_judged(each, there.metrics)]
+        if unjudged:
+            listed = ", ".join(map(requirement_name, unjudged))
+            found.append(f"{there.directory} has no values for requirements, which are not compared: {listed}")
     return tuple(found)
 
 

@@ -3,6 +3,7 @@
 import inspect
 import json
 import math
+import shlex
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -219,7 +220,7 @@ def test_the_command_writes_a_scenario_that_is_the_point(
     monkeypatch.setattr(worst_case, "make_evaluator", lambda space, metrics, starts: LinearRuns(space.dimension))
     monkeypatch.setattr(worst_case, "measure_costs", lambda evaluator: COSTS)
     monkeypatch.setattr(worst_case, "simulate_worst_case", lambda worst, directory, force: simulated)
-    out = tmp_path / "out"
+    out = tmp_path / "worst of all"
     given = ["--metric", "delta_v_m_s", "--limit", str(limit), "--bound", "at most", "--out", str(out), "--seed", "5"]
     # Otherwise runs beyond 5 sigmas of one number fail, which counts as a violation.
     monkeypatch.setattr(LinearRuns, "fails_beyond", math.inf)
@@ -229,7 +230,8 @@ def test_the_command_writes_a_scenario_that_is_the_point(
     content = json.loads((out / "worst_case.json").read_text())
     file = scenario_loader.load(out / "worst_case.toml")
     text = (out / "worst_case.toml").read_text()
-    assert f"--seed 5 --run-id {content['run_id']}" in text.splitlines()[1]
+    told = ["rpojax", "run", str(out / "worst_case.toml"), "--seed", "5", "--run-id", str(content["run_id"])]
+    assert shlex.split(text.splitlines()[1].removeprefix("# "))[: len(told)] == told
     drawn = dispersed_values.draw(file, run_key(5, content["run_id"]), {})
     for entry in content["dispersions"]:
         for key, value in entry["values"].items():

@@ -68,8 +68,12 @@ def descend(
     resume: bool = False,
     on_step: Callable[[int, TuningStep], None] = lambda number, step: None,
     stages: Stages | None = None,
+    on_stage: Callable[[int, str], None] = lambda number, words: None,
 ) -> TuningResult:
     """Tunes numbers of a scenario; each step is kept in `progress_file`, from which `resume` goes on.
+
+    After each step `on_step` gets their number and the step; `on_stage` gets that number and what else begins: a
+    compilation, the simulation after it.
 
     Raises:
         RpojaxError: the scenario cannot be tuned, or its start gives no finite objective.
@@ -79,7 +83,8 @@ def descend(
     tunable = tunable_parameters.select_parameters(short, settings.parameters)
     inputs = partial(tunable_parameters.run_values, short, tunable)
     evaluator = RolloutEvaluator(
-        short, inputs, tunable.count, objective.metric_names, settings.runs, stages, objective.gradient
+        *(short, inputs, tunable.count, objective.metric_names, settings.runs, stages, objective.gradient),
+        on_stage=lambda words: on_stage(len(state.steps), words),
     )
     optimizer = optax.scale_by_adam(b2=_ADAM_B2)
     of_file = {"scenario_hash": scenario_digest(file), "tuning": file.tuning.model_dump()}

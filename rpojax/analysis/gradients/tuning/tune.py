@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
+from rpojax.analysis.gradients.tuning import gradient_descent, tunable_scenario, tuning_validation
 from rpojax.analysis.gradients.tuning.descent_state import TuningStep
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
@@ -114,7 +114,7 @@ def tune(
     *,
     runs: int = 64,
     steps: int = 80,
-    horizon_s: float = 2000.0,
+    horizon_s: float | None = None,
     rate: float = 0.2,
     validation_runs: int = 500,
     seed: int = 0,
@@ -130,7 +130,7 @@ def tune(
         parameters: groups (navigation, gate, formation, attitude, schedule) and scenario keys
         runs: per step
         steps: of the gradient descent
-        horizon_s: simulated time of a run [s]
+        horizon_s: simulated time of a run [s]; None for 2000 s at most, of several phases for all of them
         rate: size of the first steps, in logarithms of the numbers; 0.2 is about twenty per cent
         validation_runs: unseen full runs, of seed `seed + 1`; 0 for no validation
         seed: master seed of the runs
@@ -160,6 +160,7 @@ def run_tuning(
     Raises:
         RpojaxError: the scenario cannot be tuned, or no step has a finite gradient.
     """
+    settings = dataclasses.replace(settings, horizon_s=tunable_scenario.horizon(file, settings))
     kept = None if progress_file is None else Path(progress_file)
     begin = time.perf_counter()
     with item_progress("tuning", quiet=not progress) as watch:
@@ -170,6 +171,7 @@ def run_tuning(
             resume,
             lambda number, step: watch(number, settings.steps, _progress_text(step, settings.runs)),
             stages,
+            lambda number, words: watch(number, settings.steps, words),
         )
     tuned = tuned_scenario(file, result.values)
     validation = _validate(file, tuned, settings, stages, progress) if settings.validation_runs else None

@@ -1,5 +1,6 @@
 """The command `rpojax tune`: flight software tuned by gradient, validated on unseen runs."""
 
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -58,8 +59,12 @@ def tune(
     file = load(scenario, overrides)
     prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+    from rpojax.analysis.gradients.tuning import tunable_scenario
     from rpojax.analysis.gradients.tuning import tune as analysis
 
+    warning = tunable_scenario.unreached_phases_warning(file, settings)
+    if warning is not None and not session.as_json:
+        print(f"rpojax: warning: {warning}", file=sys.stderr)
     out.parent.mkdir(parents=True, exist_ok=True)
     with resumable(progress):
         found = analysis.run_tuning(file, settings, progress, resume=resume, progress=not session.as_json)

@@ -109,12 +109,7 @@ def _more_runs(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
         f"{len(wanted)} {noun} more runs: simulate at least {runs + max(wanted)} as a new campaign with another seed."
     )
     seed = int(campaign.info.get("seed", 0)) + 1
-    scenario = f"{campaign.directory}/scenario.toml"
-    return [
-        NextStep(
-            text, "requirements", f"rpojax campaign {scenario} --runs {runs + max(wanted)} --seed {seed} --out DIR"
-        )
-    ]
+    return [NextStep(text, "requirements", shell_commands.more_runs_command(campaign, runs + max(wanted), seed))]
 
 
 def _consistency(content: Mapping[str, Any]) -> list[NextStep]:
