@@ -66,7 +66,7 @@ def initial(
         attitude=attitude,
         attitude_variance=_attitude_variance(params.vehicle, attitude),
         plan=burn_planning.no_burn(),
-        thrust_estimate=thrust_estimator.initial(),
+        thrust_estimate=thrust_estimator.initial(params.navigation),
         thruster_failed_at=jnp.full_like(n, -jnp.inf),
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
         reopened=jnp.zeros((), dtype=bool),
@@ -264,9 +264,8 @@ def predict(
     the thruster as failed.
     """
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
-    thrust_estimate = select(
-        burning, thrust_estimator.update(memory.thrust_estimate, thrust_ratio, dt), memory.thrust_estimate
-    )
+    estimated = thrust_estimator.update(params.navigation, memory.thrust_estimate, thrust_ratio, dt)
+    thrust_estimate = select(burning, estimated, memory.thrust_estimate)
     return replace(
         memory,
         thrust_estimate=thrust_estimate,
@@ -280,7 +279,7 @@ def predict(
             estimate=memory.orbit,
             delta_v_N=thrust_estimate.ratio * delta_v_N,
             burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
-            burn_sigma_inflation=thrust_estimator.sigma_inflation(thrust_estimate),
+            burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
             third_body_acceleration_N=third_body_acceleration_N,
             time=end - dt,
             dt=dt,

@@ -23,6 +23,7 @@ from rpojax.scenario.sections import (
     AttitudeControlSection,
     AttitudeFilterSection,
     CameraSection,
+    ChamberPressureSection,
     CoverageSection,
     EffectsSection,
     FaultSection,
@@ -124,6 +125,7 @@ class ServicerChanges(OptionalKeys):
     gps: Annotated[OptionalKeys, ChangesOf(GpsSection)] | None = None
     star_tracker: Annotated[OptionalKeys, ChangesOf(StarTrackerSection)] | None = None
     gyro: Annotated[OptionalKeys, ChangesOf(GyroSection)] | None = None
+    chamber_pressure: Annotated[OptionalKeys, ChangesOf(ChamberPressureSection)] | None = None
     navigation: Annotated[OptionalKeys, ChangesOf(NavigationSection)] | None = None
     attitude_filter: Annotated[OptionalKeys, ChangesOf(AttitudeFilterSection)] | None = None
     formation: Annotated[OptionalKeys, ChangesOf(FormationSection)] | None = None
@@ -141,7 +143,7 @@ class ServicerChanges(OptionalKeys):
         return self.model_dump(exclude={"name", "decision_offset_s"})
 
 
-FORMAT_VERSION: Final = 2
+FORMAT_VERSION: Final = 3
 """Version of the format of scenario files; `scenario/loading/format_migration.py` says what changed."""
 
 
@@ -174,6 +176,7 @@ class ScenarioFile(AdditionalSensors):
     gps: GpsSection
     star_tracker: StarTrackerSection
     gyro: GyroSection
+    chamber_pressure: ChamberPressureSection = ChamberPressureSection()
     navigation: NavigationSection
     attitude_filter: AttitudeFilterSection
     formation: FormationSection

@@ -273,6 +273,13 @@ class GyroSection(Section):
     bias_walk_deg_s_sqrt_s: NonNegative
 
 
+class ChamberPressureSection(Section):
+    """Pressure sensor in the thruster's chamber."""
+
+    enabled: bool = False
+    noise: NonNegative = 0.03
+
+
 class NavigationSection(Section):
     """Orbit filter and measurement gate."""
 
@@ -306,6 +313,9 @@ class NavigationSection(Section):
     burn_magnitude_sigma: NonNegative
     burn_scale_sigma: NonNegative = 0.0
     burn_direction_sigma_deg: NonNegative
+    thrust_sigma: Positive = 0.015
+    thrust_walk_sqrt_s: Positive = 0.01
+    pressure_noise: Positive = 0.03
     gate_sigma: Positive
     confirm_tolerance_px_s: Positive
     confirm_above: Positive

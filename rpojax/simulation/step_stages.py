@@ -245,7 +245,7 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     """Memory of the flight software propagated to the end of the tick."""
     scenario, params = loop.scenario, loop.params
     ratio = jnp.ones_like(tick.time)
-    if scenario.effects.faults:
+    if scenario.chamber_pressure:
         ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
     acceleration_N = _luni_solar_acceleration(scenario, tick.flight, tick.sky)
     return computer.predict(

@@ -4,6 +4,7 @@
 |---|---|
 | 1 | files without `format_version` |
 | 2 | three keys of `navigation` count seconds and no longer frames |
+| 3 | `effects.faults` no longer measures the chamber pressure, `chamber_pressure.enabled` does |
 """
 
 import warnings
@@ -41,8 +42,11 @@ def migrate(tables: dict[str, Any], base: Mapping[str, Any], source: str) -> Non
         expected = f"a version from 1 to {FORMAT_VERSION}, the one that this version of rpojax writes"
         raise ScenarioError("format_version", found, expected)
     changes = _seconds_for_frames(tables, base) if found < 2 else []
+    changes += _pressure_with_faults(tables, base) if found < 3 else []
     if changes:
-        warnings.warn(f"{source}: format 1 read as {FORMAT_VERSION}: {'; '.join(changes)}", FormatChangeWarning, 2)
+        warnings.warn(
+            f"{source}: format {found} read as {FORMAT_VERSION}: {'; '.join(changes)}", FormatChangeWarning, 2
+        )
     tables["format_version"] = FORMAT_VERSION
 
 
@@ -62,6 +66,16 @@ def _seconds_for_frames(tables: dict[str, Any], base: Mapping[str, Any]) -> list
         navigation[present] = float(value) * rate**power
         changes.append(f"navigation.{former} = {value:g} became {present} = {navigation[present]:g} at {rate:g} Hz")
     return changes
+
+
+def _pressure_with_faults(tables: dict[str, Any], base: Mapping[str, Any]) -> list[str]:
+    effects, sensor = tables.get("effects"), tables.get("chamber_pressure", {})
+    if not isinstance(effects, dict) or effects.get("faults") is not True or not isinstance(sensor, dict):
+        return []
+    if "enabled" in sensor or base.get("chamber_pressure", {}).get("enabled") is True:
+        return []
+    tables["chamber_pressure"] = {**sensor, "enabled": True}
+    return ["chamber_pressure.enabled = true was added, which effects.faults = true meant"]
 
 
 def _camera_rate(*layers: Mapping[str, Any]) -> float:

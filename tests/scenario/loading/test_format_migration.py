@@ -48,16 +48,44 @@ def test_a_file_without_former_keys_is_read_without_a_word(tmp_path: Path) -> No
     assert scenario_digest(file) == scenario_digest(rpojax.load("inspection"))
 
 
-@pytest.mark.parametrize("version", [0, 3, "2", True, 2.0])
+@pytest.mark.parametrize("version", [1, 2])
+def test_faults_of_an_older_file_keep_the_pressure_sensor(tmp_path: Path, version: int) -> None:
+    (tmp_path / "old.toml").write_text(
+        f'format_version = {version}\nextends = "inspection"\nname = "old"\n[effects]\nfaults = true\n'
+    )
+    expected = (
+        f"format {version} read as 3: chamber_pressure.enabled = true was added, which effects.faults = true meant"
+    )
+    with pytest.warns(FormatChangeWarning, match=expected):
+        assert rpojax.load(tmp_path / "old.toml").chamber_pressure.enabled
+
+
+@pytest.mark.parametrize(
+    ("text", "enabled"),
+    [
+        ('format_version = 3\nextends = "inspection"\n[effects]\nfaults = true\n', False),
+        ('extends = "inspection"\n[effects]\nfaults = true\n[chamber_pressure]\nenabled = false\n', False),
+        ('extends = "inspection_faults"\n[effects]\nfaults = true\n', True),
+        ('extends = "inspection"\n[effects]\nfaults = false\n', False),
+    ],
+)
+def test_what_a_file_says_of_the_pressure_sensor_stays(tmp_path: Path, text: str, enabled: bool) -> None:
+    (tmp_path / "new.toml").write_text(f'name = "new"\n{text}')
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert rpojax.load(tmp_path / "new.toml").chamber_pressure.enabled is enabled
+
+
+@pytest.mark.parametrize("version", [0, 4, "2", True, 2.0])
 def test_another_version_is_refused(tmp_path: Path, version: object) -> None:
     text = str(version).lower() if isinstance(version, bool) else repr(version)
     (tmp_path / "a.toml").write_text(f'extends = "inspection"\nname = "a"\nformat_version = {text}\n')
-    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 2"):
+    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 3"):
         rpojax.load(tmp_path / "a.toml")
 
 
 def test_a_former_key_in_a_file_of_the_present_version_or_beside_its_successor_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.toml").write_text("format_version = 2\n" + OLD)
+    (tmp_path / "a.toml").write_text(f"format_version = {FORMAT_VERSION}\n" + OLD)
     with pytest.raises(ScenarioError, match=r"navigation.confirm_frames"):
         rpojax.load(tmp_path / "a.toml")
     (tmp_path / "b.toml").write_text(OLD + "confirm_within_s = 2.0\n")
@@ -70,7 +98,7 @@ def test_the_command_line_says_what_changed(tmp_path: Path, capsys: pytest.Captu
     assert main.main(["validate", str(tmp_path / "old.toml")]) == 0
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
-    assert told[0].startswith(f"rpojax: {tmp_path / 'old.toml'}: format 1 read as 2: navigation.confirm_frames")
+    assert told[0].startswith(f"rpojax: {tmp_path / 'old.toml'}: format 1 read as 3: navigation.confirm_frames")
 
 
 @pytest.mark.parametrize("base", scenario_loader.packaged_names())
