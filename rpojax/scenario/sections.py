@@ -305,7 +305,7 @@ class NavigationSection(Section):
     burn_scale_sigma: NonNegative = 0.0
     burn_direction_sigma_deg: NonNegative
     gate_sigma: Positive
-    confirm_tolerance_px_s: Positive
+    confirm_tolerance_deg_s: Positive
     confirm_above: Positive
     confirm_within_s: Positive
     recovery_after_s: Positive

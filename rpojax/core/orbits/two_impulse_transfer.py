@@ -95,9 +95,7 @@ def state_on_arc(arc: TransferArc, orbit: TargetOrbit, since: Scalar) -> State:
     return free_motion(place, since, arc.departure) + jnp.where(after >= 0.0, added, 0.0)
 
 
-def _damped_change(
-    by_velocity: Float[Array, "3 3"], missing: Vector, dt: Scalar, angle: Scalar
-) -> Vector:
+def _damped_change(by_velocity: Float[Array, "3 3"], missing: Vector, dt: Scalar, angle: Scalar) -> Vector:
     """Change of the velocity [m/s] at departure towards a change of the position [m] after `dt` [s] and an `angle` [rad].
 
     The damping is zero unless the matrix, in units of the time or, after more than a radian, of the time per radian,

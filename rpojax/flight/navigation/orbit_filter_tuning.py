@@ -32,7 +32,7 @@ class OrbitFilterTuning:
         burn_scale_sigma: () the same, lasting from burn to burn: thrust and mass, 1 sigma [-]
         burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
         gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
-        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [px/s]
+        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [rad/s]
         confirm_above: () confirmation is required when bearing is less certain than this many box sigmas [-]
         confirm_within: () longest time between two boxes that confirm each other, or one frame if that is longer [s]
         recovery_after: () of rejected boxes, a box for at most a second, that triggers covariance inflation [s]

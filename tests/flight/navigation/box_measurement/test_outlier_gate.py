@@ -19,7 +19,7 @@ VARIANCE = np.full(3, 4e-4)
 
 accept = jax.jit(outlier_gate.accept)
 update = jax.jit(outlier_gate.update)
-to_residual = jax.jit(jax.grad(lambda *arguments: outlier_gate.accept(*arguments).weight, argnums=5))
+to_residual = jax.jit(jax.grad(lambda *arguments: outlier_gate.accept(*arguments).weight, argnums=4))
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,6 @@ def decide(
     """Decision on a box with residuals in sigmas of the innovation variance."""
     decision = accept(
         tuning,
-        FOCAL,
         np.eye(3),
         outlier_gate.initial() if state is None else state,
         box() if measured is None else measured,
