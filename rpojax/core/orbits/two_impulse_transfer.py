@@ -88,7 +88,7 @@ def transfer_arc(orbit: TargetOrbit, before: State, end: Vector, dt: Scalar) -> 
 
 
 def state_on_arc(arc: TransferArc, orbit: TargetOrbit, since: Scalar) -> State:
-    """State (rho, rho_dot) [m, m/s] `since` [s] after the departure at a place on the `orbit`, that of the departure."""
+    """State (rho, rho_dot) [m, m/s] `since` [s] after the departure from a place on the `orbit`."""
     place = advanced(orbit, since)
     after = since - arc.impulse_after
     added = free_motion(place, after, arc.impulse)
@@ -96,10 +96,10 @@ def state_on_arc(arc: TransferArc, orbit: TargetOrbit, since: Scalar) -> State:
 
 
 def _damped_change(by_velocity: Float[Array, "3 3"], missing: Vector, dt: Scalar, angle: Scalar) -> Vector:
-    """Change of the velocity [m/s] at departure towards a change of the position [m] after `dt` [s] and an `angle` [rad].
+    """Change of the velocity [m/s] at departure for a `missing` part of the position [m] after `dt` [s].
 
-    The damping is zero unless the matrix, in units of the time or, after more than a radian, of the time per radian,
-    has a singular value below `_REGULAR`.
+    The target moves by an `angle` [rad]. The damping is zero unless the matrix, in units of the time or, after more than
+    a radian, of the time per radian, has a singular value below `_REGULAR`.
     """
     scale = jnp.sqrt(1.0 + angle * angle) / dt
     matrix = by_velocity * scale

@@ -56,7 +56,7 @@ def state(reference: RelativeOrbit, entry: PhaseEntry, orbit: TargetOrbit, elaps
     the separation in height and across the orbit plane is there early. The offset takes the whole time, by a drift: at
     the height of a co-elliptic orbit the motion is nearly free.
     """
-    # A closed orbit that is joined at once has nothing of the entry but rounding, and is left as it was to the last bit.
+    # A closed orbit that is joined at once keeps nothing of the entry but rounding: it stays as it was.
     lasts = (reference.join > 0.0) | (reference.drift_per_orbit != 0.0)
     at_entry, known = select(lasts, (entry.orbit, entry.orbit), (advanced(orbit, -elapsed), orbit))
     start = constants_of_motion(at_entry, entry.relative_state)
