@@ -98,8 +98,8 @@ def state_on_arc(arc: TransferArc, orbit: TargetOrbit, since: Scalar) -> State:
 def _damped_change(by_velocity: Float[Array, "3 3"], missing: Vector, dt: Scalar, angle: Scalar) -> Vector:
     """Change of the velocity [m/s] at departure for a `missing` part of the position [m] after `dt` [s].
 
-    The target moves by an `angle` [rad]. The damping is zero unless the matrix, in units of the time or, after more than
-    a radian, of the time per radian, has a singular value below `_REGULAR`.
+    The target moves by an `angle` [rad]. The damping is zero unless the matrix, in units of the time or, after more
+    than a radian, of the time per radian, has a singular value below `_REGULAR`.
     """
     scale = jnp.sqrt(1.0 + angle * angle) / dt
     matrix = by_velocity * scale

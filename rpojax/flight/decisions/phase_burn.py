@@ -60,8 +60,8 @@ def plan_burn(
     The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
     of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
     horizon; else another one is made. After an abort there is one burn, if that is needed, and another one only for
-    what was measured since. Guidance works every `tick_s` [s]. Returned between burn and time is the state of the mission
-    with its records of these decisions.
+    what was measured since. Guidance works every `tick_s` [s]. Returned between burn and time is the state of the
+    mission with its records of these decisions.
     """
     state, tuning = memory.mission, params.mission
     assert state is not None

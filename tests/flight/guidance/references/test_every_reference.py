@@ -114,7 +114,7 @@ def test_derivatives_to_the_parameters_agree_with_differences(kind: str) -> None
 
 @every_kind
 def test_derivatives_at_the_target_and_at_rest_are_finite(kind: str) -> None:
-    start = PhaseEntry(relative_state=jnp.zeros(6))
+    start = entry(*[0.0] * 6)
     slopes = slope_by_entry(*KINDS[kind], start, orbit(0.3), jnp.asarray(50.0))
     assert bool(jnp.all(jnp.isfinite(slopes.relative_state)))
 
