@@ -92,8 +92,12 @@ def test_impulses_are_those_of_the_reference(eccentricity: float, pulses: int, s
 
 
 @pytest.mark.parametrize(
-    ("share", "warned"), [(0.3, False), (0.42, False), (0.49, True), (0.55, True), (0.75, False), (1.0, True), (1.2, False), (2.0, True)]
-)  # fmt: skip
+    ("share", "warned"),
+    [
+        *[(0.3, False), (0.42, False), (0.49, True), (0.55, True)],
+        *[(0.75, False), (1.0, True), (1.2, False), (2.0, True)],
+    ],
+)
 def test_times_near_half_turns_and_whole_ones_are_warned_of_with_regular_ones(share: float, warned: bool) -> None:
     seconds = share * period(file_with())
     file = file_with(position_m=[0.0, -32.0, 0.0], duration_s=seconds)
