@@ -317,7 +317,7 @@ class NavigationSection(Section):
     thrust_walk_sqrt_s: Positive = 0.01
     pressure_noise: Positive = 0.03
     gate_sigma: Positive
-    confirm_tolerance_px_s: Positive
+    confirm_tolerance_deg_s: Positive
     confirm_above: Positive
     confirm_within_s: Positive
     recovery_after_s: Positive

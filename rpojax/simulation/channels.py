@@ -283,6 +283,8 @@ MISSION_CHANNELS: Final[ChannelFunctions] = {
     "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),
     "phase_entered_by": lambda tick: _mission(tick).entered_by.astype(jnp.int8),
     "abort_reason": lambda tick: _mission(tick).abort_reason.astype(jnp.int8),
+    "abort_burns": lambda tick: _mission(tick).abort_burns.count.astype(jnp.int8),
+    "abort_burn_reason": lambda tick: _mission(tick).abort_burns.reason.astype(jnp.int8),
 }
 """State of the mission, in scenarios with phases."""
 TEAM_CHANNELS: Final[ChannelFunctions] = {"burn_changed_for": _changed_for}

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from rpojax.core.numerics import gradient_safe
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree, select
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission.mission_state import AbortReason, MissionState, Transition
@@ -29,6 +30,7 @@ class Situation:
         state_H: (6,) estimated relative position and velocity [m, m/s]
         burn_time: () middle of a burn that is decided now [s]
         burn_state_H: (6,) relative state predicted to then [m, m/s]
+        burn_orbit: of the target then
         burn_pending: () bool, whether a decided burn is still to be finished
         end_H: (3,) end of the reference of the present phase [m]
         range_sigma: () 1-sigma of the range [m]
@@ -44,6 +46,7 @@ class Situation:
     state_H: Array
     burn_time: Array
     burn_state_H: Array
+    burn_orbit: TargetOrbit
     burn_pending: Array
     end_H: Array
     range_sigma: Array
@@ -94,11 +97,14 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
         entered_at=jnp.where(begins, situation.time, state.entered_at),
         entered_by=jnp.where(begins, by, state.entered_by).astype(jnp.int32),
         starts_at=jnp.where(begins, situation.burn_time, state.starts_at),
-        entry=select(begins, PhaseEntry(relative_state=situation.burn_state_H), state.entry),
+        entry=select(
+            begins, PhaseEntry(relative_state=situation.burn_state_H, orbit=situation.burn_orbit), state.entry
+        ),
         arrived_at=jnp.where(begins, jnp.inf, arrived_at),
         known_at=jnp.where(begins, jnp.inf, known_at),
         has_seen_target=state.has_seen_target | situation.seen,
         abort_reason=jnp.where(aborts, reason, state.abort_reason).astype(jnp.int32),
+        abort_burns=state.abort_burns,
         team=state.team,
     )
 

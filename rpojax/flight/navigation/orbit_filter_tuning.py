@@ -35,7 +35,7 @@ class OrbitFilterTuning:
         thrust_walk: () random walk of the relative thrust while burning [1/s^0.5]
         pressure_noise: () of the chamber pressure, as a fraction of the nominal one, 1 sigma [-]
         gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
-        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [px/s]
+        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [rad/s]
         confirm_above: () confirmation is required when bearing is less certain than this many box sigmas [-]
         confirm_within: () longest time between two boxes that confirm each other, or one frame if that is longer [s]
         recovery_after: () of rejected boxes, a box for at most a second, that triggers covariance inflation [s]

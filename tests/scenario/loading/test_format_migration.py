@@ -3,6 +3,7 @@
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rpojax
@@ -29,14 +30,38 @@ def test_a_file_of_the_first_version_is_migrated_with_a_line_that_says_what_chan
     assert len(told) == 1
     assert "\n" not in str(told[0].message)
     found = file.navigation
-    assert (found.confirm_within_s, found.confirm_tolerance_px_s, found.recovery_after_s) == (3.0, 4.0, 10.0)
+    assert (found.confirm_within_s, found.recovery_after_s) == (3.0, 10.0)
+    # A pixel of the packaged camera, 128 over 10 deg, is 0.0783 deg in the middle.
+    np.testing.assert_allclose(found.confirm_tolerance_deg_s, 4.0 * 0.0783243, rtol=1e-5)
 
 
 def test_frames_become_seconds_at_the_rate_of_the_camera(tmp_path: Path) -> None:
     (tmp_path / "old.toml").write_text(OLD + "[rates]\nplant_hz = 10.0\ncamera_hz = 2.0\n")
     with pytest.warns(FormatChangeWarning, match="at 2 Hz"):
         found = rpojax.load(tmp_path / "old.toml").navigation
-    assert (found.confirm_within_s, found.confirm_tolerance_px_s, found.recovery_after_s) == (1.5, 8.0, 5.0)
+    assert (found.confirm_within_s, found.recovery_after_s) == (1.5, 5.0)
+    np.testing.assert_allclose(found.confirm_tolerance_deg_s, 8.0 * 0.0783243, rtol=1e-5)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize(("width_px", "field_of_view_deg"), [(128, 10.0), (512, 10.0), (2048, 4.0)])
+def test_a_tolerance_in_pixels_becomes_the_angle_of_that_many_pixels_of_the_camera(
+    version: int, width_px: int, field_of_view_deg: float, tmp_path: Path
+) -> None:
+    camera = f"[camera]\nwidth_px = {width_px}\nheight_px = {width_px}\nfield_of_view_deg = {field_of_view_deg}\n"
+    head = f'extends = "inspection"\nname = "old"\nformat_version = {version}\n'
+    (tmp_path / "old.toml").write_text(head + "[navigation]\nconfirm_tolerance_px_s = 5.0\n" + camera)
+    with pytest.warns(FormatChangeWarning, match=r"confirm_tolerance_px_s = 5 became confirm_tolerance_deg_s"):
+        found = rpojax.load(tmp_path / "old.toml")
+    # Five pixels beside the middle of the image.
+    focal = 0.5 * width_px / np.tan(np.radians(0.5 * field_of_view_deg))
+    np.testing.assert_allclose(found.navigation.confirm_tolerance_deg_s, np.degrees(5.0 / focal), rtol=1e-12)
+
+
+def test_a_finer_camera_has_the_tolerance_of_the_file_that_it_extends(tmp_path: Path) -> None:
+    (tmp_path / "fine.toml").write_text('extends = "inspection"\nname = "fine"\n[camera]\nwidth_px = 512\n')
+    found, base = (rpojax.load(each).navigation for each in (tmp_path / "fine.toml", "inspection"))
+    assert found.confirm_tolerance_deg_s == base.confirm_tolerance_deg_s
 
 
 def test_a_file_without_former_keys_is_read_without_a_word(tmp_path: Path) -> None:
