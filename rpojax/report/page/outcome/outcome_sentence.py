@@ -7,6 +7,7 @@ from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.page.outcome.verdict_tiles import passive_safety_count
+from rpojax.report.sections import failure_section
 
 _WITHOUT_VERDICT = (Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
 
@@ -14,16 +15,22 @@ _WITHOUT_VERDICT = (Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALE
 def outcome_sentence(content: Mapping[str, Any]) -> str:
     """Requirements verified of how many, in how many runs, weakest margin, passive safety and failed runs."""
     runs = content["runs"]
-    parts = [_requirements(content["requirements"], runs["completed"] + runs["failed"])]
+    ended = runs["requested"] - runs["missing"]
+    parts = [_requirements(content["requirements"], ended)]
     if weakest := weakest_requirement(content["requirements"]):
         parts.append(_margin(weakest))
     if (passive := passive_safety_count(content["safety"])) is not None:
         count, total = passive[1]["count"], passive[1]["runs"]
         parts.append(f"passive safety fails: {count} of {total}" if count else f"passive safety holds in all {total}")
     if runs["failed"]:
-        parts.append(f"{runs['failed']} of {runs['completed'] + runs['failed']} runs failed")
+        details = failure_section.detail_counts(content["failures"])
+        why = f" ({details[0][1]} unfinished: {details[0][0]})" if details else ""
+        parts.append(f"{runs['failed']} of {ended} runs failed{why}")
     else:
         parts.append("no run failed")
+    if runs["not_judged"]:
+        number = "all" if runs["not_judged"] == ended else f"{runs['not_judged']} of {ended}"
+        parts.append(f"{number} runs end before limits.arrive_by_s, so that they are not judged and no success")
     provenance = content.get("provenance", {})
     if not provenance.get("sealed", True):
         parts.append("the folder is unsealed, so there are figures and no verdicts")

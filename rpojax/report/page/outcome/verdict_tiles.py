@@ -73,7 +73,10 @@ def _worst(entry: Mapping[str, Any]) -> str:
 
 
 def _failed(runs: Mapping[str, Any]) -> VerdictTile:
-    ended = runs["failed"] + runs["completed"]
-    kinds = failure_section.outcomes_text(runs["outcomes"]) if runs["failed"] else "every run completed"
-    colour: Colour = "alert" if runs["failed"] else "good" if ended else "open"
-    return VerdictTile("Failed runs", f"{runs['failed']} of {ended}", kinds, colour, "failures")
+    ended = runs["requested"] - runs["missing"]
+    kinds = [failure_section.outcomes_text(runs["outcomes"])] if runs["failed"] else []
+    if runs["not_judged"]:
+        kinds.append(f"{runs['not_judged']} not judged: they end before limits.arrive_by_s")
+    note = ", ".join(kinds) or "every run completed"
+    colour: Colour = "alert" if runs["failed"] else "good" if runs["completed"] == ended > 0 else "open"
+    return VerdictTile("Failed runs", f"{runs['failed']} of {ended}", note, colour, "failures")
