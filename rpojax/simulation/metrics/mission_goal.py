@@ -26,6 +26,11 @@ class MissionGoal:
     row: int
     at: Literal["begin", "end"]
 
+    @property
+    def is_start(self) -> bool:
+        """Whether every run has reached it at its start, as in a mission of one phase without conditions."""
+        return self.row == 0 and self.at == "begin"
+
 
 def mission_goal(file: ScenarioFile) -> MissionGoal | None:
     """Goal of a scenario: by default the end of the last phase where that has `until`, else its begin.

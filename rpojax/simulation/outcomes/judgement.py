@@ -115,9 +115,10 @@ def _misses_goal(file: ScenarioFile, records: Records) -> Flags:
 
 
 def _is_too_short(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: Records) -> Flags:
-    """Flags (runs,) of runs without phases that end before they must be on station, so that it is not judged."""
+    """Flags (runs,) of runs that have no phase to reach, and end before they must be on station: nothing is judged."""
     runs, ticks = records["running"].shape
-    if file.phases or file.goal.phase == NO_GOAL:
+    goal = mission_goal.mission_goal(file)
+    if file.goal.phase == NO_GOAL or (goal is not None and not goal.is_start):
         return np.zeros(runs, dtype=bool)
     last_s = (ticks - 1) / file.rates.camera_hz
     return np.broadcast_to(last_s < _column(file, varied, "limits.arrive_by_s")[:, 0] - _TIME_TOLERANCE_S, runs)

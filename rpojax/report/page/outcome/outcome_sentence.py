@@ -13,24 +13,27 @@ _WITHOUT_VERDICT = (Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALE
 
 
 def outcome_sentence(content: Mapping[str, Any]) -> str:
-    """Requirements verified of how many, in how many runs, weakest margin, passive safety and failed runs."""
+    """Runs that missed the goal, requirements verified of how many, weakest margin, passive safety, failed runs."""
     runs = content["runs"]
     ended = runs["requested"] - runs["missing"]
     parts = [_requirements(content["requirements"], ended)]
+    if unfinished := runs["outcomes"].get("unfinished"):
+        details = failure_section.detail_counts(content["failures"])
+        why = f", most often {details[0][0]}" if len(details) > 1 else f": {details[0][0]}" if details else ""
+        parts.insert(0, f"the goal of the mission was not reached in {unfinished} of {ended} runs{why}")
     if weakest := weakest_requirement(content["requirements"]):
         parts.append(_margin(weakest))
     if (passive := passive_safety_count(content["safety"])) is not None:
         count, total = passive[1]["count"], passive[1]["runs"]
         parts.append(f"passive safety fails: {count} of {total}" if count else f"passive safety holds in all {total}")
     if runs["failed"]:
-        details = failure_section.detail_counts(content["failures"])
-        why = f" ({details[0][1]} unfinished: {details[0][0]})" if details else ""
-        parts.append(f"{runs['failed']} of {ended} runs failed{why}")
-    else:
+        parts.append(f"{runs['failed']} of {ended} runs failed")
+    elif not runs["not_judged"]:
         parts.append("no run failed")
     if runs["not_judged"]:
-        number = "all" if runs["not_judged"] == ended else f"{runs['not_judged']} of {ended}"
-        parts.append(f"{number} runs end before limits.arrive_by_s, so that they are not judged and no success")
+        some = f"{runs['not_judged']} of {ended} runs are not judged, as they end"
+        which = "no run is judged, as all end" if runs["not_judged"] == ended else some
+        parts.append(f"{which} before limits.arrive_by_s")
     provenance = content.get("provenance", {})
     if not provenance.get("sealed", True):
         parts.append("the folder is unsealed, so there are figures and no verdicts")
