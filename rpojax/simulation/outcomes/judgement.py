@@ -120,8 +120,8 @@ def _is_too_short(file: ScenarioFile, varied: Mapping[str, np.ndarray], records:
     goal = mission_goal.mission_goal(file)
     if file.goal.phase == NO_GOAL or (goal is not None and not goal.is_start):
         return np.zeros(runs, dtype=bool)
-    last_s = (ticks - 1) / file.rates.camera_hz
-    return np.broadcast_to(last_s < _column(file, varied, "limits.arrive_by_s")[:, 0] - _TIME_TOLERANCE_S, runs)
+    end_s = ticks / file.rates.camera_hz
+    return np.broadcast_to(end_s < _column(file, varied, "limits.arrive_by_s")[:, 0] - _TIME_TOLERANCE_S, runs)
 
 
 def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: Records) -> dict[Outcome, Flags]:
@@ -130,6 +130,8 @@ def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: 
     limits = {key.rpartition(".")[2]: _column(file, varied, key) for key in LIMIT_KEYS}
     runs, ticks = records["observable"].shape
     time_s = np.arange(ticks) * tick_s
+    # The last tick stands for the end of the run.
+    time_s[-1] = ticks * tick_s
     desired_H = desired_position_H(file, records, varied).astype(np.float32)
     off = np.linalg.norm(records["rho_H"] - desired_H, axis=2)
     aborted = records["abort_reason"] > 0 if "abort_reason" in records else np.zeros((runs, ticks), dtype=bool)

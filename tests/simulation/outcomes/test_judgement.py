@@ -135,23 +135,24 @@ def test_off_station_is_judged_by_distance_from_the_time_of_arrival_on(mission: 
     assert found.since_s.tolist() == [4000.0]
     records["rho_H"][:, -1] = [0.0, -39.9, 0.0]
     assert outcome(mission, records) == "completed"
-    early = good_records(3000)
+    early = good_records(2999)
     early["rho_H"] += 100.0
     assert outcome(mission, early) == "completed"
-    late = good_records(3001)
+    # The last tick stands for the end of the run.
+    late = good_records(3000)
     late["rho_H"] += 100.0
     assert outcome(mission, late) == "off_station"
 
 
 @pytest.mark.parametrize(
-    ("last_s", "arrive_by_s", "expected"),
-    [(2899, 3000.0, "not_judged"), (2999, 3000.0, "not_judged"), (3000, 3000.0, "completed"), (99, 0.0, "completed")],
+    ("duration_s", "arrive_by_s", "expected"),
+    [(2900, 3000.0, "not_judged"), (2999, 3000.0, "not_judged"), (3000, 3000.0, "completed"), (99, 0.0, "completed")],
 )
 def test_a_run_that_ends_before_it_must_be_on_station_is_not_judged(
-    last_s: int, arrive_by_s: float, expected: str
+    duration_s: int, arrive_by_s: float, expected: str
 ) -> None:
     file = scenario_loader.load("inspection", [f"limits.arrive_by_s={arrive_by_s}"])
-    found = judged(file, good_records(last_s + 1))
+    found = judged(file, good_records(duration_s))
     assert outcome_kinds.of_codes(found.codes).tolist() == [expected]
     assert (found.failed.tolist(), found.frozen.tolist(), np.isnan(found.since_s).all()) == ([False], [False], True)
 
@@ -164,7 +165,7 @@ def test_what_ends_too_early_fails_by_all_other_limits() -> None:
     found = judge(file, {}, records, np.array([0, Outcome.KEEP_OUT.code, 0]), np.array([np.inf, 500.0, np.inf]))
     assert outcome_kinds.of_codes(found.codes).tolist() == ["lost", "keep_out", "not_judged"]
     assert found.failed.tolist() == [True, True, False]
-    varied = {"limits.arrive_by_s": np.array([900.0, 999.0, 1000.0])}
+    varied = {"limits.arrive_by_s": np.array([900.0, 1000.0, 1001.0])}
     found = judged(file, good_records(1000, runs=3), varied)
     assert outcome_kinds.of_codes(found.codes).tolist() == ["completed", "completed", "not_judged"]
 

@@ -106,6 +106,8 @@ def _tile(entry: Mapping[str, Any]) -> VerdictTile:
     title = limit_text(entry)
     if not entry["runs"]:
         return VerdictTile(title, "does not count", "the run ended otherwise or never was there", "open", "metrics")
+    if entry.get("reached") == 0:
+        return VerdictTile(title, "not reached", "the run never was there, which violates it", "alert", "metrics")
     if entry["worst"] is None:
         return VerdictTile(title, "no value", "the run ended before it had one", "alert", "metrics")
     sign = 1.0 if entry["bound"] == "at most" else -1.0

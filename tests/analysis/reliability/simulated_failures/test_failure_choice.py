@@ -49,6 +49,7 @@ def test_an_outcome_is_a_failure(mission: ScenarioFile) -> None:
         (FailureChoice(metric="min_range_m", limit=1.0, bound="below"), "bound"),
         (FailureChoice(metric="nothing", limit=1.0), "metric"),
         (FailureChoice(outcome="completed"), "outcome"),
+        (FailureChoice(outcome="not_judged"), "outcome"),
     ],
 )
 def test_options_that_name_no_failure_are_refused(mission: ScenarioFile, choice: FailureChoice, named: str) -> None:
