@@ -63,7 +63,7 @@ def conclude(
         )
     if not shared and (missing := result.missing_blocks()):
         raise UnfinishedError(f"found {len(missing)} blocks missing, expected none")
-    return Status.DONE if result.completed.all() else Status.SOME_FAILED
+    return Status.SOME_FAILED if result.failed.any() else Status.DONE
 
 
 def show_results(

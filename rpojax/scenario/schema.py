@@ -14,6 +14,7 @@ from rpojax.metrics.time_windows import MetricWindow
 from rpojax.scenario.phases.phase_sections import (
     BUILT_IN_PHASES,
     CorridorSection,
+    GoalSection,
     MissionSection,
     PhaseName,
     PhaseSection,
@@ -70,7 +71,8 @@ MetricName = Annotated[str, AfterValidator(_check_metric_name), Field(json_schem
 
 
 OutcomeName = Literal[
-    "completed", "non_finite", "keep_out", "out_of_propellant", "lost", "diverged", "off_station", "aborted"
+    "completed", "non_finite", "keep_out", "out_of_propellant", "lost", "diverged", "off_station", "aborted",
+    "unfinished", "not_judged",
 ]  # fmt: skip
 
 
@@ -87,6 +89,7 @@ class RequirementSection(OptionalKeys):
     from_s: NonNegative | None = None
     to_s: NonNegative | None = None
     outcome: OutcomeName | None = None
+    among: Literal["all_runs", "reaching_runs"] | None = None
 
     @property
     def window(self) -> MetricWindow:
@@ -97,6 +100,11 @@ class RequirementSection(OptionalKeys):
     def metric_name(self) -> str:
         """Name of the metric, in the window if there is one."""
         return self.metric + self.window.suffix
+
+    @property
+    def is_of_reaching_runs(self) -> bool:
+        """Whether runs that never come to the phase are left out, in place of violating it."""
+        return self.phase is not None and self.among == "reaching_runs"
 
     @property
     def is_of_all_runs(self) -> bool:
@@ -135,6 +143,7 @@ class ServicerChanges(OptionalKeys):
     limits: Annotated[OptionalKeys, ChangesOf(LimitsSection)] | None = None
     fault: Annotated[OptionalKeys, ChangesOf(FaultSection)] | None = None
     mission: Annotated[OptionalKeys, ChangesOf(MissionSection)] | None = None
+    goal: GoalSection | None = None
     phases: dict[PhaseName, Annotated[OptionalKeys, _PHASE]] | None = None
 
     @property
@@ -188,6 +197,7 @@ class ScenarioFile(AdditionalSensors):
     coverage: CoverageSection = CoverageSection()
     fault: FaultSection
     mission: MissionSection = MissionSection()
+    goal: GoalSection = GoalSection()
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
     servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
     link: LinkSection = LinkSection()

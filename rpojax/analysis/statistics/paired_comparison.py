@@ -7,10 +7,10 @@ import numpy as np
 from scipy.stats import binomtest
 
 from rpojax.analysis.statistics.intervals.median_bootstrap import resampled_medians
-from rpojax.analysis.statistics.tolerance_verdicts import counts, violates
+from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
-from rpojax.simulation.outcomes.outcome_kinds import Outcome
+from rpojax.simulation.outcomes.outcome_kinds import Outcome, is_failed
 
 _LEVELS = (0.90, 0.95)
 _MIN_PAIRS = 10
@@ -26,9 +26,9 @@ class RunMetrics:
     metrics: Mapping[str, np.ndarray]
 
     @property
-    def completed(self) -> np.ndarray:
-        """(n,) whether the run completed."""
-        return self.outcomes == Outcome.COMPLETED
+    def failed(self) -> np.ndarray:
+        """(n,) whether the run failed."""
+        return is_failed(self.outcomes)
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class PairedComparison:
     Attributes:
         pairs: number of them
         unpaired: runs that only one of the campaigns has
-        failures: runs that did not complete
+        failures: runs that failed
         outcomes: runs that ended in each way other than completed, of those that occur
         requirements: violations of each requirement whose metric both have, in the order of the requirements
         metrics: that both have, in the order of the first
@@ -131,7 +131,7 @@ def compare_paired_runs(
     return PairedComparison(
         pairs=len(common),
         unpaired=len(first.run_ids) + len(second.run_ids) - 2 * len(common),
-        failures=count_paired_events("failed", ~one.completed, ~other.completed, independent),
+        failures=count_paired_events("failed", one.failed, other.failed, independent),
         outcomes=tuple(
             count_paired_events(str(kind), one.outcomes == kind, other.outcomes == kind, independent)
             for kind in Outcome
@@ -173,6 +173,7 @@ def _rows(runs: RunMetrics, rows: np.ndarray) -> RunMetrics:
 def requirement_name(requirement: RequirementSection) -> str:
     """Metric, bound and limit of a requirement, and the outcome of the runs that count."""
     condition = "" if requirement.outcome is None else f" of {requirement.outcome} runs"
+    condition += " of runs that reach it" if requirement.is_of_reaching_runs else ""
     return f"{requirement.metric_name} {requirement.bound} {requirement.limit:g}{condition}"
 
 
@@ -184,7 +185,7 @@ def can_be_judged(requirement: RequirementSection, metrics: Collection[str]) -> 
 
 
 def _violating(requirement: RequirementSection, runs: RunMetrics) -> np.ndarray:
-    values = runs.metrics[requirement.metric_name]
+    values = required_values(requirement, runs.metrics)
     return violates(requirement, values) & counts(requirement, runs.metrics, runs.outcomes)
 
 

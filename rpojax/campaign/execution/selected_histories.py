@@ -25,14 +25,14 @@ def pending_histories(campaign: Campaign) -> list[int]:
     wanted = [] if campaign.file.camera.model == "rendered" else campaign.file.requirements
     required = [requirement.metric_name for requirement in wanted]
     with metrics_of_scenario(plugin_registry.metrics_of(campaign.file)):
-        selected = selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics, required)
+        selected = selected_by_result(retention, campaign.run_ids, campaign.failed, campaign.metrics, required)
     return sorted(selected - set(campaign.history_ids))
 
 
 def selected_by_result(
     retention: Retention,
     run_ids: np.ndarray,
-    completed: np.ndarray,
+    failed: np.ndarray,
     metrics: Mapping[str, np.ndarray],
     required: Sequence[str] = (),
 ) -> set[int]:
@@ -41,11 +41,11 @@ def selected_by_result(
     Args:
         retention: the rule
         run_ids: (runs,) run numbers
-        completed: (runs,) whether the run completed
+        failed: (runs,) whether the run failed
         metrics: name -> (runs,), nan if undefined
         required: metrics of the scenario's requirements
     """
-    kept: set[int] = set(run_ids[~completed].tolist()) if retention.keeps_failures else set()
+    kept: set[int] = set(run_ids[failed].tolist()) if retention.keeps_failures else set()
     worst_kept = [(metric, 1) for metric in required] if retention.keeps_requirements else []
     for metric, count in (*retention.worst_kept, *worst_kept):
         kept.update(run_ids[worst_first(metric, metrics[metric])[:count]].tolist())

@@ -107,7 +107,7 @@ def plan_burn(
         tick_s,
     )
     burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
-    return plan, replace(memory.mission, team=decided, abort_burns=burns), whole
+    return plan, replace(state, team=decided, abort_burns=burns), whole
 
 
 def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:

@@ -10,9 +10,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
-from rpojax.core.pytree import pytree, select
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
-from rpojax.flight.mission.mission_state import AbortReason, MissionState, Transition
+from rpojax.flight.mission.mission_state import AbortReason, Condition, MissionState, Transition
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Until, constant_of_phase, of_phase
 
@@ -71,10 +71,7 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
         running
         & idle
         & constant_of_phase(row, [phase.ends for phase in settings.phases])
-        & (elapsed >= until.time)
-        & (situation.time - arrived_at >= until.arrival_for)
-        & (situation.time - known_at >= until.range_sigma_for)
-        & (situation.time >= until.ground_go)
+        & (unmet_conditions(until, replace(state, arrived_at=arrived_at, known_at=known_at), situation.time) == 0)
     )
     timed_out = running & idle & ~ended & (elapsed >= of_phase(row, [phase.timeout for phase in phases]))
     after_timeout, aborts_on_timeout = _timeout_rows(settings, row)
@@ -107,6 +104,17 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
         abort_burns=state.abort_burns,
         team=state.team,
     )
+
+
+def unmet_conditions(until: Until, state: MissionState, time: Scalar) -> Int[Array, ""]:
+    """Conditions of the present phase that do not hold at a time [s], as the bits of `Condition`."""
+    holds = (
+        (Condition.TIME, time - state.entered_at >= until.time),
+        (Condition.ARRIVAL, time - state.arrived_at >= until.arrival_for),
+        (Condition.RANGE_SIGMA, time - state.known_at >= until.range_sigma_for),
+        (Condition.GROUND_GO, time >= until.ground_go),
+    )
+    return sum((jnp.where(met, 0, int(condition)) for condition, met in holds), jnp.zeros((), dtype=jnp.int32))
 
 
 def leaves_corridor(corridor: Corridor, rho_H: Vector) -> Flag:

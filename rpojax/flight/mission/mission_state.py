@@ -47,6 +47,15 @@ class Transition(enum.IntEnum):
         return self.name.lower().replace("_", " ")
 
 
+class Condition(enum.IntFlag):
+    """Conditions of `until`, as bits of those that do not hold."""
+
+    TIME = 1
+    ARRIVAL = 2
+    RANGE_SIGMA = 4
+    GROUND_GO = 8
+
+
 @pytree
 class MissionState:
     """State of the mission manager.

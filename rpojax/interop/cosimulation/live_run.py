@@ -34,7 +34,7 @@ from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
 from rpojax.simulation.metrics import recorded_metrics
 from rpojax.simulation.outcomes.judgement import judge_one
-from rpojax.simulation.outcomes.outcome_kinds import REASONS
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class LiveRunResult:
     Attributes:
         ticks: number of simulated ticks
         steps: number of plant steps
-        completed: whether the run reached its end, and as it should
+        outcome: how the run ended, None if it was stopped before its end
         failure: reason of a failed run, else ""
         stop_reason: reason why the run was stopped before its end, else ""
         metrics: of a run that reached its end, else empty
@@ -60,7 +60,7 @@ class LiveRunResult:
 
     ticks: int
     steps: int
-    completed: bool
+    outcome: Outcome | None
     failure: str
     stop_reason: str
     metrics: Mapping[str, float]
@@ -112,7 +112,7 @@ def simulate_live(
     return LiveRunResult(
         ticks=run.ticks,
         steps=run.ticks * run.scenario.substeps,
-        completed=run.completed,
+        outcome=run.outcome,
         failure=run.failure,
         stop_reason=stop_reason,
         metrics=run.metrics(),
@@ -143,7 +143,7 @@ class _LiveRun:
         self._sends_images = settings.send_images and self.scenario.camera_model == "rendered"
         self._records: dict[str, np.ndarray] = {}
         self.ticks = 0
-        self.failure = ""
+        self.outcome: Outcome | None = None
 
     @property
     def limits(self) -> CommandLimits:
@@ -156,9 +156,9 @@ class _LiveRun:
         )
 
     @property
-    def completed(self) -> bool:
-        """Whether the run reached its end, and as it should."""
-        return self.reached_end and not self.failure
+    def failure(self) -> str:
+        """Reason of a failed run, else empty."""
+        return "" if self.outcome is None else self.outcome.reason
 
     @property
     def reached_end(self) -> bool:
@@ -177,10 +177,11 @@ class _LiveRun:
     def tick(self, commands: CommandSource) -> None:
         """Simulates one tick."""
         self._tick = self._simulate_tick(commands, self._record)
-        self.failure = REASONS[self._tick.failure]
         self.ticks += 1
-        if self.reached_end:
-            self.failure = judge_one(self._file, self._varied, self._records).reason
+        if self._tick.failure:
+            self.outcome = list(Outcome)[self._tick.failure]
+        elif self.reached_end:
+            self.outcome = judge_one(self._file, self._varied, self._records)
 
     def _record(self, channels: Channels) -> None:
         for name, value in channels.items():

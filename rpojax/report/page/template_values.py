@@ -192,6 +192,7 @@ def _mission_values(content: Mapping[str, Any]) -> dict[str, Any] | None:
     if mission is None:
         return None
     return {
+        "goal": phase_section.goal_text(mission),
         "times": phase_section.time_rows(mission),
         "headings": phase_section.figure_headings(),
         "figures": phase_section.figure_rows(mission),

@@ -6,7 +6,7 @@ import numpy as np
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.phases import reference_sections as kinds
-from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, CorridorSection, PhaseSection
+from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, NO_GOAL, CorridorSection, PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
@@ -19,19 +19,20 @@ _NEARLY_CIRCULAR = 0.01
 
 
 def check_phases(file: ScenarioFile) -> None:
-    """Checks the phases of a scenario and its mission section.
+    """Checks the phases of a scenario, its mission section and its goal.
 
     Raises:
         ScenarioError: naming the key, what was found and what was expected.
     """
+    _check_goal(file)
     if not file.phases:
         if file.mission != type(file.mission)():
             raise ScenarioError("mission", "settings", "them only in a scenario with [[phases]]")
         return
     names = [phase.name for phase in file.phases]
     for phase in file.phases:
-        if names.count(phase.name) > 1 or phase.name in BUILT_IN_PHASES:
-            expected = f"a name that no other phase has, and none of {', '.join(BUILT_IN_PHASES)}"
+        if names.count(phase.name) > 1 or phase.name in (*BUILT_IN_PHASES, NO_GOAL):
+            expected = f"a name that no other phase has, and none of {', '.join((*BUILT_IN_PHASES, NO_GOAL))}"
             raise ScenarioError("phases.name", phase.name, expected)
     _check_periods(file)
     place: np.ndarray | None = np.array(file.initial.relative_position_m)
@@ -43,6 +44,20 @@ def check_phases(file: ScenarioFile) -> None:
         if isinstance(phase.reference, kinds.TransferSection) and place is not None:
             _check_transfer(file, phase.name, phase.reference, place)
         place = _end_m(phase)
+
+
+def _check_goal(file: ScenarioFile) -> None:
+    """Refuses a goal that no run can reach."""
+    phase, at = file.goal.phase, file.goal.at
+    known = (*file.phase_names, NO_GOAL)
+    if phase is not None and phase not in known:
+        expected = f"one of {', '.join(known)}" if file.phases else f"{NO_GOAL} in a scenario without [[phases]]"
+        raise ScenarioError("goal.phase", phase, expected)
+    if at is not None and (not file.phases or phase == NO_GOAL):
+        raise ScenarioError("goal.at", at, "it only beside a phase")
+    name = phase or (file.phases[-1].name if file.phases else None)
+    if at == "end" and not any(each.name == name and each.until is not None for each in file.phases):
+        raise ScenarioError("goal.at", at, f"begin, as phase {name} has no conditions until that end it")
 
 
 def _check_periods(file: ScenarioFile) -> None:

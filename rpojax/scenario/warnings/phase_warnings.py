@@ -36,18 +36,19 @@ def _abort_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
 
 
 def _time_warnings(file: ScenarioFile) -> list[str]:
-    """The first phase that begins after the run, if those before it take as long as they must."""
+    """The first phase that begins after the run, or the last if it ends so, if those before take what they must."""
     begin = 0.0
-    for phase, following in zip(file.phases, file.phases[1:], strict=False):
+    for phase, following in zip(file.phases, [*file.phases[1:], None], strict=True):
         times = phase.until.model_dump() if phase.until else {}
         lasting = [times.get(name) or 0.0 for name in ("time_s", "arrival_for_s", "range_sigma_for_s")]
         least = max(*lasting, (times.get("ground_go_s") or 0.0) - begin)
-        if phase.timeout_s and phase.on_timeout == "next":
+        if following is not None and phase.timeout_s and phase.on_timeout == "next":
             least = min(least, phase.timeout_s) if times else phase.timeout_s
         begin += least
         if begin >= file.duration_s:
-            until = f"begins {begin:g} s after the start at the earliest"
-            return [f"phases.{following.name}: {until}, expected within duration_s = {file.duration_s:g}"]
+            name, event = (phase.name, "ends") if following is None else (following.name, "begins")
+            at = f"{event} {begin:g} s after the start at the earliest"
+            return [f"phases.{name}: {at}, expected within duration_s = {file.duration_s:g}"]
     return []
 
 

@@ -22,7 +22,7 @@ _DERIVED: Final = {"desired_position_H", "is_settled"}
 """Inputs of metrics that are no channels."""
 
 
-MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_reason")
+MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_reason", "unmet_conditions")
 """Channels of scenarios with phases that metrics and outcomes read."""
 
 

@@ -207,7 +207,7 @@ def _validation_entry(found: Validation) -> dict[str, Any]:
     return {
         "seed": found.seed,
         "runs": len(found.baseline.run_ids),
-        "failed": [int((~each.completed).sum()) for each in (found.baseline, found.tuned)],
+        "failed": [int(each.failed.sum()) for each in (found.baseline, found.tuned)],
         "undefined": found.undefined,
         "means": {name: dataclasses.asdict(change) for name, change in found.means.items()},
         "medians": [dataclasses.asdict(change) for change in found.medians.metrics],

@@ -75,7 +75,7 @@ def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
 
 
 def _of_outcome(name: str) -> Failure:
-    known = [str(each) for each in Outcome if each != Outcome.COMPLETED]
+    known = [str(each) for each in Outcome if each.is_failure]
     if name not in known:
         raise RpojaxError.of_argument("outcome", f"found {name!r}, expected one of {', '.join(known)}")
     return Failure(outcome=Outcome(name))

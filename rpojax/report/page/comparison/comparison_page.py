@@ -107,7 +107,7 @@ def _limits(campaigns: Sequence[CampaignResults]) -> dict[str, list[Limit]]:
 
 def _identity(campaign: CampaignResults) -> list[tuple[str, str]]:
     info: Mapping[str, Any] = campaign.info
-    failed = len(campaign.completed) - int(campaign.completed.sum())
+    failed = int(campaign.failed.sum())
     return [
         ("Folder", str(campaign.directory)),
         ("Scenario", f"{info.get('name', '')}, hash {info.get('scenario_hash', '')}"),
