@@ -1,6 +1,7 @@
 """`rpojax tune`: what it writes and prints, with a synthetic descent, and what it refuses in one line."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
 from rpojax.analysis.gradients.tuning.descent_state import TuningStep
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tune import _progress_text
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.statistics.paired_comparison import RunMetrics
 from rpojax.cli import main
@@ -84,6 +86,12 @@ def test_validation_runs_have_the_stages_of_the_tuning(
     monkeypatch.setitem(STAGES, 0, rpojax.Stages(formation_law=lambda gain, deviation: -deviation[3:]))
     found = rpojax.tune(rpojax.load("inspection"), stages=STAGES[0], seed=7, validation_runs=50, progress=False)
     assert found.validation is not None
+    table = found.to_dataframe()
+    assert table["part.pointing"].tolist() == [0.5, 0.5]
+    assert table["undefined.pointing"].tolist() == [5, 2]
+    texts = [_progress_text(step, 64) for step in found.result.steps]
+    assert texts[0] == "objective 3.0000, pointing undefined in 5 of 64 runs"
+    assert _progress_text(replace(found.result.steps[0], undefined={"pointing": 0}), 64) == "objective 3.0000"
 
 
 def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -113,8 +113,8 @@ def _check_start(undefined: dict[str, int], settings: TuningSettings) -> None:
         if runs == settings.runs:
             names = " and ".join(part_metrics(part))
             raise RpojaxError(
-                f"tuning.{part}: found no run of {runs} with {names} in {settings.horizon_s:g} s, "
-                "expected some; a longer horizon may have them, and a weight of 0 leaves it out"
+                f"tuning.{part}: found no run of {runs} with {names}, expected some; "
+                "runs of a longer horizon may have it, and a weight of 0 leaves it out"
             )
 
 

@@ -5,6 +5,7 @@ Each is read right, or refused in one line that names what is not.
 
 import dataclasses
 import importlib
+import io
 import math
 import typing
 from collections.abc import Iterator
@@ -13,9 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sgp4.tests
 from astropy.time import Time, TimeDelta
 from ccsds_ndm.ndm_io import NDMFileFormats, NdmIo
 from element_sets import LINES, TLE, with_checksum
+from sgp4 import omm
+from sgp4.api import Satrec
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.starts import inertial_frames, message_keywords, start_files
@@ -318,6 +322,17 @@ def test_a_message_in_xml_is_that_in_key_value_notation(tmp_path: Path, kind: Me
         wrong = by_library.replace('units="km"', 'units="m"').replace('units="deg"', 'units="rad"')
         if wrong != by_library:
             assert "a finite number in" in refusal(tmp_path, wrong)
+
+
+def test_an_omm_of_a_catalogue_is_read_as_sgp4_reads_it(tmp_path: Path) -> None:
+    text = sgp4.tests.MARIO_XML
+    satellite = Satrec()
+    omm.initialize(satellite, next(omm.parse_xml(io.StringIO(text))))
+    _, expected, _ = satellite.sgp4_tsince(0.0)
+    found = start_of(tmp_path, text)
+    assert (found["target_object"], found["epoch_utc"]) == ("MARIO", "2023-04-25T10:45:30.642912")
+    R = inertial_frames.to_inertial("TEME", instant(found["epoch_utc"]), "")
+    np.testing.assert_allclose(R.T @ found["target_position_m"], 1e3 * np.array(expected), rtol=0.0, atol=1e-3)
 
 
 GOOD_DATES = [
