@@ -18,7 +18,6 @@ EXTRAS = {
     "imageio_ffmpeg": "viz",
     "pyarrow": "formats",
     "sgp4": "formats",
-    "erfa": "formats",
 }
 """Extra by the name under which an optional package is imported."""
 

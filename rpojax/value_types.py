@@ -4,7 +4,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, date, datetime
+from datetime import date
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,6 +20,8 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
+
+from rpojax.time_scales import instant
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -87,10 +89,10 @@ def _date_to_text(value: Any) -> Any:
 def _check_epoch(value: str) -> str:
     try:
         seconds = epoch_seconds(value)
-    except (ValueError, OverflowError):
-        raise ValueError("expected a date and time such as '2026-03-20T14:46:00'") from None
-    if abs(seconds) > _EPHEMERIS_SPAN_S:
-        raise ValueError("expected a date from 1950 to 2050, for which Sun and Moon are known well")
+    except ValueError as error:
+        raise ValueError(f"expected {error}") from None
+    if seconds > _EPHEMERIS_SPAN_S:
+        raise ValueError("expected a date from 1972 to 2050, for which UTC, Sun and Moon are known well")
     return value
 
 
@@ -98,15 +100,12 @@ _EPHEMERIS_SPAN_S = 50.0 * 365.25 * 86400.0
 
 
 def epoch_seconds(utc: str) -> float:
-    """Terrestrial time since 2000-01-01 12:00 [s] of a date and time in UTC."""
-    moment = datetime.fromisoformat(utc)
-    if moment.tzinfo is not None:
-        moment = moment.astimezone(UTC).replace(tzinfo=None)
-    return (moment - datetime(2000, 1, 1, 12)).total_seconds() + _TERRESTRIAL_LESS_UTC_S
+    """Terrestrial time since 2000-01-01 12:00 [s] of a date and time in UTC.
 
-
-_TERRESTRIAL_LESS_UTC_S = 69.184
-"""Valid since 2017 [s]; a leap second more changes the direction of the Sun by 2e-7 rad."""
+    Raises:
+        ValueError: saying what is expected.
+    """
+    return instant(utc).terrestrial_s
 
 
 Epoch = Annotated[str, BeforeValidator(_date_to_text), AfterValidator(_check_epoch)]

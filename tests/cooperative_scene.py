@@ -247,7 +247,8 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
 
     after = vmap_last(predict, in_axes=-1, out_axes=-1)(orbit, delta_v, size)
     if not case.alone:
-        memory = sharing.predict(case.link, many, memory, orbit, after, delta_v, size, jnp.ones(N), 1.0)
+        motion = orbit, after, delta_v, size, jnp.ones(N), jnp.zeros(N, dtype=bool)
+        memory = sharing.predict(case.link, many, memory, *motion, 1.0)
     q = tuning.relative_acceleration_noise / jnp.sqrt(2.0)
     drift_T, drift = q * normal(6, (3,)), q * normal(7, (3, N))
     world = replaced(world, orbit=after, memory=memory)

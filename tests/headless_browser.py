@@ -28,6 +28,7 @@ _PROBE = """<script>setTimeout(() => {
       const parts = [...sheet.children].filter((one) => !one.classList.contains("sheet-foot"));
       return foot - Math.max(...parts.map((one) => one.getBoundingClientRect().bottom));
     }),
+    main: [...document.querySelectorAll("main")].map((one) => one.getBoundingClientRect().width),
     undrawn: [...document.querySelectorAll(".chart")].filter((one) => one.dataset.drawn !== "yes").length,
     charts: document.querySelectorAll(".chart").length, paper: getComputedStyle(document.body).backgroundColor,
     ink: getComputedStyle(document.body).color,

@@ -1,7 +1,9 @@
 """Report pages as a test sees them: tags, text and data of the charts."""
 
+import html
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.page.html_report import write_report
@@ -48,3 +50,9 @@ def rendered_page(campaign: CampaignResults, run_id: int | None = None) -> Repor
 def page_text(page: ReportPage) -> str:
     """Text of a page with single spaces."""
     return re.sub(r"\s+", " ", " ".join(page.text))
+
+
+def shown_commands(page: Path) -> list[str]:
+    """Shell commands in the text of a page."""
+    found = re.findall(r"<code>\s*(rpojax .*?)</code>", page.read_text(), re.DOTALL)
+    return [html.unescape(command) for command in found]

@@ -41,6 +41,10 @@ class SyntheticCampaign:
         return np.arange(len(self.completed))
 
     @property
+    def failed(self) -> np.ndarray:
+        return outcome_kinds.is_failed(self.outcomes)
+
+    @property
     def reached_end(self) -> np.ndarray:
         return ~outcome_kinds.is_frozen(self.outcomes)
 

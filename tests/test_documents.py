@@ -32,8 +32,8 @@ from rpojax.scenario import key_units, schema
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import StartSection
-from rpojax.sensors.additional.registry import sensor_class, sensor_names
-from rpojax.simulation import channels
+from rpojax.sensors.additional.registry import sensor_classes, sensor_names
+from rpojax.simulation import channels, stage_use
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
 from rpojax.simulation.rollout import rollout
@@ -90,7 +90,9 @@ def blocks(text: str, language: str) -> list[str]:
 def sections_of_the_schema() -> dict[str, type[Section]]:
     """Name -> model of every section of a scenario."""
     fields = ScenarioFile.model_fields.items()
-    models = {name: field.annotation for name, field in fields} | {name: sensor_class(name) for name in sensor_names()}
+    models = {name: field.annotation for name, field in fields} | {
+        name: sensor_classes(name)[0] for name in sensor_names()
+    }
     models["start"] = StartSection  # a scenario may be without it
     return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, Section)}
 
@@ -413,6 +415,20 @@ def test_the_stages_of_the_page_on_flight_software_act_in_the_loop() -> None:
     raised = mission.entry.relative_state[:, :3] + jnp.array([[0.0, 0.0, 5.0]])
     assert jnp.allclose(telemetry.rho_desired_H, raised, rtol=0.0, atol=1e-12)
     assert bool(jnp.isfinite(telemetry.truth.r_ST_N).all())
+
+
+def test_the_page_on_flight_software_says_which_replaced_stages_are_refused_where() -> None:
+    lines = section(FLIGHT_PAGE, "Where replaced stages are used").splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")][1:]
+    expected = [
+        [
+            mode.name,
+            ", ".join(f"`{stage}`" for stage in mode.refused) or "none",
+            "; ".join(dict.fromkeys(mode.refused.values())),
+        ]
+        for mode in stage_use.MODES
+    ]
+    assert rows == expected
 
 
 def test_the_page_on_flight_software_names_every_stage_with_its_arguments() -> None:

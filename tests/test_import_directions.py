@@ -15,6 +15,7 @@ FLOORS = {
     "optional_packages": 0,
     "printable_text": 0,
     "untrusted": 0,
+    "time_scales": 0,
     "value_types": 0,
     "runtime": 0,
     "core": 1,

@@ -30,7 +30,7 @@ def test_the_version_is_in_one_place() -> None:
 
 def test_every_optional_package_is_in_the_extra_that_errors_name() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    names = {"erfa": "pyerfa", "mpl_toolkits": "basemap", "rerun": "rerun-sdk", "imageio_ffmpeg": "imageio-ffmpeg"}
+    names = {"mpl_toolkits": "basemap", "rerun": "rerun-sdk", "imageio_ffmpeg": "imageio-ffmpeg"}
     for package, extra in EXTRAS.items():
         assert any(entry.startswith(names.get(package, package)) for entry in extras[extra]), package
 

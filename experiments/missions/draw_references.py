@@ -149,8 +149,8 @@ def orbital_period(e: float) -> float:
 
 def flown(example: Example) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Times [s] and positions [m] of the free arcs between burns, places of these, and the velocity change [m/s]."""
-    entry = PhaseEntry(relative_state=jnp.asarray(example.entry))
     start, period = target(example.e), jnp.asarray(example.period)
+    entry = PhaseEntry(relative_state=jnp.asarray(example.entry), orbit=start)
 
     def position(elapsed: jax.Array) -> jax.Array:
         orbit = yamanaka_ankersen.advanced(start, elapsed)

@@ -97,7 +97,11 @@ def restart(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
     end = wait_for_summary(bridge)
     answered = sum(json.loads(second.communicate()[0])["received"].values())
     return [
-        ("status and end", f"{end['status']}, {end['ticks']} ticks, {end['stopped'] or 'completed'}", end["completed"]),
+        (
+            "status and end",
+            f"{end['status']}, {end['ticks']} ticks, {end['stopped'] or end['outcome']}",
+            end["status"] == 0,
+        ),
         ("late while the node was away", str(end["late"]), bool(end["late"])),
         ("messages to the second node", str(answered), answered > 0),
     ]
@@ -117,7 +121,7 @@ def hostile(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
     ratio = end["metrics"]["formation_error_rms_m"] / inside if end["metrics"] else np.nan
     ignored = {f"{topic} {reason}": count for topic, each in end["ignored"].items() for reason, count in each.items()}
     return [
-        ("status and end", f"{end['status']}, {end['stopped'] or 'completed'}", end["completed"]),
+        ("status and end", f"{end['status']}, {end['stopped'] or end['outcome']}", end["status"] == 0),
         ("late", str(end["late"]), not end["late"]),
         *((name, f"{count} ignored", True) for name, count in ignored.items()),
         ("formation error over that in process", f"{ratio:.4f}", abs(ratio - 1.0) <= 0.05),

@@ -38,7 +38,7 @@ def compare(name: str, duration_s: int, runs: int, seed: int) -> str:
             mean_differences[metric] = abs(float(np.mean(difference))) / (1.96 * spread / np.sqrt(defined.sum()))
             run_differences[metric] = float(np.median(np.abs(difference))) / spread
     worst_mean, worst_run = (max(each, key=lambda metric: each[metric]) for each in (mean_differences, run_differences))
-    completed = "the same" if np.array_equal(double.completed, single.completed) else "**different**"
+    completed = "the same" if np.array_equal(double.failed, single.failed) else "**different**"
     mean = f"{mean_differences[worst_mean]:.3f} (`{worst_mean}`)"
     run = f"{run_differences[worst_run]:.4f} (`{worst_run}`)"
     return f"| `{name}`, {duration_s:,} s | {completed} | {mean} | {mean_differences['nees_mean']:.4f} | {run} |"

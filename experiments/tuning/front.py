@@ -97,7 +97,7 @@ def ratios(first: "RunMetrics", other: "RunMetrics") -> dict:
     from rpojax.analysis.gradients.tuning import tuning_validation
 
     means = tuning_validation.compare_means(first, other)
-    found: dict = {"failed": int((~other.completed).sum())}
+    found: dict = {"failed": int(other.failed.sum())}
     for name in ("formation_error_rms_m", "delta_v_m_s"):
         found[name] = means[name].second
         found[f"{name}_ratio"] = means[name].ratio

@@ -90,7 +90,7 @@ def table(options: argparse.Namespace) -> int:
     for name, file in cases.items():
         runs = tuning_validation.simulate_runs(file, seed, options.judge)
         means = {metric: float(np.nanmean(runs.metrics[metric])) for metric in SHOWN}
-        found[name] = {"failed": int((~runs.completed).sum()), **means}
+        found[name] = {"failed": int(runs.failed.sum()), **means}
         close = means[SHOWN[2]] <= ERROR_RATIO * found["packaged"][SHOWN[2]]
         holds = NEES_BAND[0] <= means["nees_mean"] <= NEES_BAND[1] and close
         status |= int(name != "packaged" and not holds)

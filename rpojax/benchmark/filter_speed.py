@@ -17,6 +17,7 @@ from rpojax.benchmark.synthetic_filter_inputs import (
     nominal_setup,
     simulate_measurements,
 )
+from rpojax.flight import stage_use
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.box_measurement import outlier_gate
@@ -24,6 +25,7 @@ from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.runtime.device_programs import choose_devices
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 
@@ -124,8 +126,22 @@ def measure_batch(
     )
 
 
+def check_filter(file: ScenarioFile) -> None:
+    """Refuses a scenario whose plugin replaces the orbit filter, since the packaged one is measured.
+
+    Raises:
+        RpojaxError: naming the stage.
+    """
+    stage_use.check(plugin_registry.stages_of(file), (stage_use.BENCH_KERNELS,))
+
+
 def measure(file: ScenarioFile, batches: Sequence[int] = DEFAULT_BATCHES) -> dict[str, Any]:
-    """Speeds of all batch sizes per device as JSON, with those of the fastest one at the top."""
+    """Speeds of all batch sizes per device as JSON, with those of the fastest one at the top.
+
+    Raises:
+        RpojaxError: the scenario replaces the orbit filter.
+    """
+    check_filter(file)
     speeds = [measure_batch(file, batch) for batch in batches]
     best = min(speeds, key=lambda entry: entry.us_per_update)
     return {**asdict(best), "batches": [asdict(entry) for entry in speeds]}

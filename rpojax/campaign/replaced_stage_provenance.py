@@ -1,7 +1,6 @@
 """Provenance of replaced flight-software stages: records of names and digests, and comparison with a campaign's."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 from rpojax.errors import RpojaxError
@@ -16,8 +15,7 @@ def replaced_stages(stages: Stages) -> StageRecords:
 
     Values are what it captures, has bound or holds as an object. A digest is None where there is none.
     """
-    default = Stages()
-    functions = {field.name: getattr(stages, field.name) for field in fields(Stages)}
+    functions = {name: getattr(stages, name) for name in stages.replaced}
     return {
         name: {
             "function": qualified_name(function),
@@ -25,7 +23,6 @@ def replaced_stages(stages: Stages) -> StageRecords:
             "values_sha256": values_digest(function),
         }
         for name, function in functions.items()
-        if function is not getattr(default, name)
     }
 
 

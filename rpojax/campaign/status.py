@@ -21,7 +21,10 @@ def status(directory: Path) -> dict[str, Any]:
     ended = sum(entry.count for entry in entries)
     reasons = block_manifests.count_failure_reasons(entries)
     completed = sum(entry.completed for entry in entries)
-    outcomes = {str(kind): reasons.get(kind.reason, 0) for kind in Outcome} | {str(Outcome.COMPLETED): completed}
+    failed = sum(entry.failed for entry in entries)
+    not_judged = ended - completed - failed
+    outcomes = {str(kind): reasons.get(kind.reason, 0) for kind in Outcome}
+    outcomes |= {str(Outcome.COMPLETED): completed, str(Outcome.NOT_JUDGED): not_judged}
     attempts = block_manifests.attempts_at_unfinished_blocks(directory, blocks)
     return {
         "directory": str(directory),
@@ -30,7 +33,8 @@ def status(directory: Path) -> dict[str, Any]:
         "runs": {
             "requested": configuration.options.runs,
             "completed": completed,
-            "failed": sum(entry.failed for entry in entries),
+            "failed": failed,
+            "not_judged": not_judged,
             "missing": configuration.options.runs - ended,
             "outcomes": outcomes,
         },

@@ -1,6 +1,5 @@
 """Output of commands that simulate campaigns: tables, report, exit status, and the hint after an interrupt."""
 
-import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,17 +29,17 @@ def keeping_results(directory: Path) -> Iterator[None]:
 
 def _kept_blocks_sentence(directory: Path) -> str:
     from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.scenario.command_lines import command_line
 
     try:
         found = Campaign(directory)
     except RpojaxError:
         return "nothing was written"
-    missing, folder = len(found.missing_blocks()), shlex.quote(str(directory))
+    missing, plugin = len(found.missing_blocks()), found.configuration.scenario.get("plugin")
+    resume, report = (command_line(verb, directory, plugin=plugin) for verb in ("resume", "report"))
     if missing == 0:
-        return (
-            f"all runs are kept; go on with: rpojax resume {folder}, or write the report with: rpojax report {folder}"
-        )
-    return f"{found.block_count - missing} of {found.block_count} blocks are kept; go on with: rpojax resume {folder}"
+        return f"all runs are kept; go on with: {resume}, or write the report with: {report}"
+    return f"{found.block_count - missing} of {found.block_count} blocks are kept; go on with: {resume}"
 
 
 def conclude(
@@ -64,25 +63,28 @@ def conclude(
         )
     if not shared and (missing := result.missing_blocks()):
         raise UnfinishedError(f"found {len(missing)} blocks missing, expected none")
-    return Status.DONE if result.completed.all() else Status.SOME_FAILED
+    return Status.SOME_FAILED if result.failed.any() else Status.DONE
 
 
 def show_results(
     result: "Campaign", report: Callable[[], Path | None], as_json: bool, more: dict[str, Any] | None = None
 ) -> None:
     """Prints the results as tables, or as JSON; tables come before the report is written."""
+    from rpojax.metrics import metric_catalogue
     from rpojax.report.page.campaign_summary import summarise
     from rpojax.report.worked_out import Notes
+    from rpojax.scenario.plugins import plugin_registry
 
-    with busy("evaluating the results", quiet=as_json, announce=False):
-        summary = Notes().part("The summary", summarise, result)
-    if as_json:
-        path = report()
-        place = {"directory": str(result.directory), "report": None if path is None else str(path)}
-        print_json({**place, **summary, **(more or {})})
-        return
-    console.show_campaign(summary)
-    console.show_places(result.directory, report())
+    with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(result.info)):
+        with busy("evaluating the results", quiet=as_json, announce=False):
+            summary = Notes().part("The summary", summarise, result)
+        if as_json:
+            path = report()
+            place = {"directory": str(result.directory), "report": None if path is None else str(path)}
+            print_json({**place, **summary, **(more or {})})
+            return
+        console.show_campaign(summary)
+        console.show_places(result.directory, report())
 
 
 def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id: int | None = None) -> Path:

@@ -1,6 +1,5 @@
 """Tables and lines that commands print on stdout, and warnings on stderr."""
 
-import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,7 +37,7 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
 
     console = Console(highlight=False)
     runs = summary["runs"]
-    ended = runs["completed"] + runs["failed"]
+    ended = runs["requested"] - runs["missing"]
     # The name is user text: a Text does not interpret brackets as markup.
     table = Table(title=Text(f"{summary['provenance'].get('name', 'campaign')}, {count_runs(ended)}"))
     table.add_column("metric")
@@ -55,7 +54,7 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
         console.print(table)
     if lacking := _failed_without_value(summary):
         console.print(f"these statistics leave out {count_runs(lacking)} that failed and have no value", markup=False)
-    console.print(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
+    console.print(f"runs: {_count_text(runs)}")
     if runs["missing"]:
         console.print(f"unfinished: {count_runs(runs['missing'])} missing", markup=False)
     for reason, count in _reasons(summary).items():
@@ -81,7 +80,7 @@ def show_status(found: Mapping[str, Any]) -> None:
         console.print(text, soft_wrap=True, markup=False)
 
     line(f"{found['name']}: {blocks['done']} of {blocks['total']} blocks done, {blocks['missing']} missing")
-    line(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
+    line(f"runs: {_count_text(runs)}")
     for reason, count in found["reasons"].items():
         line(f"failed: {count} x {reason}")
     for entry in found["begun"]:
@@ -91,10 +90,16 @@ def show_status(found: Mapping[str, Any]) -> None:
     line(f"report: {found['report'] or 'none yet'}")
 
 
+def _count_text(runs: Mapping[str, Any]) -> str:
+    """Completed, failed and requested runs, and those that were not judged where there are any."""
+    not_judged = f"{runs['not_judged']} not judged, " if runs["not_judged"] else ""
+    return f"{runs['completed']} completed, {runs['failed']} failed, {not_judged}{runs['requested']} requested"
+
+
 def _failed_without_value(summary: Mapping[str, Any]) -> int:
     """Largest number of failed runs that a metric of the table has no value of."""
     runs, metrics = summary["runs"], summary["metrics"]
-    ended = runs["completed"] + runs["failed"]
+    ended = runs["requested"] - runs["missing"]
     known = [name for name in _shown_metrics(summary) if name in metrics]
     shown = [metrics[name]["defined"] for name in known if metrics[name]["defined"]]
     return min(runs["failed"], max((ended - defined for defined in shown), default=0)) if ended > 1 else 0
@@ -102,9 +107,9 @@ def _failed_without_value(summary: Mapping[str, Any]) -> int:
 
 def _shown_metrics(summary: Mapping[str, Any]) -> list[str]:
     """Metrics of the table: the key ones, and those of the scenario's plugin."""
-    from rpojax.metrics.metric_catalogue import METRICS
+    from rpojax.metrics.metric_catalogue import find
 
-    own = [name for name in summary["metrics"] if name in METRICS and METRICS[name].source == "plugin"]
+    own = [name for name in summary["metrics"] if (metric := find(name)) is not None and metric.source == "plugin"]
     return [*_KEY_METRICS, *own]
 
 
@@ -114,8 +119,12 @@ def _other_side(key: str) -> str:
 
 
 def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
-    reasons = [failure["reason"] for failure in summary["failures"]]
+    reasons = [_with_detail(failure) for failure in summary["failures"]]
     return {reason: reasons.count(reason) for reason in sorted(set(reasons))}
+
+
+def _with_detail(failure: Mapping[str, Any]) -> str:
+    return f"{failure['reason']}: {failure['detail']}" if failure["detail"] else str(failure["reason"])
 
 
 def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
@@ -126,18 +135,22 @@ def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
         print(f"rpojax: warning: {warning}", file=sys.stderr)
 
 
-def show_rare_requirements(file: "ScenarioFile", source: str, out: Path, quiet: bool) -> None:
-    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them."""
+def show_rare_requirements(file: "ScenarioFile", out: Path, quiet: bool) -> None:
+    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them.
+
+    It takes the copy of the scenario in the folder of the campaign, `out`, which has all that was set by `--set`.
+    """
     from rpojax.analysis.statistics import rare_requirements
 
     for each in [] if quiet else file.requirements:
         if rare_requirements.is_rare(each.probability) and each.is_of_all_runs:
             runs = rare_requirements.plain_runs(each.probability, each.consumer_risk)
-            command = rare_requirements.command(
-                shlex.quote(source), each.metric, shlex.quote(str(out / "probability" / each.metric))
-            )
-            print(
+            line = (
                 f"rpojax: {each.metric} {each.bound} {each.limit:g} with probability {each.probability:.9g} takes "
-                f"{runs:,} plain runs without a violation; instead, after the campaign: {command}",
-                file=sys.stderr,
+                f"{runs:,} plain runs without a violation"
             )
+            if rare_requirements.can_be_estimated(each.metric, len(file.servicers)):
+                place = out / "probability" / each.metric
+                command = rare_requirements.command(out / "scenario.toml", each.metric, place, file.plugin)
+                line += f"; instead, after the campaign: {command}"
+            print(line, file=sys.stderr)

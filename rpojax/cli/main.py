@@ -2,7 +2,7 @@
 
 SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML file; `rpojax --version` shows the version.
 
-Exit status: 0 done, and all runs completed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
+Exit status: 0 done, and no run failed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
 finished, but some of its runs failed, or some pictures could not be used, or an estimated probability is not to be
 trusted; 4 the campaign is unfinished: its disk is full, or blocks were given up after three workers died of them; 130
 interrupted; 143 terminated. After 4, 130 and 143 finished blocks are stored, and `rpojax resume` continues.

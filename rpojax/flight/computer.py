@@ -66,9 +66,10 @@ def initial(
         attitude=attitude,
         attitude_variance=_attitude_variance(params.vehicle, attitude),
         plan=burn_planning.no_burn(),
-        thrust_estimate=thrust_estimator.initial(),
+        thrust_estimate=thrust_estimator.initial(params.navigation),
         thruster_failed_at=jnp.full_like(n, -jnp.inf),
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
+        reopened=jnp.zeros((), dtype=bool),
         camera=detector_window.whole_frame(camera),
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
@@ -202,9 +203,9 @@ def guide(
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt, other
     )
-    not_found = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
-    orbit = replace(memory.orbit, relative=relative_estimate.widen(memory.orbit.relative, not_found))
-    return replace(memory, plan=plan, pointing=pointing, orbit=orbit), mode
+    reopened = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
+    orbit = replace(memory.orbit, relative=relative_estimate.reopen(memory.orbit.relative, reopened))
+    return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode
 
 
 def _may_be_visible(params: FlightParams, estimate: OrbitEstimate, sun_N: Vector) -> Bool[Array, ""]:
@@ -263,9 +264,8 @@ def predict(
     the thruster as failed.
     """
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
-    thrust_estimate = select(
-        burning, thrust_estimator.update(memory.thrust_estimate, thrust_ratio, dt), memory.thrust_estimate
-    )
+    estimated = thrust_estimator.update(params.navigation, memory.thrust_estimate, thrust_ratio, dt)
+    thrust_estimate = select(burning, estimated, memory.thrust_estimate)
     return replace(
         memory,
         thrust_estimate=thrust_estimate,
@@ -279,7 +279,7 @@ def predict(
             estimate=memory.orbit,
             delta_v_N=thrust_estimate.ratio * delta_v_N,
             burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
-            burn_sigma_inflation=thrust_estimator.sigma_inflation(thrust_estimate),
+            burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
             third_body_acceleration_N=third_body_acceleration_N,
             time=end - dt,
             dt=dt,

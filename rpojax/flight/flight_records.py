@@ -52,6 +52,7 @@ class FlightMemory:
         thrust_estimate: estimated thrust
         thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
         pointing: state of the attitude guidance
+        reopened: () bool, guidance has widened the estimate of the target in this tick, as a search of it has failed
         camera: latest command for an exposure
         gain: (3, 6) of the formation controller, solved once at start
         station_keeping: free motion and impulse that keep the station, solved once at start
@@ -70,6 +71,7 @@ class FlightMemory:
     thrust_estimate: ThrustEstimate
     thruster_failed_at: Array
     pointing: PointingState
+    reopened: Array
     camera: CameraCommand
     gain: Array
     station_keeping: StationKeeping

@@ -315,6 +315,11 @@ class Stages:
                 kind = type(function).__name__
                 raise RpojaxError(f"stages.{each.name}: found a {kind} without a hash, expected a frozen one")
 
+    @property
+    def replaced(self) -> tuple[str, ...]:
+        """Names of the stages that are not the packaged ones."""
+        return tuple(each.name for each in fields(self) if getattr(self, each.name) is not each.default)
+
     def call(self, stage: str, **arguments: Any) -> Any:
         """Result of the named stage, whose function gets those of the arguments that it declares.
 

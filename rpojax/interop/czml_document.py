@@ -1,6 +1,5 @@
 """CZML document of a run for CesiumJS: orbits and attitudes of all spacecraft on the globe, over time."""
 
-import datetime
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,14 +9,10 @@ import numpy as np
 
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.interop.spacecraft_states import TARGET, BothStates, SpacecraftStates
-from rpojax.optional_packages import require_package
 
-_TERRESTRIAL_TIME_S: Final = 69.184
-"""Terrestrial time less UTC [s], as since 2017."""
 _COLOURS: Final = ((86, 180, 233), (47, 214, 163), (230, 159, 0), (204, 121, 167))
 _TARGET_COLOUR: Final = (214, 170, 80)
 _KEEP_OUT_COLOUR: Final = (213, 94, 0)
-_J2000: Final = datetime.datetime(2000, 1, 1, 12)
 _J2000_DAY: Final = 2451545.0
 
 
@@ -46,9 +41,6 @@ def czml(states: Sequence[SpacecraftStates], shapes: SpacecraftShapes) -> str:
 
     Positions are in the inertial frame at every tick; attitudes turn body axes to Earth-fixed axes, as the format
     demands.
-
-    Raises:
-        MissingExtraError: ERFA, which turns the Earth, is not installed.
     """
     target = next(each for each in states if each.spacecraft == TARGET)
     packets = [_document(target)]
@@ -67,15 +59,13 @@ def earth_fixed_attitudes(states: SpacecraftStates) -> np.ndarray:
 
     Earth rotation, precession and nutation of IAU 2006/2000A by ERFA, without polar motion, UT1 being UTC. Neighbours
     in time have the same sign.
-
-    Raises:
-        MissingExtraError: ERFA is not installed.
     """
+    import erfa
     from scipy.spatial.transform import Rotation
 
-    erfa = require_package("erfa")
-    days = ((states.epoch_utc - _J2000).total_seconds() + states.time_s) / 86400.0
-    R_EN = erfa.c2t06a(_J2000_DAY, days + _TERRESTRIAL_TIME_S / 86400.0, _J2000_DAY, days, 0.0, 0.0)
+    days = states.time_s / 86400.0
+    terrestrial, universal = states.epoch.terrestrial_s / 86400.0 + days, states.epoch.utc_days + days
+    R_EN = erfa.c2t06a(_J2000_DAY, terrestrial, _J2000_DAY, universal, 0.0, 0.0)
     R_BN = Rotation.from_quat(states.q, scalar_first=True)
     turned = (Rotation.from_matrix(R_EN) * R_BN.inv()).as_quat()
     signs = np.where(np.sum(turned[1:] * turned[:-1], axis=1) < 0.0, -1.0, 1.0)

@@ -16,7 +16,6 @@ from rpojax.interop.spacecraft_states import BothStates
 from rpojax.interop.tables.campaign_tables import TableName
 from rpojax.interop.tables.table_export import export_tables
 from rpojax.interop.tables.table_files import FILE_FORMATS
-from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import ProgressCallback, busy, run_progress
 
 ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czml"]
@@ -100,7 +99,6 @@ def export_as(
         raise RpojaxError.of_argument("run_id", f"found none, expected the run whose {form.upper()} is wanted")
     if form == "czml":
         check_replaceable([out], options.force)
-        require_package("erfa")
         runs = _replay(campaign, options.run_id, on_progress)
         text = czml_document.czml(spacecraft_states.replayed_states(runs, campaign), czml_document.shapes_of(runs))
         return [write_atomically(out, text.encode())]

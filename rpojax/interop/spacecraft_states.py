@@ -1,6 +1,5 @@
 """States of every spacecraft at every tick of a run, in double precision, for files of other tools."""
 
-import datetime
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,6 +20,7 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.scenario.team.members import member_names
 from rpojax.simulation.telemetry import Telemetry
+from rpojax.time_scales import Instant, instant, utc_texts
 from rpojax.version import __version__
 
 TARGET = "target"
@@ -72,7 +72,7 @@ class SpacecraftStates:
 
     Attributes:
         spacecraft: its name: `servicer`, that of a member of a team, or `target`
-        epoch_utc: start of the run
+        epoch: start of the run
         time_s: (ticks,) since then [s]
         position_m: (ticks, 3) in N
         velocity_m_s: (ticks, 3) in N
@@ -81,7 +81,7 @@ class SpacecraftStates:
     """
 
     spacecraft: str
-    epoch_utc: datetime.datetime
+    epoch: Instant
     time_s: np.ndarray
     position_m: np.ndarray
     velocity_m_s: np.ndarray
@@ -90,9 +90,8 @@ class SpacecraftStates:
 
     @property
     def epochs(self) -> list[str]:
-        """Time of each tick in UTC, to the microsecond."""
-        moments = (self.epoch_utc + datetime.timedelta(microseconds=round(each * 1e6)) for each in self.time_s.tolist())
-        return [moment.isoformat(timespec="microseconds") for moment in moments]
+        """Time of each tick in UTC with 6, 9 or 12 decimals, as all need to be right to 50 ps."""
+        return utc_texts([self.epoch.after(each) for each in self.time_s.tolist()])
 
 
 def spacecraft_names(file: ScenarioFile) -> tuple[str, ...]:
@@ -136,17 +135,11 @@ def _each(
     target = values[0]
     of_target = (np.asarray(target.r_TN_N), np.asarray(target.v_TN_N), np.asarray(target.q_TN))
     of_servicers = [(of_target[0] + own.r_ST_N, of_target[1] + own.v_ST_N, np.asarray(own.q_BN)) for own in values]
-    epoch, names = utc_epoch(file), spacecraft_names(file)
+    epoch, names = instant(file.epoch_utc), spacecraft_names(file)
     return [
         SpacecraftStates(name, epoch, time_s, *states, about)
         for name, states in zip(names, [*of_servicers, of_target], strict=True)
     ]
-
-
-def utc_epoch(file: ScenarioFile) -> datetime.datetime:
-    """Start of the runs of a scenario in UTC."""
-    moment = datetime.datetime.fromisoformat(file.epoch_utc)
-    return moment if moment.tzinfo is None else moment.astimezone(datetime.UTC).replace(tzinfo=None)
 
 
 def _about(campaign: Campaign, run_id: int) -> tuple[str, ...]:

@@ -1,9 +1,13 @@
 """All metrics by name, with their units, and which of them are better when greater; free of JAX.
 
-Metrics of plugins join those of the package when they become known to the process: `register`.
+Metrics of plugins stand beside these. What simulates or reads runs of one scenario looks names up among its own
+metrics alone (`metrics_of_scenario`); elsewhere a name is looked up among those of all plugins of the process
+(`register`), and refused if they mean different things by it.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import replace
 from typing import Final
 
@@ -40,41 +44,76 @@ MODULES: Final = (
 """Modules with definitions, in display order."""
 
 METRICS: Final[dict[str, Metric]] = {metric.name: metric for module in MODULES for metric in module.METRICS}
-"""Every metric by name, in display order."""
+"""Every metric of the package by name, in display order."""
 
 UNITS: Final[dict[str, str]] = {name: metric.unit for name, metric in METRICS.items() if metric.source != "simulation"}
-"""Unit of every metric of a campaign by name."""
+"""Unit of every metric of the package that a campaign may have, by name."""
 
 DIFFERENTIABLE: Final = [name for name, metric in METRICS.items() if metric.has_derivative]
-"""Names of the metrics with a useful derivative, which are accumulated during the simulation."""
+"""Names of the package's metrics with a useful derivative, which are accumulated during the simulation."""
 
-_PACKAGED: Final = frozenset(METRICS)
+_OF_PLUGINS: Final[dict[str, list[Metric]]] = {}
+"""Metrics of the plugins of this process by name, one for each description."""
+
+_OF_SCENARIO: ContextVar[Mapping[str, Metric] | None] = ContextVar("metrics of the scenario's plugin", default=None)
 
 
 def register(metrics: Iterable[Metric]) -> None:
-    """Makes metrics of plugins known by their names; a later definition replaces an earlier one of a plugin.
+    """Makes metrics of plugins known by their names.
 
     Raises:
         RpojaxError: a name is one of the package.
     """
     for metric in metrics:
-        if metric.name in _PACKAGED or passive_safety.metric_of_horizon(metric.name) or metric.name in WINDOW_METRICS:
+        if metric.name in METRICS or passive_safety.metric_of_horizon(metric.name) or metric.name in WINDOW_METRICS:
             raise RpojaxError(f"metrics: found {metric.name!r}, expected a name that no metric of the package has")
-        METRICS[metric.name], UNITS[metric.name] = metric, metric.unit
-        if metric.name in DIFFERENTIABLE:
-            DIFFERENTIABLE.remove(metric.name)
-        if metric.has_derivative:
-            DIFFERENTIABLE.append(metric.name)
+        others = [each for each in _OF_PLUGINS.get(metric.name, []) if _description(each) != _description(metric)]
+        _OF_PLUGINS[metric.name] = [*others, metric]
+
+
+@contextmanager
+def metrics_of_scenario(own: Mapping[str, Metric]) -> Iterator[None]:
+    """Names are those of the package and of the metrics of one scenario's plugin, by name, and no others."""
+    token = _OF_SCENARIO.set(own)
+    try:
+        yield
+    finally:
+        _OF_SCENARIO.reset(token)
+
+
+def _description(metric: Metric) -> tuple[object, ...]:
+    """What is told of a metric by its name alone."""
+    return metric.unit, metric.title, metric.meaning, metric.low_is_bad, metric.has_derivative
+
+
+def _of_plugins(name: str) -> list[Metric]:
+    """Metrics of that name of the scenario's plugin, or without one of all plugins of the process."""
+    own = _OF_SCENARIO.get()
+    if own is None:
+        return _OF_PLUGINS.get(name, [])
+    return [own[name]] if name in own else []
+
+
+def _of_plugin(name: str) -> Metric | None:
+    found = _of_plugins(name)
+    if len(found) > 1:
+        meanings = " and ".join(f"{each.title!r} [{each.unit}]" for each in found)
+        raise RpojaxError(f"metrics.{name}: found {meanings} in plugins of this process, expected one definition")
+    return found[0] if found else None
 
 
 def find(name: str) -> Metric | None:
-    """The metric of that name, in a window, of any horizon of free drift and of one servicer too; else None."""
+    """The metric of that name, in a window, of any horizon of free drift and of one servicer too; else None.
+
+    Raises:
+        RpojaxError: plugins of this process define it differently, and it is not said which scenario it is of.
+    """
     whole, _, servicer = name.partition("/")
     if servicer:
         metric = find(whole)
         return None if metric is None else replace(metric, name=name, title=f"{metric.title}, {servicer}")
     base, window = split_name(name)
-    known = METRICS.get(base) or passive_safety.metric_of_horizon(base)
+    known = METRICS.get(base) or passive_safety.metric_of_horizon(base) or _of_plugin(base)
     if not window:
         return known
     metric, words = WINDOW_METRICS.get(base, known), window_in_words(window)
@@ -89,6 +128,8 @@ def unit_of(name: str) -> str:
 
 def is_of_campaigns(name: str) -> bool:
     """Whether every campaign has a metric of that name, over its own window."""
+    if _of_plugins(name):
+        return True
     metric = None if split_name(name)[1] or "/" in name else find(name)
     return metric is not None and metric.source != "simulation"
 

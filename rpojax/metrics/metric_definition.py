@@ -17,7 +17,8 @@ Reduction = Literal["mean", "rms", "sum", "min", "max", "end", "total"]
 """Reduction over time that can be accumulated tick by tick.
 
 `rms` is that of the norm over components, `end` the scalar value at the last tick, `total` the same of a quantity that
-accumulates from the start; the others are over ticks and components alike.
+accumulates from the start; the others are over ticks and components alike. Each is undefined, NaN, where no tick of the
+window has a weight (for `end` and `total`, where the last one has none), and where a value with a weight is NaN.
 """
 
 
@@ -25,7 +26,7 @@ Source = Literal["records", "drifts", "coverage", "team", "simulation", "plugin"
 
 
 class WeightedValue(NamedTuple):
-    """Value at a tick, and its weight in sums and means; where the weight is 0 the value does not count."""
+    """Value at a tick, and its weight in sums and means, not negative; where it is 0 the value does not count."""
 
     value: Quantity
     weight: Quantity

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rpojax.errors import RpojaxError
-from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
+from rpojax.metrics.metric_definition import Floats, Metric, Reduction, RunTiming
 from rpojax.metrics.record_statistics import ratio, sum_in_time
 from rpojax.metrics.time_windows import first_tick
 
@@ -26,6 +26,18 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
     if callable(metric.reduction):
         return metric.reduction(weighted, timing)
     value, weight = weighted
+    found = _reduced(metric, value, weight)
+    return found if weight is None else np.where(_counts(metric.reduction, weight), found, np.nan)
+
+
+def _counts(reduction: Reduction | None, weight: np.ndarray) -> NDArray[np.bool_]:
+    """Whether any tick of a run has a weight (runs,), or the last one where it alone counts."""
+    has_weight = np.asarray(weight > 0)
+    return has_weight[:, -1] if reduction in ("end", "total") else np.any(has_weight, axis=1)
+
+
+def _reduced(metric: Metric, value: np.ndarray, weight: np.ndarray | None) -> Floats:
+    """Reduction (runs,) of values (runs, ticks, ...), arbitrary for runs without a weight (runs, ticks)."""
     over_ticks_and_components = tuple(range(1, value.ndim))
     match metric.reduction:
         case None:
@@ -40,7 +52,7 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
             return _counted(value, weight, np.inf).min(axis=over_ticks_and_components).astype(float)
         case "max":
             return _counted(value, weight, -np.inf).max(axis=over_ticks_and_components).astype(float)
-        case "end" | "total":
+        case _:
             return value[:, -1].astype(float)
 
 
@@ -74,14 +86,23 @@ def _squared_norm(value: np.ndarray) -> np.ndarray:
 
 def _counted(value: np.ndarray, weight: np.ndarray | None, neutral: float) -> np.ndarray:
     """The value, `neutral` where it has no weight."""
-    return value if weight is None else np.where(weight, value.astype(np.result_type(value, np.float32)), neutral)
+    if weight is None:
+        return value
+    return np.where(_like(value, weight), value.astype(np.result_type(value, np.float32)), neutral)
+
+
+def _like(value: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Weight of all components."""
+    return weight[..., None] if value.ndim == 3 else weight
 
 
 def _sum(value: np.ndarray, weight: np.ndarray | None) -> Floats:
-    weighted = value if weight is None else _counted(value, weight, 0.0) * weight
+    weighted = value if weight is None else _counted(value, weight, 0.0) * _like(value, weight)
     return sum_in_time(weighted.sum(axis=2, dtype=float) if value.ndim == 3 else weighted)
 
 
 def _mean(value: np.ndarray, weight: np.ndarray | None) -> Floats:
     total = _sum(value, weight)
-    return total / np.prod(value.shape[1:]) if weight is None else ratio(total, sum_in_time(weight))
+    if weight is None:
+        return total / np.prod(value.shape[1:])
+    return ratio(total, sum_in_time(weight) * np.prod(value.shape[2:]))

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Integer
 
 from rpojax.core.numerics import gradient_safe
@@ -21,7 +22,7 @@ class Accumulators:
 
     Attributes:
         total: (metrics,) weighted sum, or extreme value
-        weight: (metrics,) sum of weights
+        weight: (metrics,) sum of weights, or that of the last tick where it alone counts
     """
 
     total: Array
@@ -56,23 +57,22 @@ def accumulate(
         value, weight = _reduced_over_components(metric, quantities)
         weight = weight * jnp.where(tick >= first_tick(metric.window, ticks, tick_s), 1.0, 0.0)
         totals.append(_accumulated(metric, sums.total[index], value, weight))
-        weights.append(sums.weight[index] + weight)
+        of_last_tick = metric.reduction in ("end", "total")
+        weights.append(weight if of_last_tick else sums.weight[index] + weight)
     return Accumulators(total=jnp.stack(totals), weight=jnp.stack(weights))
 
 
 def final_values(metrics: Sequence[Metric], sums: Accumulators) -> Float[Array, " metrics"]:
-    """Metrics; 0 where no tick has any weight."""
-    means = gradient_safe.safe_div(sums.total, sums.weight)
-    results = []
-    for index, metric in enumerate(metrics):
-        match metric.reduction:
-            case "mean":
-                results.append(means[index])
-            case "rms":
-                results.append(gradient_safe.sqrt(means[index]))
-            case _:
-                results.append(sums.total[index])
-    return jnp.stack(results)
+    """Metrics; NaN, with a derivative of 0, where no tick has any weight, and where a value that counts is NaN."""
+    is_mean = np.array([metric.reduction in ("mean", "rms") for metric in metrics])
+    is_defined = (sums.weight > 0.0) & ~jnp.isnan(sums.total)
+    # Undefined values are replaced before and after the operations, so that no NaN enters a derivative.
+    totals = jnp.where(is_defined, sums.total, 1.0) / jnp.where(is_mean & is_defined, sums.weight, 1.0)
+    results = [
+        gradient_safe.sqrt(total) if metric.reduction == "rms" else total
+        for metric, total in zip(metrics, totals, strict=True)
+    ]
+    return jnp.where(is_defined, jnp.stack(results), jnp.nan)
 
 
 def _reduced_over_components(metric: Metric, quantities: Mapping[str, Array]) -> tuple[Scalar, Scalar]:
@@ -92,9 +92,9 @@ _OVER_COMPONENTS = {"mean": jnp.mean, "rms": jnp.sum, "sum": jnp.sum, "min": jnp
 def _accumulated(metric: Metric, total: Scalar, value: Scalar, weight: Scalar) -> Scalar:
     match metric.reduction:
         case "min":
-            return jnp.where((weight > 0.0) & (value < total), value, total)
+            return jnp.where((weight > 0.0) & ((value < total) | jnp.isnan(value)), value, total)
         case "max":
-            return jnp.where((weight > 0.0) & (value > total), value, total)
+            return jnp.where((weight > 0.0) & ((value > total) | jnp.isnan(value)), value, total)
         case "end" | "total":
             return value
         case _:

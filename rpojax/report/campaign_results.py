@@ -39,6 +39,11 @@ class CampaignResults(Protocol):
         ...
 
     @property
+    def failed(self) -> np.ndarray:
+        """(runs,) bool: the run failed: its outcome is neither `completed` nor `not_judged`."""
+        ...
+
+    @property
     def outcomes(self) -> np.ndarray:
         """(runs,) of str: how the run ended, such as `completed` or `lost`."""
         ...
@@ -60,12 +65,12 @@ class CampaignResults(Protocol):
 
     @property
     def failed_at_s(self) -> np.ndarray:
-        """(runs,) time since which a failed run has been in its final state [s], NaN for a completed run."""
+        """(runs,) time since which a failed run has been in its final state [s], NaN for a run that did not fail."""
         ...
 
     @property
     def failure_reason(self) -> np.ndarray:
-        """(runs,) of str, empty for a completed run."""
+        """(runs,) of str, empty for a run that did not fail."""
         ...
 
     @property

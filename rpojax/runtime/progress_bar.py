@@ -68,7 +68,7 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
         sign = SignOfLife(lambda words: _print_line(console, words), text)
 
         def line(done: int, total: int, note: str = "") -> None:
-            sign.describe(text, f"{done} of {total}" if done < total else "")
+            sign.describe(text, f"{done} of {total} {note}".rstrip() if done < total else "")
             while fractions and done >= fractions[0] * total:
                 fractions.pop(0)
                 if not fractions or done < fractions[0] * total:
@@ -80,11 +80,11 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Display
 
-    columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.completed}/{task.total}"))
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.fields[count]}"))
     with display(), Display(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as bar:
-        task = bar.add_task(text, total=None)
+        task = bar.add_task(text, total=None, count="")
         yield lambda done, total, note="": bar.update(
-            task, completed=done, total=total, description=f"{text} {note}".rstrip()
+            task, completed=done, total=total, count=f"{done}/{total}", description=f"{text} {note}".rstrip()
         )
 
 

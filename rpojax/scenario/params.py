@@ -38,8 +38,9 @@ from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
 from rpojax.scenario import key_units, phase_table
 from rpojax.scenario.trained import fitted_camera, trained_files
-from rpojax.sensors.additional.registry import sensor_class, sensor_names
+from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.sensors.camera import Camera
+from rpojax.sensors.chamber_pressure import ChamberPressure
 from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.link_range import LinkRange
@@ -115,6 +116,7 @@ class Params:
     gps: Gps
     star_tracker: StarTracker
     gyro: Gyro
+    chamber_pressure: ChamberPressure
     camera: Camera
     imaging: Imaging
     networks: Networks | None
@@ -145,6 +147,7 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "gps": (("gps",), Gps),
     "star_tracker": (("star_tracker",), StarTracker),
     "gyro": (("gyro",), Gyro),
+    "chamber_pressure": (("chamber_pressure",), ChamberPressure),
     "camera": (("camera",), Camera),
     "imaging": (("imaging",), Imaging),
     "navigation": (("flight", "navigation"), OrbitFilterTuning),
@@ -188,7 +191,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         },
         mission=phase_table.mission_tuning(tables),
     )
-    rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "imaging", "limits")
+    rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "chamber_pressure", "camera", "imaging", "limits")
     return Params(
         plant=plant,
         flight=flight,
@@ -298,7 +301,7 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
         return ("baseline", key_units.split_unit(key.removeprefix(_BELIEF_IN_DIFFERENCES))[0]), factor
     if key.split(".")[0] in ("phases", "mission"):
         return ("flight", "mission", *phase_table.leaf_path(key)), factor
-    if section in sensor_names() and name in sensor_class(section).model_fields:
+    if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):
         return ("additional_sensors", section, leaf), factor
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
 

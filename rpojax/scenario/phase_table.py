@@ -76,6 +76,7 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
                 burns_per_orbit=gains(control_period_s(file, phase)),
                 on_timeout=phase.on_timeout,
                 ends=phase.until is not None,
+                has_arrival_box=phase.until is not None and phase.until.arrival_box_m is not None,
                 passively_safe=phase.passively_safe,
                 has_corridor=phase.corridor is not None,
             )

@@ -30,6 +30,11 @@ def scenario_digest(file: ScenarioFile) -> str:
         if not content[name]:
             del content[name]
     _remove_defaults(file, content)
+    # Before this key existed, the pressure was measured where equipment could fail.
+    if (measured := file.chamber_pressure.enabled) != file.effects.faults:
+        content.setdefault("chamber_pressure", {})["enabled"] = measured
+    elif content.get("chamber_pressure", {}).pop("enabled", None) and not content["chamber_pressure"]:
+        del content["chamber_pressure"]
     if windows := sorted({each.metric_name for each in file.requirements if each.window.suffix}):
         content["metrics_in_windows"] = windows
     if trained := trained_files.required_digests(content):

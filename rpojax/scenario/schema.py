@@ -14,6 +14,7 @@ from rpojax.metrics.time_windows import MetricWindow
 from rpojax.scenario.phases.phase_sections import (
     BUILT_IN_PHASES,
     CorridorSection,
+    GoalSection,
     MissionSection,
     PhaseName,
     PhaseSection,
@@ -23,6 +24,7 @@ from rpojax.scenario.sections import (
     AttitudeControlSection,
     AttitudeFilterSection,
     CameraSection,
+    ChamberPressureSection,
     CoverageSection,
     EffectsSection,
     FaultSection,
@@ -69,7 +71,8 @@ MetricName = Annotated[str, AfterValidator(_check_metric_name), Field(json_schem
 
 
 OutcomeName = Literal[
-    "completed", "non_finite", "keep_out", "out_of_propellant", "lost", "diverged", "off_station", "aborted"
+    "completed", "non_finite", "keep_out", "out_of_propellant", "lost", "diverged", "off_station", "aborted",
+    "unfinished", "not_judged",
 ]  # fmt: skip
 
 
@@ -86,6 +89,7 @@ class RequirementSection(OptionalKeys):
     from_s: NonNegative | None = None
     to_s: NonNegative | None = None
     outcome: OutcomeName | None = None
+    among: Literal["all_runs", "reaching_runs"] | None = None
 
     @property
     def window(self) -> MetricWindow:
@@ -96,6 +100,11 @@ class RequirementSection(OptionalKeys):
     def metric_name(self) -> str:
         """Name of the metric, in the window if there is one."""
         return self.metric + self.window.suffix
+
+    @property
+    def is_of_reaching_runs(self) -> bool:
+        """Whether runs that never come to the phase are left out, in place of violating it."""
+        return self.phase is not None and self.among == "reaching_runs"
 
     @property
     def is_of_all_runs(self) -> bool:
@@ -124,6 +133,7 @@ class ServicerChanges(OptionalKeys):
     gps: Annotated[OptionalKeys, ChangesOf(GpsSection)] | None = None
     star_tracker: Annotated[OptionalKeys, ChangesOf(StarTrackerSection)] | None = None
     gyro: Annotated[OptionalKeys, ChangesOf(GyroSection)] | None = None
+    chamber_pressure: Annotated[OptionalKeys, ChangesOf(ChamberPressureSection)] | None = None
     navigation: Annotated[OptionalKeys, ChangesOf(NavigationSection)] | None = None
     attitude_filter: Annotated[OptionalKeys, ChangesOf(AttitudeFilterSection)] | None = None
     formation: Annotated[OptionalKeys, ChangesOf(FormationSection)] | None = None
@@ -133,6 +143,7 @@ class ServicerChanges(OptionalKeys):
     limits: Annotated[OptionalKeys, ChangesOf(LimitsSection)] | None = None
     fault: Annotated[OptionalKeys, ChangesOf(FaultSection)] | None = None
     mission: Annotated[OptionalKeys, ChangesOf(MissionSection)] | None = None
+    goal: GoalSection | None = None
     phases: dict[PhaseName, Annotated[OptionalKeys, _PHASE]] | None = None
 
     @property
@@ -141,7 +152,7 @@ class ServicerChanges(OptionalKeys):
         return self.model_dump(exclude={"name", "decision_offset_s"})
 
 
-FORMAT_VERSION: Final = 2
+FORMAT_VERSION: Final = 3
 """Version of the format of scenario files; `scenario/loading/format_migration.py` says what changed."""
 
 
@@ -174,6 +185,7 @@ class ScenarioFile(AdditionalSensors):
     gps: GpsSection
     star_tracker: StarTrackerSection
     gyro: GyroSection
+    chamber_pressure: ChamberPressureSection = ChamberPressureSection()
     navigation: NavigationSection
     attitude_filter: AttitudeFilterSection
     formation: FormationSection
@@ -185,6 +197,7 @@ class ScenarioFile(AdditionalSensors):
     coverage: CoverageSection = CoverageSection()
     fault: FaultSection
     mission: MissionSection = MissionSection()
+    goal: GoalSection = GoalSection()
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
     servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
     link: LinkSection = LinkSection()

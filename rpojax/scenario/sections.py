@@ -60,7 +60,7 @@ class OrbitSection(Section):
 
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-MessageKind = Literal["OEM", "OMM", "TLE"]
+MessageKind = Literal["OEM", "OMM", "OPM", "TLE"]
 
 
 class StartSection(OptionalKeys):
@@ -75,12 +75,14 @@ class StartSection(OptionalKeys):
     target_frame: str
     target_position_m: Vector
     target_velocity_m_s: Vector
+    target_interpolation_error_m: NonNegative | None = None
     servicer_sha256: Sha256 | None = None
     servicer_format: MessageKind | None = None
     servicer_object: str | None = None
     servicer_frame: str | None = None
     servicer_position_m: Vector | None = None
     servicer_velocity_m_s: Vector | None = None
+    servicer_interpolation_error_m: NonNegative | None = None
 
 
 class HandoverSection(OptionalKeys):
@@ -271,6 +273,13 @@ class GyroSection(Section):
     bias_walk_deg_s_sqrt_s: NonNegative
 
 
+class ChamberPressureSection(Section):
+    """Pressure sensor in the thruster's chamber."""
+
+    enabled: bool = False
+    noise: NonNegative = 0.03
+
+
 class NavigationSection(Section):
     """Orbit filter and measurement gate."""
 
@@ -304,8 +313,11 @@ class NavigationSection(Section):
     burn_magnitude_sigma: NonNegative
     burn_scale_sigma: NonNegative = 0.0
     burn_direction_sigma_deg: NonNegative
+    thrust_sigma: Positive = 0.015
+    thrust_walk_sqrt_s: Positive = 0.01
+    pressure_noise: Positive = 0.03
     gate_sigma: Positive
-    confirm_tolerance_px_s: Positive
+    confirm_tolerance_deg_s: Positive
     confirm_above: Positive
     confirm_within_s: Positive
     recovery_after_s: Positive

@@ -40,6 +40,7 @@ class Scenario:
         epoch_s: start of the run, terrestrial time since 2000-01-01 12:00 [s]
         effects: model switches of the plant
         ray_sampling: of rendered images, None for other camera models
+        chamber_pressure: whether the thruster's chamber pressure is measured
         additional_sensors: names and classes of the additional sensors
         records_poses: whether the poses of camera and target are channels
         mission: static settings of its phases, None without phases
@@ -59,6 +60,7 @@ class Scenario:
     epoch_s: float
     effects: Effects
     ray_sampling: "RaySampling | None"
+    chamber_pressure: bool = False
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     records_poses: bool = False
     mission: MissionSettings | None = None
@@ -118,6 +120,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         epoch_s=epoch_seconds(file.epoch_utc),
         effects=Effects(**file.effects.model_dump()),
         ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
+        chamber_pressure=file.chamber_pressure.enabled,
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
         records_poses=file.coverage.enabled or file.camera.model == "rendered" or _metrics_need_poses(file),
         mission=mission_settings(file) if file.phases else None,

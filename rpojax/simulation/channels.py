@@ -17,7 +17,9 @@ from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
 from rpojax.flight.mission import team_mission
+from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
+from rpojax.flight.mission.phase_table import of_phase
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
@@ -189,6 +191,17 @@ def _mission(tick: ObservedTick) -> MissionState:
     return state
 
 
+def _unmet_conditions(tick: ObservedTick) -> Array:
+    """Conditions of `until` of the present phase that do not hold; 0 in the built-in phases."""
+    settings, tuning, state = tick.scenario.mission, tick.params.flight.mission, _mission(tick)
+    assert settings is not None
+    assert tuning is not None
+    row = jnp.minimum(state.phase, settings.hold - 1)
+    until = of_phase(row, [tuning.phases[phase.name].until for phase in settings.phases])
+    unmet = unmet_conditions(until, state, _time(tick))
+    return jnp.where(state.phase < settings.hold, unmet, 0).astype(jnp.int8)
+
+
 def _time(tick: ObservedTick) -> Scalar:
     """Time of the tick [s]."""
     return tick.scenario.tick_s * tick.telemetry.tick.astype(tick.truth.r_ST_N.dtype)
@@ -283,6 +296,9 @@ MISSION_CHANNELS: Final[ChannelFunctions] = {
     "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),
     "phase_entered_by": lambda tick: _mission(tick).entered_by.astype(jnp.int8),
     "abort_reason": lambda tick: _mission(tick).abort_reason.astype(jnp.int8),
+    "abort_burns": lambda tick: _mission(tick).abort_burns.count.astype(jnp.int8),
+    "abort_burn_reason": lambda tick: _mission(tick).abort_burns.reason.astype(jnp.int8),
+    "unmet_conditions": _unmet_conditions,
 }
 """State of the mission, in scenarios with phases."""
 TEAM_CHANNELS: Final[ChannelFunctions] = {"burn_changed_for": _changed_for}

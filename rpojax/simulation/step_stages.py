@@ -14,7 +14,6 @@ from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_bur
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.team_mission import TeamMission
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
@@ -116,22 +115,22 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
     flight, scenario, mission = loop.params.flight, loop.scenario, loop.scenario.mission
     decision_ticks = scenario.formation_ticks if mission is None else mission.decision_ticks
 
-    def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, TeamMission | None]:
+    def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState | None]:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
         if mission is not None:
             assert tick.prediction is not None
             team = None if tick.peers is None else phase_burn.Team(tuning=loop.params.team, peers=tick.peers)
-            plan, decided, due = phase_burn.plan_burn(
+            plan, state, due = phase_burn.plan_burn(
                 loop.stages, mission, flight, memory, tick.prediction, pointing, tick.time, scenario.tick_s, team
             )
-            return select(due, (plan, error, decided), keep(memory))
+            return select(due, (plan, error, state), keep(memory))
         plan = burn_decision.plan_burn(
             loop.stages, flight, memory, pointing, tick.time, scenario.formation_period_s, scenario.tick_s
         )
         return plan, error, None
 
-    def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, TeamMission | None]:
-        return memory.plan, tick.burn_error, None if memory.mission is None else memory.mission.team
+    def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState | None]:
+        return memory.plan, tick.burn_error, memory.mission
 
     with jax.named_scope("plan_burn"):
         # Outside of the branch, so that XLA shares it with guidance.
@@ -142,9 +141,7 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
             other = mission_decision.other_pointing(mission, flight, tick.flight, tick.sky.sun_N)
             pointing = target_pointing.with_other(pointing, other)
         due = tick.state.tick % decision_ticks == 0
-        plan, error, team = jax.lax.cond(due, decide, keep, tick.flight)
-    state = tick.flight.mission
-    state = None if state is None else replace(state, team=team)
+        plan, error, state = jax.lax.cond(due, decide, keep, tick.flight)
     return replace(tick, flight=replace(tick.flight, plan=plan, mission=state), burn_error=error)
 
 
@@ -245,7 +242,7 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     """Memory of the flight software propagated to the end of the tick."""
     scenario, params = loop.scenario, loop.params
     ratio = jnp.ones_like(tick.time)
-    if scenario.effects.faults:
+    if scenario.chamber_pressure:
         ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
     acceleration_N = _luni_solar_acceleration(scenario, tick.flight, tick.sky)
     return computer.predict(

@@ -7,6 +7,7 @@ from typing import Any
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
+from rpojax.flight import stage_use
 from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -32,11 +33,18 @@ class Loop:
         scenario: static settings
         params: parameters of the run
         stages: replaceable parts of the flight software
+
+    Raises:
+        RpojaxError: a stage is replaced that such a scenario does not use.
     """
 
     scenario: Scenario
     params: Params
     stages: Stages
+
+    def __post_init__(self) -> None:
+        kinds = stage_use.kinds_of(self.scenario.camera_model, self.scenario.mission, self.scenario.team)
+        stage_use.check(self.stages, kinds)
 
 
 @pytree

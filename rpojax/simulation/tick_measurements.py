@@ -78,7 +78,7 @@ def measure_position(receiver: Gps, truth: Truth, bias_N: Vector, normals: Vecto
 def measure_chamber_pressure(params: Params, noise: TickNoise, burn_error: BurnError, health: Health) -> Scalar:
     """Measured chamber pressure as a fraction of the nominal one."""
     thrust = params.plant.thruster.force_scale * (1.0 + burn_error.magnitude) * health.thrust_fraction
-    return chamber_pressure.measure(thrust, noise.chamber_pressure)
+    return chamber_pressure.measure(params.chamber_pressure, thrust, noise.chamber_pressure)
 
 
 def advance_sensor_errors(scenario: Scenario, params: Params, state: State, noise: TickNoise) -> SensorErrors:

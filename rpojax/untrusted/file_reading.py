@@ -13,7 +13,7 @@ class FileKind(enum.Enum):
 
     SCENARIO = ("a TOML file", 16_000_000)
     CASE_TABLE = ("a CSV file", 64_000_000)
-    ORBIT_MESSAGE = ("an OEM, OMM or element set", 64_000_000)
+    ORBIT_MESSAGE = ("an OEM, OMM, OPM or element set", 64_000_000)
     PLUGIN = ("a Python file", 1_000_000)
     CAMPAIGN_JSON = ("the JSON of a campaign", 64_000_000)
     MANIFEST = ("a manifest", 1_000_000)

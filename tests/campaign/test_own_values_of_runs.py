@@ -115,8 +115,9 @@ def _outcome(campaign: Campaign, run: int) -> str:
         return "out_of_propellant"
     if unseen_s >= own(run, "limits.lost_after_s"):
         return "lost"
-    is_judged = last >= own(run, "limits.arrive_by_s")
-    return "off_station" if is_judged and off > own(run, "limits.off_station_m") else "completed"
+    if last + 1 < own(run, "limits.arrive_by_s"):
+        return "not_judged"
+    return "off_station" if off > own(run, "limits.off_station_m") else "completed"
 
 
 def test_the_safety_section_takes_the_keep_out_radius_of_the_run(

@@ -42,7 +42,8 @@ def contents(directory: Path) -> dict[str, bytes]:
 def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campaign, mission: ScenarioFile) -> None:
     assert three_runs.missing_blocks() == []
     assert three_runs.run_ids.tolist() == [0, 1, 2]
-    assert three_runs.completed.all()
+    assert not three_runs.failed.any()
+    assert set(three_runs.outcomes) == {"not_judged"}
     assert np.isnan(three_runs.failed_at_s).all()
     of_others = {metric.name for metric in (*surface_coverage.METRICS, *team.METRICS)}
     assert set(three_runs.metrics) == set(metric_catalogue.UNITS) - of_others
@@ -213,7 +214,7 @@ def test_failed_runs_have_a_reason_and_others_complete(survivors: Campaign) -> N
     expected = np.where(overflowing, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
     assert set(expected) == {"", "non-finite state", "entered the keep-out sphere"}
     np.testing.assert_array_equal(survivors.failure_reason, expected)
-    np.testing.assert_array_equal(survivors.completed, expected == "")
+    np.testing.assert_array_equal(survivors.failed, expected != "")
     assert survivors.missing_blocks() == []
 
 
@@ -225,11 +226,11 @@ def test_failure_time_is_when_the_limit_was_violated(survivors: Campaign) -> Non
         ended = history["time_s"] > failed_at
         assert np.isnan(history["range_m"][ended]).all()
         assert 10.0 < history["range_m"][~ended].min() < 11.0
-    assert np.isnan(survivors.failed_at_s[survivors.completed]).all()
+    assert np.isnan(survivors.failed_at_s[~survivors.failed]).all()
 
 
 def test_metrics_of_failed_runs_are_undefined_and_traces_end(survivors: Campaign) -> None:
-    failed = ~survivors.completed
+    failed = survivors.failed
     for name, values in survivors.metrics.items():
         assert np.isnan(values[failed]).all(), name
     for name in ("formation_error_rms_m", "min_range_m", "delta_v_m_s"):

@@ -21,6 +21,13 @@ def test_status_sums_the_manifests(begun: Campaign) -> None:
     found = status(begun.directory)
     assert found["blocks"] == {"total": 3, "done": 1, "missing": 2}
     outcomes = {**dict.fromkeys(map(str, Outcome), 0), "completed": 1, "keep_out": 1}
-    assert found["runs"] == {"requested": 5, "completed": 1, "failed": 1, "missing": 3, "outcomes": outcomes}
+    assert found["runs"] == {
+        "requested": 5,
+        "completed": 1,
+        "failed": 1,
+        "not_judged": 0,
+        "missing": 3,
+        "outcomes": outcomes,
+    }
     assert found["reasons"] == {"entered the keep-out sphere": 1}
     assert found["report"] is None

@@ -83,8 +83,9 @@ def test_a_campaign_leaves_results_and_report(finished: Path) -> None:
         *("report.html", "report.json", "figures"),
     }
     report = json.loads((finished / "report.json").read_text())
-    outcomes = {**dict.fromkeys(map(str, outcome_kinds.Outcome), 0), "completed": 3}
-    assert report["runs"] == {"requested": 3, "completed": 3, "failed": 0, "missing": 0, "outcomes": outcomes}
+    outcomes = {**dict.fromkeys(map(str, outcome_kinds.Outcome), 0), "not_judged": 3}
+    counts = {"requested": 3, "completed": 0, "failed": 0, "not_judged": 3, "missing": 0}
+    assert report["runs"] == {**counts, "outcomes": outcomes}
     assert report["metrics"]["min_range_m"]["unit"] == "m"
     assert Campaign(finished).history_ids == [0, 2]
     assert Campaign(finished).file.duration_s == 400.0
@@ -94,7 +95,7 @@ def test_resuming_a_finished_campaign_changes_no_byte(call: Call, finished: Path
     before = contents(finished)
     result = call("resume", finished, "--json")
     assert result.status == 0
-    assert result.json["runs"]["completed"] == 3
+    assert result.json["runs"]["not_judged"] == 3
     assert result.json["report"] == str(finished / "report.html")
     assert contents(finished) == before
 
@@ -130,7 +131,7 @@ def test_a_table_for_people_says_what_came_out_and_where_it_is(call: Call, finis
         "median",
         "p95",
         "p99",
-        "3 completed, 0 failed",
+        "0 completed, 0 failed, 3 not judged",
         "not verified: Formation error at most 2 m",
         "needs 227 more runs: Minimum range",
     ):
@@ -415,8 +416,8 @@ def test_failed_runs_are_reported_with_status_3_while_the_others_complete(call: 
     found = Campaign(out)
     approaching = found.drawn["initial.relative_velocity_m_s"][:, 1] > 0.0
     assert 0 < approaching.sum() < 4
-    np.testing.assert_array_equal(found.completed, ~approaching)
-    assert f"{4 - approaching.sum()} completed, {approaching.sum()} failed" in result.out
+    np.testing.assert_array_equal(found.failed, approaching)
+    assert f"0 completed, {approaching.sum()} failed, {4 - approaching.sum()} not judged" in result.out
     assert f"{approaching.sum()} x entered the keep-out sphere" in result.out
 
     report = call("report", out, "--json")

@@ -6,10 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from empty_campaign_folders import empty_campaign, synthetic_timing
+from isolated_plugins import forgotten_plugins
 
+import rpojax
 from rpojax.cli import main
 from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.plugins.plugin import Plugin
+from rpojax.scenario.plugins.plugin_registry import metrics_of
+from rpojax.scenario.schema import ScenarioFile
 
 RUNS = 40
 RNG = np.random.default_rng(0)
@@ -22,9 +27,21 @@ def written(
 ) -> Path:
     """A finished campaign of one block whose metrics are all `error`."""
     file = scenario_loader.load("inspection", [f"navigation.gate_sigma={3.0 + len(failed)}"])
+    return written_campaign(directory, file, error, failed, seed, drawn)
+
+
+def written_campaign(
+    directory: Path,
+    file: ScenarioFile,
+    error: np.ndarray,
+    failed: tuple[int, ...] = (),
+    seed: int = 0,
+    drawn: np.ndarray = DRAWN,
+) -> Path:
+    """A finished campaign of one block of a scenario, whose metrics are all `error`."""
     result = empty_campaign(directory, file, seed, RUNS, 0, RUNS)
     failure = np.isin(np.arange(RUNS), failed).astype(np.int8)
-    arrays = {f"metrics/{name}": np.where(failure > 0, np.nan, error) for name in UNITS}
+    arrays = {f"metrics/{name}": np.where(failure > 0, np.nan, error) for name in {*UNITS, *metrics_of(file)}}
     arrays |= {
         "status/failure": failure,
         "status/failed_at_s": np.where(failure > 0, 10.0, np.nan),
@@ -96,6 +113,36 @@ def test_other_durations_and_metrics_are_warned_of(tmp_path: Path, capsys: pytes
     assert capsys.readouterr().err.count("rpojax: warning: ") == 2
 
 
+def test_a_requirement_on_a_metric_that_one_campaign_alone_has_is_left_out_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plugin = rpojax.Plugin(metrics={"minutes_late": lambda time_s: time_s[-1] / 60.0})
+    packaged = written(tmp_path / "packaged", BEFORE)
+    with forgotten_plugins():
+        wanted = [
+            {"metric": metric, "bound": "at most", "limit": limit, "probability": 0.9, "consumer_risk": 0.1}
+            for metric, limit in (("minutes_late", 60.0), ("formation_error_rms_m", 2.0))
+        ]
+        override = f"requirements={json.dumps(wanted).replace(':', '=')}"
+        file = scenario_loader.load("inspection", [override], plugin=plugin)
+        own = written_campaign(tmp_path / "own", file, BEFORE)
+        page = tmp_path / "changes.html"
+        for pair in ((packaged, own), (own, packaged)):
+            found = compared(capsys, *pair, "--out", page, "--force")
+            requirements, warnings = found["requirements"], found["warnings"]
+            assert isinstance(requirements, list)
+            assert isinstance(warnings, list)
+            events = [each["event"] for each in requirements]
+            assert "formation_error_rms_m at most 2" in events
+            assert not any("minutes_late" in event for event in events)
+            unjudged = [each for each in warnings if "no values for requirements" in each]
+            assert unjudged == [
+                f"{packaged} has no values for requirements, which are not compared: minutes_late at most 60"
+            ]
+            assert f"{packaged} lacks metrics of {own}, which are not compared: minutes_late" in warnings
+            assert "minutes_late at most 60" in page.read_text()
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -134,3 +181,45 @@ def test_servicers_of_a_team_are_compared_in_json_alone(tmp_path: Path, capsys: 
     shown = capsys.readouterr().out
     assert "Delta-v" in shown
     assert "Delta-v, second" not in " ".join(shown.split())
+
+
+def with_score(directory: Path, function: object) -> Path:
+    """A finished campaign with a metric `score_m` of the user's own, and a requirement on it."""
+    file = scenario_loader.load("inspection", plugin=Plugin({"score_m": function}))
+    limit = {"metric": "score_m", "bound": "at most", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
+    file = scenario_loader.validate({**file.model_dump(), "requirements": [limit]})
+    result = empty_campaign(directory, file, 0, RUNS, 0, RUNS)
+    arrays = {f"metrics/{name}": BEFORE for name in (*UNITS, "score_m")}
+    arrays |= {"drawn/servicer.mass_kg": DRAWN, "used/servicer.mass_kg": DRAWN}
+    arrays |= {"traces/range_m": np.tile(np.linspace(50.0, 30.0, 600, dtype=np.float32), (RUNS, 1))}
+    status = {"status/failure": np.zeros(RUNS, np.int8), "status/failed_at_s": np.full(RUNS, np.nan)}
+    result.write_block(0, arrays | status, synthetic_timing())
+    return directory
+
+
+def score_of_mean(range_m):
+    return range_m.mean()
+
+
+def score_of_peak(range_m):
+    return range_m.max()
+
+
+def test_metrics_that_plugins_define_differently_are_named_and_not_compared(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with forgotten_plugins():
+        folders = [
+            with_score(tmp_path / name, function)
+            for name, function in (("a", score_of_mean), ("b", score_of_peak), ("c", score_of_mean))
+        ]
+        apart = compared(capsys, folders[0], folders[1], "--out", tmp_path / "apart.html")
+        alike = compared(capsys, folders[0], folders[2], "--out", tmp_path / "alike.html")
+    for found, page, is_compared in ((apart, "apart.html", False), (alike, "alike.html", True)):
+        metrics = found["metrics"]
+        assert isinstance(metrics, list)
+        assert ("score_m" in {each["metric"] for each in metrics}) is is_compared
+        assert ("metrics that plugins define differently are not compared: score_m" in found["warnings"]) is (
+            not is_compared
+        )
+        assert ("histogram-score_m" in (tmp_path / page).read_text()) is is_compared

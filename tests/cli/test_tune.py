@@ -1,6 +1,7 @@
 """`rpojax tune`: what it writes and prints, with a synthetic descent, and what it refuses in one line."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
 from rpojax.analysis.gradients.tuning.descent_state import TuningStep
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tune import _progress_text
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.statistics.paired_comparison import RunMetrics
 from rpojax.cli import main
@@ -36,13 +38,22 @@ def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
     def descend(file: ScenarioFile, settings: TuningSettings, *_: Any) -> TuningResult:
         scenario_at_horizon(file, settings)
-        steps = tuple(TuningStep(objective, {}, 1.0, 0, 0, 2.0) for objective in (3.0, 1.0))
+        steps = tuple(
+            TuningStep(
+                objective, {"formation": 0.5, "pointing": 0.5}, {"formation": 0, "pointing": lost}, 1.0, 0, 0, 2.0
+            )
+            for objective, lost in ((3.0, 5), (1.0, 2))
+        )
         return TuningResult(np.zeros(1), {"navigation.edge_noise_px": 2.0}, steps, "reverse", 9.0, 1000)
 
     def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: Any, stages: Any) -> RunMetrics:
         assert (seed, stages) == (8, STAGES[0])
         base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
-        return RunMetrics(np.arange(runs), np.full(runs, "completed"), dict.fromkeys(UNITS, base))
+        metrics = dict.fromkeys(UNITS, base)
+        if file.navigation.edge_noise_px == 2.0:
+            metrics["pointing_error_p95_deg"] = np.where(np.arange(runs) < 3, np.nan, base)
+            metrics["nees_mean"] = np.full(runs, np.nan)
+        return RunMetrics(np.arange(runs), np.full(runs, "completed"), metrics)
 
     monkeypatch.setattr(gradient_descent, "descend", descend)
     monkeypatch.setattr(tuning_validation, "simulate_runs", simulate_runs)
@@ -60,6 +71,11 @@ def test_a_tuning_writes_a_scenario_and_its_record(nothing_simulated: Path, caps
     change = content["judged"]["means"]["formation_error_rms_m"]
     assert change["ratio_95"][0] <= change["ratio"] <= change["ratio_95"][1]
     assert change["ratio"] == pytest.approx(0.5, abs=0.1)
+    assert [step["undefined"] for step in content["steps"]] == [
+        {"formation": 0, "pointing": 5},
+        {"formation": 0, "pointing": 2},
+    ]
+    assert content["judged"]["undefined"] == {"pointing_error_p95_deg": [0, 3], "nees_mean": [0, 50]}
     made = rpojax.load("new/tuned.toml")
     assert made == rpojax.load("inspection", ["navigation.edge_noise_px=2.0"])
 
@@ -70,6 +86,12 @@ def test_validation_runs_have_the_stages_of_the_tuning(
     monkeypatch.setitem(STAGES, 0, rpojax.Stages(formation_law=lambda gain, deviation: -deviation[3:]))
     found = rpojax.tune(rpojax.load("inspection"), stages=STAGES[0], seed=7, validation_runs=50, progress=False)
     assert found.validation is not None
+    table = found.to_dataframe()
+    assert table["part.pointing"].tolist() == [0.5, 0.5]
+    assert table["undefined.pointing"].tolist() == [5, 2]
+    texts = [_progress_text(step, 64) for step in found.result.steps]
+    assert texts[0] == "objective 3.0000, pointing undefined in 5 of 64 runs"
+    assert _progress_text(replace(found.result.steps[0], undefined={"pointing": 0}), 64) == "objective 3.0000"
 
 
 def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,6 +100,10 @@ def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest
     assert "navigation.edge_noise_px: 1.0 -> 2.0" in text
     assert "objective 3.0000 -> 1.0000" in text
     assert "50 unseen runs, seed 8" in text
+    assert "pointing: no value in 5 of 64 runs at the first step and 2 at the last (7 of all 128)" in text
+    assert "formation: no value" not in text
+    assert "pointing_error_p95_deg has no value in 0 runs with the start and in 3 with the tuned scenario" in text
+    assert "nees_mean has no value in 0 runs with the start and in 50 with the tuned scenario" in text
     assert "Beyond chance" not in text
 
 

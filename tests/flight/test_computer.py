@@ -261,6 +261,26 @@ def test_in_the_dark_the_camera_points_at_the_estimate(flight: FlightParams, rea
     assert memory.pointing.unseen_time == 0.0
 
 
+@pytest.mark.parametrize(
+    ("searched_s", "smallest_px", "reopened"), [(1e6, 1.0, True), (0.0, 1.0, False), (1e6, 1e4, False)]
+)
+def test_guidance_says_when_it_widens_the_estimate_after_a_failed_search(
+    flight: FlightParams, ready: FlightMemory, searched_s: float, smallest_px: float, reopened: bool
+) -> None:
+    """A target that may be too small to be seen is not looked for in vain."""
+    flight = replace(flight, navigation=replace(flight.navigation, minimum_size=jnp.asarray(smallest_px)))
+    unseen = replace(
+        ready.pointing, acquired=jnp.asarray(False), unseen_time=jnp.float64(1e3), search_time=jnp.float64(searched_s)
+    )
+    searching = replace(ready, pointing=unseen)
+    for sees in (False, True):
+        after, _ = guide(flight, searching, np.asarray(sees), rendezvous_scene.SUN_OVERHEAD, np.float64(0.0), 1.0)
+        before, variance = (np.trace(each.orbit.relative.covariance[:3, :3]) for each in (searching, after))
+        assert bool(after.reopened) is (reopened and not sees)
+        np.testing.assert_allclose(variance / before, 2.0 if after.reopened else 1.0)
+        searching = after
+
+
 def test_a_burn_is_inhibited_by_the_estimated_attitude(flight: FlightParams, ready: FlightMemory) -> None:
     plan = plan_burn(Stages(formation_law=push), flight, ready, rendezvous_scene.SUN_OVERHEAD, np.float64(0.0))
     planned = replace(ready, plan=plan)

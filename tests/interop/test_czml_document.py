@@ -1,6 +1,5 @@
 """CZML of a run, read by `czml3`; positions and attitudes against the states, and the Earth's rotation by hand."""
 
-import datetime
 import json
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from rpojax.interop.czml_document import SpacecraftShapes
 from rpojax.interop.export import export
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.interop.spacecraft_states import BothStates, SpacecraftStates
+from rpojax.time_scales import Instant, instant
 
 RUN = 3
 NANORADIAN = 1e-9
@@ -69,7 +69,7 @@ def test_the_attitude_between_the_spacecraft_is_that_of_the_run(
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=NANORADIAN)
 
 
-def states_at(epoch: datetime.datetime, time_s: np.ndarray) -> SpacecraftStates:
+def states_at(epoch: Instant, time_s: np.ndarray) -> SpacecraftStates:
     """A target whose body axes are those of N."""
     q = np.tile([1.0, 0.0, 0.0, 0.0], (len(time_s), 1))
     zeros = np.zeros((len(time_s), 3))
@@ -79,7 +79,7 @@ def states_at(epoch: datetime.datetime, time_s: np.ndarray) -> SpacecraftStates:
 def test_inertial_axes_turn_with_the_sidereal_day_in_those_of_the_earth() -> None:
     # Earth rotation angle at J2000 (Capitaine 2000): 0.7790572732640 turns, and 1.00273781191135448 turns a day.
     time = np.array([0.0, 1000.0, 86400.0])
-    found = Rotation.from_quat(czml_document.earth_fixed_attitudes(states_at(datetime.datetime(2000, 1, 1, 12), time)))
+    found = Rotation.from_quat(czml_document.earth_fixed_attitudes(states_at(instant("2000-01-01T12:00:00"), time)))
     turns = 0.7790572732640 + 1.00273781191135448 * time / 86400.0
     expected = Rotation.from_rotvec(-2.0 * np.pi * turns[:, None] * np.array([0.0, 0.0, 1.0]))
     # Nutation at that epoch is below 20 arc seconds.
@@ -89,7 +89,7 @@ def test_inertial_axes_turn_with_the_sidereal_day_in_those_of_the_earth() -> Non
 
 def test_the_pole_of_the_model_is_off_that_of_the_earth_by_a_quarter_of_a_century_of_precession() -> None:
     found = Rotation.from_quat(
-        czml_document.earth_fixed_attitudes(states_at(datetime.datetime(2026, 3, 20, 14, 46), np.zeros(1)))
+        czml_document.earth_fixed_attitudes(states_at(instant("2026-03-20T14:46:00"), np.zeros(1)))
     )
     pole = found.apply([0.0, 0.0, 1.0])[0]
     # 20.04 arc seconds a year (Lieske 1977), nutation up to 10.
@@ -106,7 +106,7 @@ def test_a_document_shows_sizes_keep_out_zone_and_line_of_sight(packets: dict[st
 
 
 def test_each_servicer_of_a_team_has_a_packet_and_a_line() -> None:
-    epoch, time = datetime.datetime(2026, 1, 1), np.arange(3.0)
+    epoch, time = instant("2026-01-01"), np.arange(3.0)
     target = states_at(epoch, time)
     team = [SpacecraftStates(name, epoch, time, *3 * (np.zeros((3, 3)),), about=()) for name in ("north", "south")]
     team = [SpacecraftStates(**{**vars(each), "q": target.q}) for each in team]

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -17,6 +18,9 @@ QUANTITIES = {
     "scalar": np.array([4.0, -1.0, 2.0, 3.0, 2.0, 6.0]),
     "vector": np.array([[0.0, 3.0, -4.0], [0.0, 0.0, 0.0], *4 * [[1.0, 2.0, -2.0]]]),
     "flag": np.array([True, False, True, False, True, True]),
+    "never": np.zeros(6, dtype=bool),
+    "early": np.array([True, True, False, False, False, False]),
+    "undefined_at_the_end": np.array([1.0, 2.0, 3.0, 4.0, 5.0, np.nan]),
     "undefined": np.array([1.0, np.nan, 3.0, np.nan, 5.0, 3.0]),
 }
 """Six ticks: the late window begins at the third, the last window at the fifth."""
@@ -46,9 +50,52 @@ def weighted(_: Any, value: Any, weight: Any) -> WeightedValue:
     return WeightedValue(value, weight)
 
 
+REDUCTIONS = ("mean", "rms", "sum", "min", "max", "end", "total")
+
+
+@pytest.mark.parametrize("reduction", REDUCTIONS)
+def test_a_metric_is_undefined_where_no_tick_counts(reduction: str) -> None:
+    never = metric(("scalar", "never"), value=weighted, reduction=reduction)
+    assert np.isnan([recorded(never), running(never)]).all()
+
+
+@pytest.mark.parametrize("reduction", REDUCTIONS)
+def test_a_metric_is_undefined_where_no_tick_of_its_window_counts(reduction: str) -> None:
+    early = metric(("scalar", "early"), value=weighted, reduction=reduction, window="late")
+    assert np.isnan([recorded(early), running(early)]).all()
+
+
+@pytest.mark.parametrize("reduction", REDUCTIONS)
+def test_a_metric_is_undefined_where_a_value_that_counts_is(reduction: str) -> None:
+    for name in ("undefined", "undefined_at_the_end"):
+        given = metric((name,), reduction=reduction)
+        only_end = reduction in ("end", "total") and name == "undefined"
+        assert np.isnan([recorded(given), running(given)]).all() != only_end
+
+
+@pytest.mark.parametrize("reduction", REDUCTIONS)
+def test_an_undefined_metric_has_a_derivative_of_zero_and_leaves_that_of_others_finite(reduction: str) -> None:
+    never = metric(("scalar", "never"), value=weighted, reduction=reduction)
+    often = metric(("scalar",), reduction=reduction)
+
+    def values(factor: jax.Array) -> jax.Array:
+        sums = initial_accumulators([never, often])
+        for tick in range(6):
+            quantities = {"scalar": factor * QUANTITIES["scalar"][tick], "never": jnp.asarray(False)}
+            sums = accumulate([never, often], quantities, sums, jnp.int32(tick), 6, TIMING.tick_s)
+        return final_values([never, often], sums)
+
+    for derivative in (jax.jacfwd(values)(1.0), jax.jacrev(values)(1.0)):
+        # Each reduction is homogeneous of degree one.
+        np.testing.assert_allclose(derivative, [0.0, recorded(often)], rtol=1e-14)
+
+
 @pytest.mark.parametrize(
     ("definition", "expected"),
     [
+        (metric(("vector", "flag"), value=weighted, reduction="mean"), 2.0 / 12.0),
+        (metric(("vector", "flag"), value=weighted, reduction="sum"), 2.0),
+        (metric(("scalar", "flag"), value=weighted, reduction="end"), 6.0),
         (metric(("scalar",), reduction="mean"), 16.0 / 6.0),
         (metric(("scalar",), reduction="mean", window="late"), 13.0 / 4.0),
         (metric(("scalar",), reduction="rms", window="last"), np.sqrt(20.0)),

@@ -227,16 +227,34 @@ def verdict_on(file: ScenarioFile, metrics: dict[str, Any], outcomes: np.ndarray
     """Verdict on the first requirement, from those of the runs that count."""
     [requirement, *_] = file.requirements
     counted = tolerance_verdicts.counts(requirement, metrics, outcomes)
-    values = metrics[requirement.metric_name]
+    values = tolerance_verdicts.required_values(requirement, metrics)
     return tolerance_verdicts.evaluate_requirement(requirement, values, np.arange(RUNS), True, counted=counted)
 
 
-def test_runs_that_never_were_in_a_phase_do_not_count_and_those_frozen_in_it_fail(records: Records) -> None:
+@pytest.mark.parametrize(
+    ("among", "expected"),
+    [({}, (3, 0, 2, 2)), ({"among": "all_runs"}, (3, 0, 2, 2)), ({"among": "reaching_runs"}, (2, 1, 1, 1))],
+)
+def test_runs_that_never_were_in_a_phase_and_those_frozen_in_it_fail(
+    records: Records, among: dict[str, str], expected: tuple[int, ...]
+) -> None:
     records["running"][1, 400:] = False
-    file = with_requirements({"metric": "min_range_m", "phase": "approach", "limit": 100.0})
+    file = with_requirements({"metric": "min_range_m", "phase": "approach", "limit": 100.0, **among})
     found = recorded_metrics.evaluate_windows(file, in_phases(records), {})
     verdict = verdict_on(file, found, np.array(["completed", "keep_out", "completed"]))
-    assert (verdict.runs, verdict.not_counted, verdict.violations, verdict.without_value) == (2, 1, 1, 1)
+    assert (verdict.runs, verdict.not_counted, verdict.violations, verdict.without_value) == expected
+
+
+def test_a_total_of_no_ticks_is_no_value_of_a_run_that_never_was_there(records: Records) -> None:
+    file = with_requirements({"metric": "delta_v_m_s", "bound": "at most", "phase": "approach", "limit": 1e9})
+    found = recorded_metrics.evaluate_windows(file, in_phases(records), {})
+    verdict = verdict_on(file, found, np.full(RUNS, "completed"))
+    assert (verdict.violations, verdict.violating_ids) == (1, (2,))
+
+
+def test_which_runs_count_is_said_beside_a_phase_only() -> None:
+    with pytest.raises(ScenarioError, match=r"requirements\.0\.among: found 'reaching_runs', expected it only beside"):
+        with_requirements({"metric": "min_range_m", "from_s": 100.0, "among": "reaching_runs"})
 
 
 def test_of_an_outcome_only_its_runs_count() -> None:

@@ -49,6 +49,30 @@ def test_a_terminal_shows_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch:
     assert captured.out == ""
 
 
+def test_a_terminal_shows_no_count_before_there_is_one(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "120")
+    with progress_bar.item_progress("tuning", quiet=False):
+        pass
+    assert "None" not in capsys.readouterr().err
+    with progress_bar.item_progress("tuning", quiet=False) as watch:
+        watch(0, 80, "compiling runs")
+    shown = capsys.readouterr().err
+    assert "tuning compiling runs" in shown
+    assert "0/80" in shown
+
+
+def test_the_sign_of_life_of_counted_work_says_what_is_under_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    stages: list[str] = []
+    monkeypatch.setattr(sign_of_life.SignOfLife, "describe", lambda sign, *words: stages.append(", ".join(words)))
+    with progress_bar.item_progress("tuning", quiet=False) as watch:
+        watch(0, 80, "compiling runs")
+        watch(1, 80)
+    assert stages == ["tuning, 0 of 80 compiling runs", "tuning, 1 of 80"]
+
+
 def test_the_rate_counts_from_the_end_of_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([100.0, 102.0])
     monkeypatch.setattr(progress_bar.time, "perf_counter", lambda: next(clock))

@@ -37,15 +37,18 @@ def test_requirements_do_not_change_the_digest(tables: dict[str, Any]) -> None:
     assert static_settings(without) == static_settings(with_requirements)
 
 
-def test_defaults_are_not_hashed(
-    tables: dict[str, Any],
-) -> None:
+@pytest.mark.parametrize("faults", [False, True])
+def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
+    tables["effects"]["faults"] = tables["chamber_pressure"]["enabled"] = faults
     file = scenario_loader.validate({**tables, "limits": {"keep_out_m": 10.0}})
     content = {**file.model_dump(mode="json"), "limits": {"keep_out_m": 10.0}}
     optional = ("safety", "coverage", "mission", "phases", "servicers", "link", "team", "gps_differences", "link_range")
+    del content["chamber_pressure"]
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
     del content["target"]["scale"]
+    for key in ("thrust_sigma", "thrust_walk_sqrt_s", "pressure_noise"):
+        del content["navigation"][key]
     for key in ("minimum_size_px", "miss_probability", "center_perspective", "target_size_sigma", "sharing"):
         del content["navigation"][key]
     for key in ("outline_time_constant_s", *(key for key in content["navigation"] if key.startswith("difference_"))):
@@ -65,6 +68,16 @@ def test_a_key_with_a_default_is_hashed_unless_it_has_that_value(tables: dict[st
 
     assert digest() == digest(lost_after_s=600.0, off_station_m=10.0)
     assert len({digest(), digest(lost_after_s=500.0), digest(off_station_m=20.0)}) == 3
+
+
+def test_the_pressure_sensor_is_hashed_where_it_is_not_as_with_faults_before(tables: dict[str, Any]) -> None:
+    def digest(faults: bool, **sensor: Any) -> str:
+        effects = {**tables["effects"], "faults": faults}
+        return scenario_digest(scenario_loader.validate({**tables, "effects": effects, "chamber_pressure": sensor}))
+
+    assert len({digest(faults, enabled=enabled) for faults in (False, True) for enabled in (False, True)}) == 4
+    assert len({digest(True, enabled=True, noise=noise) for noise in (0.03, 0.04, 0.05)}) == 3
+    assert digest(True, enabled=True) == digest(True, enabled=True, noise=0.03)
 
 
 def test_the_content_of_trained_files_is_hashed(tmp_path: Path) -> None:

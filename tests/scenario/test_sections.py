@@ -54,6 +54,15 @@ BAD_VALUES = {
     "unknown camera": ("camera.model=thermal", "camera.model", "'geometric'"),
     "an epoch that is no date": ("epoch_utc=tomorrow", "epoch_utc", "date and time", "2026-03-20T14:46:00"),
     "an epoch with a thirteenth month": ('epoch_utc="2026-13-20T14:46:00"', "epoch_utc", "date and time"),
+    "an epoch in a second 60 that was not": (
+        'epoch_utc="2026-03-20T23:59:60"', "epoch_utc", "second 60 in leap seconds"
+    ),
+    "an epoch on the last day of a leap year that is none": ('epoch_utc="2026-366T00:00:00"', "epoch_utc", "calendar"),
+    "an epoch before UTC had leap seconds": ('epoch_utc="1971-12-31T23:59:59"', "epoch_utc", "since 1972"),
+    "an epoch of which the Moon is not known": ('epoch_utc="2051-01-01T00:00:00"', "epoch_utc", "from 1972 to 2050"),
+    "an epoch with an offset of more than a day": (
+        'epoch_utc="2026-03-20T14:46:00+24:00"', "epoch_utc", "an offset from UTC"
+    ),
     "an epoch that is a number": ("epoch_utc=2026", "epoch_utc", "string"),
     "a zonal degree of one": ("effects.zonal_degree=1", "effects.zonal_degree", "0, 2"),
     "a zonal degree beyond the model": ("navigation.zonal_degree=7", "navigation.zonal_degree", "0, 2"),

@@ -25,7 +25,6 @@ EXCEPTIONS = {
         (
             "flight/guidance/burn_planning.py",
             "flight/navigation/box_measurement/outlier_gate.py",
-            "flight/navigation/burn_errors/thrust_estimator.py",
             "flight/navigation_health.py",
             "physics/equipment_faults.py",
             "simulation/metrics/running_metrics.py",

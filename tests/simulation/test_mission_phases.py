@@ -17,7 +17,7 @@ from rpojax.campaign.rerun import rerun
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
-from rpojax.flight.mission.mission_state import AbortReason
+from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.flight.stages import Stages
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
@@ -111,6 +111,17 @@ def test_phases_change_as_declared(campaign: Campaign) -> None:
     assert phase[0] == WAIT
     assert changes_of(phase) == [(60, AHEAD), (140, SAFE), (220, ELLIPSE)]
     assert not campaign.history(NOMINAL)["abort_reason"].any()
+    np.testing.assert_array_equal(campaign.phases["goal_reached_at_s"], [220.0, 260.0, np.nan, 180.0])
+
+
+def test_unmet_conditions_are_those_for_which_a_phase_goes_on(campaign: Campaign) -> None:
+    history = campaign.history(NOMINAL)
+    unmet, phase = history["unmet_conditions"], history["phase"]
+    np.testing.assert_array_equal(unmet[1:50] & Condition.TIME, Condition.TIME)
+    assert not (unmet[50:60] & Condition.TIME).any()
+    np.testing.assert_array_equal(unmet[phase == SAFE], [Condition.TIME] * 80)
+    assert not unmet[phase == AHEAD][1:].any()
+    assert not campaign.history(ABORTED_RUN)["unmet_conditions"][100:].any()
 
 
 def test_runs_follow_their_own_values_and_commands(campaign: Campaign) -> None:

@@ -31,7 +31,7 @@ def target_and_constants(
 
 @jax.jit
 def positions(reference: RelativeOrbit, orbit: TargetOrbit, times: jax.Array) -> jax.Array:
-    entry = PhaseEntry(relative_state=jnp.zeros(6))
+    entry = PhaseEntry(relative_state=jnp.zeros(6), orbit=orbit)
 
     def position(elapsed: jax.Array) -> jax.Array:
         return relative_orbit.state(reference, entry, yamanaka_ankersen.advanced(orbit, elapsed), elapsed)[:3]

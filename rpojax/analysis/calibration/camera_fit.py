@@ -162,16 +162,16 @@ def _maximise(
     return found
 
 
-def outcome_summary(outcomes: DetectionOutcomes, threshold: float) -> dict[str, float]:
-    """Detection rate, rate of false boxes, median overlap, and bias and sigma of the edges [px]."""
+def outcome_summary(outcomes: DetectionOutcomes, threshold: float) -> dict[str, float | None]:
+    """Detection rate, rate of false boxes, median overlap, and bias and sigma of the edges [px]; None without any."""
     rows = _likelihood_inputs(outcomes, threshold)
     kind = np.asarray(rows["kind"])
     error = (outcomes.edges - outcomes.outline)[kind == 1]
     inside = outcomes.in_frame
     return {
-        "detected_in_frame": float(np.mean(kind[inside] == 1)),
+        "detected_in_frame": float(np.mean(kind[inside] == 1)) if inside.any() else None,
         "false_boxes": float(np.mean(kind == 2)),
-        "median_overlap": float(np.median(outcomes.overlap[kind == 1])) if (kind == 1).any() else 0.0,
-        "edge_bias_px": float(np.abs(error.mean(axis=0)).max()) if len(error) else 0.0,
-        "edge_sigma_px": float(error.std(axis=0).mean()) if len(error) else 0.0,
+        "median_overlap": float(np.median(outcomes.overlap[kind == 1])) if len(error) else None,
+        "edge_bias_px": float(np.abs(error.mean(axis=0)).max()) if len(error) else None,
+        "edge_sigma_px": float(error.std(axis=0).mean()) if len(error) else None,
     }

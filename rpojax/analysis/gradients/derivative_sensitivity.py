@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult, run_keys
 from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
 from rpojax.analysis.statistics.dependence.rank_correlation import spearman
 from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
@@ -23,12 +23,12 @@ from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
-from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, METRICS
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import component_columns
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 
 if TYPE_CHECKING:
@@ -72,7 +72,8 @@ class MetricSensitivity:
         unit: of the metric and of all sigmas
         shares: of all inputs, those with the greatest trend first, and of those without one the greatest sigma
         sigma: standard deviation by all of them, were the metric linear
-        values: (runs,) of the metric in the runs with random dispersions
+        values: (runs,) of the metric in the runs with random dispersions that reached their end and have it
+        undefined: runs that reached their end without a value of it
         kink: why the derivative jumps; None where it does not
     """
 
@@ -81,6 +82,7 @@ class MetricSensitivity:
     shares: tuple[InputShare, ...]
     sigma: float
     values: np.ndarray
+    undefined: int
     kink: str | None
 
     @property
@@ -201,12 +203,13 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
     Raises:
         RpojaxError: a metric has no derivative, or there is none.
     """
+    known = [name for name, metric in plugin_registry.catalogue_of(file).items() if metric.has_derivative]
     for name in names:
-        if name not in DIFFERENTIABLE:
-            known = ", ".join(DIFFERENTIABLE)
-            raise RpojaxError.of_argument("metrics", f"found {name!r}, expected a metric with a derivative: {known}")
+        if name not in known:
+            expected = f"a metric with a derivative: {', '.join(known)}"
+            raise RpojaxError.of_argument("metrics", f"found {name!r}, expected {expected}")
     of_whole_runs = [each.metric for each in file.requirements if each.is_of_all_runs]
-    chosen = names or [name for name in of_whole_runs if name in DIFFERENTIABLE]
+    chosen = names or [name for name in of_whole_runs if name in known]
     if not chosen:
         raise RpojaxError.of_argument(
             "metrics", "found none, expected one, for a scenario without requirements on such metrics"
@@ -220,7 +223,7 @@ def derivative_sensitivities(
     """Sensitivities of metrics over `runs` runs with random dispersions, and at the median run.
 
     Raises:
-        RpojaxError: too few runs, or all of them fail.
+        RpojaxError: too few runs, or too few of them reach their end with a value of a metric.
     """
     if runs < MIN_RUNS:
         raise RpojaxError.of_argument("runs", f"found {runs}, expected at least {MIN_RUNS}")
@@ -229,22 +232,26 @@ def derivative_sensitivities(
     points = np.concatenate([np.zeros((1, space.dimension)), drawn])
     found = used.jacobian(points, run_keys(seed, np.arange(runs + 1)))
     assert found.jacobian is not None
-    complete = ~found.failed & np.isfinite(found.jacobian).all(axis=(1, 2))
-    rows = np.flatnonzero(complete[1:]) + 1
+    return tuple(_metric_sensitivity(space, name, found, index) for index, name in enumerate(metrics))
+
+
+def _metric_sensitivity(space: StandardNormalSpace, name: str, found: RolloutResult, index: int) -> MetricSensitivity:
+    """From the metrics and Jacobian of the median run and the others, of which the metric is column `index`.
+
+    Raises:
+        RpojaxError: too few runs reach their end with a value of it.
+    """
+    assert found.jacobian is not None
+    metric = plugin_registry.catalogue_of(space.file)[name]
+    values, jacobian = found.metrics[:, index], found.jacobian[:, index]
+    usable = ~found.failed & np.isfinite(values) & np.isfinite(jacobian).all(axis=1)
+    rows, undefined = np.flatnonzero(usable[1:]) + 1, int((~found.failed & np.isnan(values))[1:].sum())
     if len(rows) < MIN_RUNS:
-        raise RpojaxError.of_argument("runs", f"found {len(rows)} that reached their end, expected at least {MIN_RUNS}")
-    at_median = found.jacobian[0] if complete[0] else np.full(found.jacobian.shape[1:], np.nan)
-    return tuple(
-        _metric_sensitivity(space, name, found.jacobian[rows, index], at_median[index], found.metrics[rows, index])
-        for index, name in enumerate(metrics)
-    )
-
-
-def _metric_sensitivity(
-    space: StandardNormalSpace, name: str, gradients: np.ndarray, at_median: np.ndarray, values: np.ndarray
-) -> MetricSensitivity:
-    """From gradients (runs, k) of a metric, that at the median run (k,), and the metric's values (runs,)."""
-    metric = METRICS[name]
+        without = f", and {undefined} more without {name}" if undefined else ""
+        raise RpojaxError.of_argument(
+            "runs", f"found {len(rows)} that reached their end{without}, expected at least {MIN_RUNS}"
+        )
+    gradients, at_median = jacobian[rows], jacobian[0] if usable[0] else np.full(jacobian.shape[1], np.nan)
     groups = np.array(space.groups)
     shares = []
     for group in dict.fromkeys(space.groups):
@@ -259,7 +266,8 @@ def _metric_sensitivity(
         unit=metric.unit,
         shares=tuple(sorted(shares, key=lambda share: (-share.trend, -share.sigma))),
         sigma=float(np.sqrt(np.mean(np.sum(gradients**2, axis=1)))),
-        values=values,
+        values=values[rows],
+        undefined=undefined,
         kink=_KINKS.get(str(metric.reduction)),
     )
 
@@ -314,6 +322,7 @@ def _entry(found: MetricSensitivity, agreement: RankingAgreement | None) -> dict
         "metric": found.metric,
         "unit": found.unit,
         "runs_used": len(found.values),
+        "undefined": found.undefined,
         "mean": float(np.mean(found.values)),
         "sigma_by_dispersions": found.sigma,
         "leading": list(found.leading),

@@ -6,7 +6,7 @@ independent, so there is one derivative per run, and those of failed runs can be
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -20,7 +20,6 @@ from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform
 from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
-from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
 from rpojax.runtime.device_programs import share_runs
@@ -41,10 +40,18 @@ InputFunction = Callable[[Array, Array], Values]
 """Map from the inputs (k,) and the random key of a run to values by scenario key, in the user's units."""
 RunStatus = tuple[Array, Array]
 """Of runs (runs,): failed or not, and the hash of their events."""
-CotangentFunction = Callable[[Array, Array, Array], Array]
-"""Cotangents (runs, metrics) from the metrics of all runs of a batch, weights of the same shape, and a mask (runs,): 1
-for runs that count, 0 for padding."""
-ProgramKind = Literal["values", "forward", "reverse"]
+CotangentFunction = Callable[[Array, Array], Array]
+"""Derivative (runs, metrics) of a number to the metrics of runs, from these metrics and a mask (runs,): 1 for runs that
+count, 0 for padding."""
+ProgramKind = Literal["values", "forward", "reverse", "reverse of all"]
+"""`reverse` is that of a weighted sum of metrics, `reverse of all` that of a function of all runs in one batch."""
+_COMPILING: dict[ProgramKind, str] = {
+    "values": "compiling runs",
+    "forward": "compiling runs and derivatives, a minute or more",
+    "reverse": "compiling runs and derivatives, some minutes",
+    "reverse of all": "compiling runs and derivatives, some minutes",
+}
+"""What is said while a program is compiled."""
 
 RUNS_PER_DEVICE = 64
 """Runs at a time on each device; more are no faster."""
@@ -59,9 +66,10 @@ class RolloutResult:
     """Metrics of runs and their derivatives.
 
     Attributes:
-        metrics: (runs, metrics)
-        jacobian: (runs, metrics, k) from the forward mode, else None
-        gradient: (runs, k) of the weighted sum of metrics, from the reverse mode, else None
+        metrics: (runs, metrics), NaN where undefined, and for runs that ended early
+        jacobian: (runs, metrics, k) from the forward mode, else None; NaN where the metric is undefined
+        gradient: (runs, k) from the reverse mode, else None: of the weighted sum of metrics, NaN where one of them with
+            a weight is undefined, or of a function of all metrics, to which undefined ones contribute nothing
         failed: (runs,) bool, the run ended early
         events: (runs,) hash of the accepted and rejected boxes and of the guidance modes at all ticks
     """
@@ -73,18 +81,12 @@ class RolloutResult:
     events: np.ndarray
 
 
-def constant_weights(metrics: Array, weights: Array, mask: Array) -> Array:
-    """Cotangents of a weighted sum of metrics: the weights themselves."""
-    del metrics
-    return weights * mask[:, None]
-
-
 class RolloutEvaluator:
     """Metrics of runs of a scenario as a function of inputs, compiled once for each kind of derivative.
 
     Attributes:
         file: the scenario
-        metric_names: from `metric_catalogue.METRICS`, without those that need whole records
+        metric_names: of the scenario, without those that need whole records
         input_count: number of inputs, k
         runs_per_device: runs that a device simulates at once
         checkpoint_ticks: ticks from one kept state to the next in reverse mode
@@ -100,15 +102,18 @@ class RolloutEvaluator:
         metric_names: Sequence[str],
         runs: int,
         stages: Stages | None = None,
-        cotangent: CotangentFunction = constant_weights,
+        cotangent: CotangentFunction | None = None,
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
+        on_stage: Callable[[str], None] = lambda words: None,
     ) -> None:
+        """Compiles nothing yet; `on_stage` is told in words what begins, a compilation or the simulation after it."""
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
         self.scenario, self._nominal = single_run.nominal_parameters(file)
         self._stages = plugin_registry.stages_of(file, stages)
-        self._metrics = [METRICS[name] for name in self.metric_names]
-        self._input_function, self._cotangent = input_function, cotangent
+        known = plugin_registry.catalogue_of(file)
+        self._metrics = [known[name] for name in self.metric_names]
+        self._input_function, self._cotangent, self._on_stage = input_function, cotangent, on_stage
         devices, self.runs_per_device = share_runs(runs, RUNS_PER_DEVICE)
         self._mesh = DeviceMesh(devices)
         self.checkpoint_ticks = checkpoint_interval(
@@ -134,11 +139,21 @@ class RolloutEvaluator:
     def gradient(self, inputs: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> RolloutResult:
         """Metrics, and the gradient of their weighted sum in reverse mode: costs about seven runs.
 
-        `weights` (runs, metrics) are needed unless the evaluator has a cotangent function of its own, which is then
-        applied to each batch of runs.
+        Without `weights` (runs, metrics) it is the gradient of the number of which the evaluator's cotangent function
+        is the derivative. Where the runs make several batches, that costs a run more: the derivative depends on the
+        metrics of all of them.
         """
-        chosen = np.zeros((len(inputs), len(self.metric_names))) if weights is None else weights
-        return self._run_batches("reverse", inputs, keys, chosen)
+        if weights is None:
+            assert self._cotangent is not None
+            if len(inputs) <= self.batch_size:
+                return self._run_batches("reverse of all", inputs, keys)
+            metrics = self.evaluate(inputs, keys).metrics
+            cotangents = np.asarray(self._cotangent(jnp.asarray(metrics), jnp.ones(len(metrics))))
+            return self._run_batches("reverse", inputs, keys, cotangents)
+        found = self._run_batches("reverse", inputs, keys, weights)
+        assert found.gradient is not None
+        undefined = (np.isnan(found.metrics) & (weights != 0.0)).any(axis=1, keepdims=True)
+        return replace(found, gradient=np.where(undefined, np.nan, found.gradient))
 
     def _run_batches(self, kind: ProgramKind, *arrays: np.ndarray) -> RolloutResult:
         """Runs in batches that the devices share."""
@@ -152,19 +167,21 @@ class RolloutEvaluator:
         metrics, failed, events, *derivative = (column[:runs] for column in concatenate(parts))
         return RolloutResult(
             metrics=metrics,
-            jacobian=derivative[0] if kind == "forward" else None,
-            gradient=derivative[0] if kind == "reverse" else None,
+            jacobian=np.where(np.isnan(metrics)[..., None], np.nan, derivative[0]) if kind == "forward" else None,
+            gradient=derivative[0] if kind.startswith("reverse") else None,
             failed=failed,
             events=events,
         )
 
     def _compiled(self, kind: ProgramKind) -> Any:
         if kind not in self._programs:
+            self._on_stage(_COMPILING[kind])
             begin = time.perf_counter()
             function = {
                 "values": self._traced_metrics,
                 "forward": self._traced_jacobian,
                 "reverse": self._traced_gradient,
+                "reverse of all": self._traced_gradient_of_all,
             }[kind]
             shapes = [(), (self.input_count,), (2,), (len(self.metric_names),)][: 4 if kind == "reverse" else 3]
             types = [np.float64, np.float64, np.uint32, np.float64]
@@ -178,11 +195,19 @@ class RolloutEvaluator:
             if needed := program.memory_analysis():
                 self.program_memory_bytes = max(self.program_memory_bytes, needed.temp_size_in_bytes * self._mesh.size)
             self._programs[kind] = program
+            self._on_stage("simulating")
         return self._programs[kind]
 
     def _traced_metrics(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
-        metrics, status = self._simulate_metrics(nominal, inputs, keys)
+        metrics, status = self._defined_metrics(nominal, inputs, keys)
         return metrics, *status
+
+    def _defined_metrics(
+        self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
+    ) -> tuple[Array, RunStatus]:
+        """What `_simulate_metrics` gives, NaN for runs that ended early: as in campaigns, they have no metrics."""
+        metrics, status = self._simulate_metrics(nominal, inputs, keys, checkpoint_ticks)
+        return jnp.where(status[0][:, None], jnp.nan, metrics), status
 
     def _simulate_metrics(
         self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
@@ -213,7 +238,7 @@ class RolloutEvaluator:
         def along(direction: Array) -> tuple[Array, ...]:
             tangent = jnp.broadcast_to(direction, inputs.shape)
             metrics, change, status = jax.jvp(
-                lambda x: self._simulate_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
+                lambda x: self._defined_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
             )
             return metrics, *status, change
 
@@ -221,15 +246,24 @@ class RolloutEvaluator:
         return jax.vmap(along, out_axes=(None, None, None, 2))(directions)
 
     def _traced_gradient(
-        self, nominal: Params, mask: Array, inputs: Array, keys: Array, weights: Array
+        self, nominal: Params, _: Array, inputs: Array, keys: Array, weights: Array
     ) -> tuple[Array, ...]:
-        metrics, pull_back, status = jax.vjp(
-            lambda x: self._simulate_metrics(nominal, x, keys, checkpoint_ticks=self.checkpoint_ticks),
+        metrics, pull_back, status = self._reversible_metrics(nominal, inputs, keys)
+        return metrics, *status, pull_back(weights)[0]
+
+    def _traced_gradient_of_all(self, nominal: Params, mask: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
+        assert self._cotangent is not None
+        metrics, pull_back, status = self._reversible_metrics(nominal, inputs, keys)
+        cotangents = self._cotangent(*map(gather_rows, (metrics, mask)))
+        return metrics, *status, pull_back(own_rows(cotangents))[0]
+
+    def _reversible_metrics(self, nominal: Params, inputs: Array, keys: Array) -> tuple[Array, Any, RunStatus]:
+        """Metrics of runs, the function from their cotangents to that of the inputs, and the status of the runs."""
+        return jax.vjp(
+            lambda x: self._defined_metrics(nominal, x, keys, checkpoint_ticks=self.checkpoint_ticks),
             inputs,
             has_aux=True,
         )
-        cotangents = self._cotangent(*map(gather_rows, (metrics, weights, mask)))
-        return metrics, *status, pull_back(own_rows(cotangents))[0]
 
     def _state_bytes(self) -> int:
         """Size of the carry of a run from tick to tick [B]."""

@@ -39,9 +39,10 @@ class Gradient:
 
     Attributes:
         run_ids: (runs,)
-        metrics: metric -> (runs,)
-        derivatives: metric -> key -> (runs, ...), the key's own shape behind the runs
-        completed: (runs,) bool; the values of other runs end with their failure
+        metrics: metric -> (runs,), NaN where undefined
+        derivatives: metric -> key -> (runs, ...), the key's own shape behind the runs; NaN where the
+            metric is undefined
+        completed: (runs,) bool; other runs ended early and have no metrics
         events: (runs,) hash of accepted boxes and guidance modes; runs of the same hash differ smoothly
         mode: of differentiation, 'forward' or 'reverse'
         compile_s: time to compile [s]
@@ -56,18 +57,34 @@ class Gradient:
     compile_s: float
 
     def mean(self, metric: str) -> dict[str, np.ndarray]:
-        """Key -> mean derivative of a metric over completed runs, of the key's own shape."""
-        return {
-            key: np.asarray(values[self.completed].mean(axis=0)) for key, values in self.derivatives[metric].items()
-        }
+        """Key -> mean derivative of a metric over the runs that count for it, of the key's own shape.
+
+        Raises:
+            RpojaxError: no run counts.
+        """
+        return {key: np.asarray(values.mean(axis=0)) for key, values in self._counted(metric, 1).items()}
 
     def standard_error(self, metric: str) -> dict[str, np.ndarray]:
-        """Key -> standard error of the mean derivative; at least two completed runs are needed."""
-        root = np.sqrt(self.completed.sum())
+        """Key -> standard error of the mean derivative.
+
+        Raises:
+            RpojaxError: fewer than two runs count.
+        """
         return {
-            key: np.asarray(values[self.completed].std(axis=0, ddof=1) / root)
-            for key, values in self.derivatives[metric].items()
+            key: np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(values)))
+            for key, values in self._counted(metric, 2).items()
         }
+
+    def counts(self, metric: str) -> np.ndarray:
+        """Flags (runs,) of the runs that count for a metric: completed ones in which it is defined."""
+        return self.completed & np.isfinite(self.metrics[metric])
+
+    def _counted(self, metric: str, least: int) -> dict[str, np.ndarray]:
+        """Key -> derivatives of a metric in the runs that count, at least so many."""
+        counted = self.counts(metric)
+        if counted.sum() < least:
+            raise RpojaxError(f"{metric}: found {counted.sum()} completed runs with a value, expected at least {least}")
+        return {key: values[counted] for key, values in self.derivatives[metric].items()}
 
     def to_xarray(self) -> "xarray.Dataset":
         """Metrics, and derivatives as `d_METRIC/d_KEY`, over `run`, as an `xarray.Dataset`.

@@ -8,7 +8,7 @@ import numpy as np
 
 from rpojax.analysis.reliability.search_settings import LimitChoice
 from rpojax.errors import RpojaxError
-from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, UNITS
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 
 _ROUNDING = 1e-5
@@ -59,7 +59,7 @@ def select_limit(file: ScenarioFile, choice: LimitChoice) -> MetricLimit:
             raise RpojaxError.of_argument("limit", f"found {limit}, expected it with metric only")
         return _limit_of_requirement(file, requirement)
     assert metric is not None
-    check_metric("metric", metric)
+    check_metric(file, "metric", metric)
     if limit is None or not math.isfinite(limit):
         raise RpojaxError.of_argument("limit", f"found {limit}, expected a number, with metric")
     if choice.bound not in ("at most", "at least"):
@@ -76,17 +76,18 @@ def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
         if known:
             expected = f"one of the scenario's: {', '.join(known)}"
         raise RpojaxError.of_argument("requirement", f"found {requirement!r}, expected {expected}")
-    check_metric("requirement", requirement)
+    check_metric(file, "requirement", requirement)
     return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
 
 
-def check_metric(argument: str, name: str) -> None:
-    """Refuses metrics that have no derivative.
+def check_metric(file: ScenarioFile, argument: str, name: str) -> None:
+    """Refuses metrics that the scenario does not have, or that have no derivative.
 
     Raises:
         RpojaxError: naming the argument.
     """
-    known = [each for each in UNITS if each in DIFFERENTIABLE]
+    metrics = {n: each for n, each in plugin_registry.catalogue_of(file).items() if each.source != "simulation"}
+    known = [each for each, metric in metrics.items() if metric.has_derivative]
     if name not in known:
-        what = "a metric with a derivative" if name in UNITS else "a metric"
+        what = "a metric with a derivative" if name in metrics else "a metric"
         raise RpojaxError.of_argument(argument, f"found {name!r}, expected {what}: {', '.join(known)}")

@@ -14,11 +14,12 @@ from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.optional_packages import require_package
+from rpojax.scenario.command_lines import command_line
 from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 
 if TYPE_CHECKING:
@@ -58,6 +59,10 @@ class WorstCase:
         return self.search.nearest_violation or self.search.smallest_margin
 
     @property
+    def _unit(self) -> str:
+        return plugin_registry.catalogue_of(self.space.file)[self.limit.metric].unit
+
+    @property
     def probability(self) -> float | None:
         """First-order probability of a violation in runs with this run's noise; None without a violation."""
         return None if self.search.nearest_violation is None else float(ndtr(-self.search.nearest_violation.distance))
@@ -80,7 +85,7 @@ class WorstCase:
         content = {
             "scenario": self.space.file.name,
             "metric": limit.metric,
-            "unit": UNITS[limit.metric],
+            "unit": self._unit,
             "bound": limit.bound,
             "limit": limit.limit,
             "seed": self.seed,
@@ -120,19 +125,25 @@ class WorstCase:
         """
         directory = Path(directory)
         check_replaceable((directory / SCENARIO_NAME, directory / RECORD_NAME), force)
-        write_atomically(directory / SCENARIO_NAME, self._scenario_text().encode())
+        write_atomically(directory / SCENARIO_NAME, self._scenario_text(directory).encode())
         write_json(directory / RECORD_NAME, self.to_dict())
 
-    def _scenario_text(self) -> str:
+    def _scenario_text(self, directory: Path) -> str:
         """The pinned scenario as TOML, with the command that simulates it."""
         import tomli_w
 
         limit, point = self.limit, self.reported_point
         what = "breaks" if self.search.nearest_violation is not None else "comes closest to breaking"
+        command = command_line(
+            "run",
+            (directory / SCENARIO_NAME).absolute(),
+            *("--seed", self.seed, "--run-id", point.replicate, "--out", "DIR"),
+            plugin=self.space.file.plugin,
+        )
         head = (
             f"# Run {point.replicate} of seed {self.seed} {what} {limit.metric} {limit.bound} "
-            f"{limit.limit:g} {UNITS[limit.metric]}, {point.distance:.2f} sigmas from the median run.\n"
-            f"# rpojax run {SCENARIO_NAME} --seed {self.seed} --run-id {point.replicate} --out DIR\n\n"
+            f"{limit.limit:g} {self._unit}, {point.distance:.2f} sigmas from the median run.\n"
+            f"# {command}\n\n"
         )
         return head + tomli_w.dumps(self.pinned_scenario.model_dump(mode="json"))
 

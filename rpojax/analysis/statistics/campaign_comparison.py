@@ -1,17 +1,25 @@
 """Comparison of two stored campaigns, run by run: changed scenario keys, medians, failures and requirements."""
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMetrics, compare_paired_runs
+from rpojax.analysis.statistics.paired_comparison import (
+    PairedComparison,
+    RunMetrics,
+    can_be_judged,
+    compare_paired_runs,
+    requirement_name,
+)
 from rpojax.campaign import experiment_design
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import ResultError
+from rpojax.metrics.time_windows import split_name
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import RequirementSection
@@ -93,16 +101,20 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
     _check_paired(first, second)
     designs = experiment_design
     independent = designs.has_independent_runs(first.file) and designs.has_independent_runs(second.file)
-    runs = [RunMetrics(each.run_ids, each.outcomes, each.metrics) for each in (first, second)]
+    differing = defined_differently(first.info, second.info)
+    runs = [RunMetrics(each.run_ids, each.outcomes, without(each.metrics, differing)) for each in (first, second)]
     with busy("comparing runs", quiet=not progress):
-        compared = compare_paired_runs(runs[0], runs[1], _requirements(first, second), independent)
+        compared = compare_paired_runs(runs[0], runs[1], _requirements(first, second, differing), independent)
     changed = changed_keys(first.info["scenario"], second.info["scenario"])
     warnings = comparison_warnings(first, second)
     return CampaignComparison(first.directory, second.directory, changed, independent, warnings, compared)
 
 
 def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
-    """Sentences on what makes the comparison less than one of like with like: durations, and metrics of one alone."""
+    """Sentences on what makes the comparison less than one of like with like.
+
+    They name durations that differ, and the metrics and requirements that only one of the campaigns has values for.
+    """
     found = []
     durations = [each.info["scenario"].get("duration_s") for each in (first, second)]
     if durations[0] != durations[1]:
@@ -110,12 +122,19 @@ def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
             f"durations differ, {durations[0]:g} s and {durations[1]:g} s: totals, peaks and the time windows of means "
             "are not those of the same span"
         )
+    differing = defined_differently(first.info, second.info)
+    if differing:
+        found.append(f"metrics that plugins define differently are not compared: {', '.join(differing)}")
     for here, there in ((first, second), (second, first)):
         alone = sorted(name for name in here.metrics if name not in there.metrics and "/" not in name)
         if alone:
             more = f" and {len(alone) - _MAX_LISTED} more" if len(alone) > _MAX_LISTED else ""
             listed = ", ".join(alone[:_MAX_LISTED]) + more
             found.append(f"{there.directory} lacks metrics of {here.directory}, which are not compared: {listed}")
+        unjudged = [each for each in _requirements(first, second, differing) if not can_be_judged(each, there.metrics)]
+        if unjudged:
+            listed = ", ".join(map(requirement_name, unjudged))
+            found.append(f"{there.directory} has no values for requirements, which are not compared: {listed}")
     return tuple(found)
 
 
@@ -147,7 +166,30 @@ def _check_paired(first: Campaign, second: Campaign) -> None:
             )
 
 
-def _requirements(first: Campaign, second: Campaign) -> list[RequirementSection]:
-    """Requirements of either campaign, each once."""
-    listed = [*first.requirements, *second.requirements]
+def defined_differently(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[str]:
+    """Metrics of plugins that two campaigns define differently, from the contents of their `campaign.json`.
+
+    A campaign of a version that recorded no digests of metrics has that of its whole plugin.
+    """
+    metrics = [(each.get("plugin") or {}).get("metrics") or {} for each in (first, second)]
+    same_plugin = first["scenario"].get("plugin_sha256") == second["scenario"].get("plugin_sha256")
+    return [
+        name
+        for name, one in metrics[0].items()
+        if (other := metrics[1].get(name)) is not None and not same_plugin and (one != other or "sha256" not in one)
+    ]
+
+
+def without(metrics: Mapping[str, np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Metrics but those of some names, in windows and of servicers too."""
+    return {name: values for name, values in metrics.items() if _base(name) not in names}
+
+
+def _base(name: str) -> str:
+    return split_name(name.partition("/")[0])[0]
+
+
+def _requirements(first: Campaign, second: Campaign, differing: Sequence[str]) -> list[RequirementSection]:
+    """Requirements of either campaign, each once, but those on metrics that they define differently."""
+    listed = [each for each in (*first.requirements, *second.requirements) if each.metric not in differing]
     return [each for index, each in enumerate(listed) if each not in listed[:index]]

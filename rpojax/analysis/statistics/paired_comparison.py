@@ -1,16 +1,16 @@
 """Paired comparison of two campaigns of the same runs: medians by bootstrap, events by McNemar's exact test."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import binomtest
 
 from rpojax.analysis.statistics.intervals.median_bootstrap import resampled_medians
-from rpojax.analysis.statistics.tolerance_verdicts import counts, violates
+from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
-from rpojax.simulation.outcomes.outcome_kinds import Outcome
+from rpojax.simulation.outcomes.outcome_kinds import Outcome, is_failed
 
 _LEVELS = (0.90, 0.95)
 _MIN_PAIRS = 10
@@ -26,9 +26,9 @@ class RunMetrics:
     metrics: Mapping[str, np.ndarray]
 
     @property
-    def completed(self) -> np.ndarray:
-        """(n,) whether the run completed."""
-        return self.outcomes == Outcome.COMPLETED
+    def failed(self) -> np.ndarray:
+        """(n,) whether the run failed."""
+        return is_failed(self.outcomes)
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,9 @@ class PairedComparison:
     Attributes:
         pairs: number of them
         unpaired: runs that only one of the campaigns has
-        failures: runs that did not complete
+        failures: runs that failed
         outcomes: runs that ended in each way other than completed, of those that occur
-        requirements: violations of each requirement, in the order of the requirements
+        requirements: violations of each requirement whose metric both have, in the order of the requirements
         metrics: that both have, in the order of the first
     """
 
@@ -119,8 +119,10 @@ def compare_paired_runs(
 ) -> PairedComparison:
     """Compares two campaigns by run id; with runs that are not independent there are no p-values and intervals.
 
+    Requirements on a metric that only one campaign has are left out.
+
     Raises:
-        ResultError: the campaigns have no run in common, or not a metric that a requirement is about.
+        ResultError: the campaigns have no run in common.
     """
     common, in_first, in_second = np.intersect1d(first.run_ids, second.run_ids, return_indices=True)
     if len(common) == 0:
@@ -129,15 +131,16 @@ def compare_paired_runs(
     return PairedComparison(
         pairs=len(common),
         unpaired=len(first.run_ids) + len(second.run_ids) - 2 * len(common),
-        failures=count_paired_events("failed", ~one.completed, ~other.completed, independent),
+        failures=count_paired_events("failed", one.failed, other.failed, independent),
         outcomes=tuple(
             count_paired_events(str(kind), one.outcomes == kind, other.outcomes == kind, independent)
             for kind in Outcome
             if kind is not Outcome.COMPLETED and np.any((one.outcomes == kind) | (other.outcomes == kind))
         ),
         requirements=tuple(
-            count_paired_events(_name(each), _violating(each, one), _violating(each, other), independent)
+            count_paired_events(requirement_name(each), _violating(each, one), _violating(each, other), independent)
             for each in requirements
+            if can_be_judged(each, one.metrics) and can_be_judged(each, other.metrics)
         ),
         metrics=_median_changes(one, other, np.random.default_rng(seed) if independent else None),
     )
@@ -167,16 +170,23 @@ def _rows(runs: RunMetrics, rows: np.ndarray) -> RunMetrics:
     return RunMetrics(runs.run_ids[rows], runs.outcomes[rows], metrics)
 
 
-def _name(requirement: RequirementSection) -> str:
+def requirement_name(requirement: RequirementSection) -> str:
+    """Metric, bound and limit of a requirement, and the outcome of the runs that count."""
     condition = "" if requirement.outcome is None else f" of {requirement.outcome} runs"
+    condition += " of runs that reach it" if requirement.is_of_reaching_runs else ""
     return f"{requirement.metric_name} {requirement.bound} {requirement.limit:g}{condition}"
 
 
+def can_be_judged(requirement: RequirementSection, metrics: Collection[str]) -> bool:
+    """Whether the metrics of a campaign, by name, are those that a requirement is about."""
+    window = requirement.window
+    needed = {requirement.metric_name, *(() if requirement.phase is None else (window.presence_name,))}
+    return needed <= set(metrics)
+
+
 def _violating(requirement: RequirementSection, runs: RunMetrics) -> np.ndarray:
-    name = requirement.metric_name
-    if name not in runs.metrics:
-        raise ResultError(f"metrics: found no {name!r} in a campaign, expected it for a requirement")
-    return violates(requirement, runs.metrics[name]) & counts(requirement, runs.metrics, runs.outcomes)
+    values = required_values(requirement, runs.metrics)
+    return violates(requirement, values) & counts(requirement, runs.metrics, runs.outcomes)
 
 
 def _median_changes(one: RunMetrics, other: RunMetrics, rng: np.random.Generator | None) -> tuple[MedianChange, ...]:

@@ -1,11 +1,17 @@
 """Requirements that plain runs cannot verify in practice: how many they would take, and the command that does."""
 
+from pathlib import Path
 from typing import Final
 
 from rpojax.analysis.statistics.intervals import order_statistics
+from rpojax.metrics import metric_catalogue
+from rpojax.scenario.command_lines import command_line
 
 RARE: Final = 1e-3
 """Probability of failure below which a requirement counts as rare."""
+
+ESTIMATED_SOURCES: Final = ("records", "drifts", "plugin")
+"""Sources of metrics whose probabilities of failure can be estimated."""
 
 
 def is_rare(probability: float) -> bool:
@@ -18,6 +24,12 @@ def plain_runs(probability: float, consumer_risk: float) -> int:
     return order_statistics.runs_for_bound(probability, 1.0 - consumer_risk)
 
 
-def command(scenario: str, metric: str, out: str) -> str:
-    """Command that estimates the probability of violations of a requirement."""
-    return f"rpojax probability {scenario} --requirement {metric} --out {out}"
+def can_be_estimated(metric: str, servicers: int) -> bool:
+    """Whether the probability that a metric breaks its limit can be estimated: not of teams, coverage or phases."""
+    found = metric_catalogue.find(metric)
+    return not servicers and found is not None and found.source in ESTIMATED_SOURCES and "," not in metric
+
+
+def command(scenario: Path, metric: str, out: Path, plugin: str | None) -> str:
+    """Command that estimates the probability of violations of a requirement of a scenario file."""
+    return command_line("probability", scenario, "--requirement", metric, "--out", out, plugin=plugin)

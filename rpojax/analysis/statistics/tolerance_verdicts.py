@@ -44,8 +44,8 @@ class RequirementEvaluation:
         verdict: on it
         more_runs: fewest further runs, none of them in violation, that would verify; None with another verdict
         runs: that were evaluated: those that count
-        not_counted: runs of another outcome than the requirement's, or never in its phase
-        violations: runs beyond the limit, or without the metric
+        not_counted: runs of another outcome than the requirement's, or never in its phase if it is of those that are
+        violations: runs beyond the limit, without the metric, or never in the phase
         allowed: most violations with which so many runs verify; None if too few
         rank: of the run that must keep the limit, 1 is the best; None if too few runs
         order_statistic: value of that run; None if too few runs, or if it has no metric
@@ -91,13 +91,30 @@ def violates(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:
     return _severity(requirement, values) > _sign(requirement) * requirement.limit
 
 
-def counts(requirement: RequirementSection, metrics: Mapping[str, np.ndarray], outcomes: np.ndarray) -> np.ndarray:
-    """Flags (n,) of runs that count for a requirement: of its outcome, and once in its phase or at its event."""
-    of_outcome = np.full(len(outcomes), True) if requirement.outcome is None else outcomes == requirement.outcome
+def is_of_outcome(requirement: RequirementSection, outcomes: np.ndarray) -> np.ndarray:
+    """Flags (n,) of runs whose outcome is that of a requirement, all of them for one without."""
+    return np.full(len(outcomes), True) if requirement.outcome is None else outcomes == requirement.outcome
+
+
+def reaches(requirement: RequirementSection, metrics: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Flags (n,) of runs that once were in a requirement's phase or at its event; None for one without a phase."""
     if requirement.phase is None:
-        return of_outcome
+        return None
     presence = metrics[requirement.window.presence_name]
-    return of_outcome & (np.isfinite(presence) if requirement.at is not None else presence > 0.0)
+    return np.isfinite(presence) if requirement.at is not None else presence > 0.0
+
+
+def counts(requirement: RequirementSection, metrics: Mapping[str, np.ndarray], outcomes: np.ndarray) -> np.ndarray:
+    """Flags (n,) of runs that count for a requirement: of its outcome and, if it is of those, that reach its phase."""
+    reached = reaches(requirement, metrics) if requirement.is_of_reaching_runs else None
+    of_outcome = is_of_outcome(requirement, outcomes)
+    return of_outcome if reached is None else of_outcome & reached
+
+
+def required_values(requirement: RequirementSection, metrics: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Values (n,) of a requirement's metric; NaN, which violates it, for runs that never came to its phase or event."""
+    values, reached = np.asarray(metrics[requirement.metric_name], np.float64), reaches(requirement, metrics)
+    return values if reached is None else np.where(reached, values, np.nan)
 
 
 def evaluate_requirement(

@@ -1,6 +1,6 @@
 """Recording of a batch: of every run the channels for metrics, traces and outcomes, all channels of some for histories.
 
-`block_arrays` turns the records into the arrays that a block stores.
+`block_runner.py` turns the records into the arrays that a block stores.
 """
 
 import math

@@ -19,9 +19,8 @@ from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
 from rpojax.simulation.metrics import team_metrics
-from rpojax.simulation.outcomes import team_outcome
+from rpojax.simulation.outcomes import outcome_kinds, team_outcome
 from rpojax.simulation.outcomes.judgement import JudgedRuns, judge
-from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 BatchProgressCallback = Callable[[float, int], None]
 """Called with the finished fraction of a batch of runs, and with the number of its runs that have failed."""
@@ -241,9 +240,9 @@ def store_blocks(
         run_ids = batch.prepared.run_ids[rows][:count]
         kept, displaced = set(unconditional), set[int]()
         if selection is not None:
-            completed = arrays["status/failure"][:count] == Outcome.COMPLETED.code
+            failed = outcome_kinds.is_failed(outcome_kinds.of_codes(arrays["status/failure"][:count]))
             metrics = _metrics(arrays, campaign.servicer_names)
-            displaced = selection.add(run_ids, completed, {name: values[:count] for name, values in metrics.items()})
+            displaced = selection.add(run_ids, failed, {name: values[:count] for name, values in metrics.items()})
             kept.update(selection.run_ids.tolist())
         for row, run_id in enumerate(run_ids.tolist(), start=rows.start):
             if run_id in kept:

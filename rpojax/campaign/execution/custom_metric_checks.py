@@ -23,7 +23,7 @@ def check_metrics(file: ScenarioFile, engine: BatchEngine, histories: Retention)
     """
     own = plugin_registry.metrics_of(file)
     for name, _ in histories.worst_kept:
-        if name not in own and (name not in METRICS or METRICS[name].source == "plugin"):
+        if name not in own and name not in METRICS:
             raise RpojaxError.of_argument("histories", f"found metric {name!r}, expected one of the campaign")
     if not own:
         return

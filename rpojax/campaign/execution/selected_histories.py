@@ -10,7 +10,8 @@ import numpy as np
 
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.metrics.metric_catalogue import worst_first
+from rpojax.metrics.metric_catalogue import metrics_of_scenario, worst_first
+from rpojax.scenario.plugins import plugin_registry
 
 
 def pending_histories(campaign: Campaign) -> list[int]:
@@ -38,7 +39,8 @@ def _selected_run_ids(campaign: Campaign) -> set[int]:
     if not retention.depends_on_results:
         return set()
     required = _required_metrics(campaign)
-    return selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics, required)
+    with metrics_of_scenario(plugin_registry.metrics_of(campaign.file)):
+        return selected_by_result(retention, campaign.run_ids, campaign.failed, campaign.metrics, required)
 
 
 def _required_metrics(campaign: Campaign) -> list[str]:
@@ -59,7 +61,7 @@ class SelectionSoFar:
         """`required` are the metrics of the scenario's requirements."""
         self._retention = retention
         self._required = required
-        self._completed = np.zeros(0, dtype=bool)
+        self._failed = np.zeros(0, dtype=bool)
         self._metrics: dict[str, np.ndarray] = {}
         self.run_ids = np.zeros(0, dtype=int)
 
@@ -71,10 +73,10 @@ class SelectionSoFar:
             return None
         selection = cls(retention, _required_metrics(campaign))
         if campaign.manifests:
-            selection.add(campaign.run_ids, campaign.completed, campaign.metrics)
+            selection.add(campaign.run_ids, campaign.failed, campaign.metrics)
         return selection
 
-    def add(self, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]) -> set[int]:
+    def add(self, run_ids: np.ndarray, failed: np.ndarray, metrics: Mapping[str, np.ndarray]) -> set[int]:
         """Adds the runs of another block, of which `metrics` maps names to (runs,); returns the runs displaced."""
         before = set(self.run_ids.tolist())
         order = np.argsort(np.concatenate([self.run_ids, run_ids]), kind="stable")
@@ -83,12 +85,12 @@ class SelectionSoFar:
             return np.concatenate([self._metrics.get(name, np.zeros(0)), metrics[name]])[order]
 
         all_ids = np.concatenate([self.run_ids, run_ids])[order]
-        all_completed = np.concatenate([self._completed, completed])[order]
+        all_failed = np.concatenate([self._failed, failed])[order]
         decisive = {*self._required, *(metric for metric, _ in self._retention.worst_kept)}
         all_metrics = {name: joined(name) for name in decisive}
-        selected = selected_by_result(self._retention, all_ids, all_completed, all_metrics, self._required)
+        selected = selected_by_result(self._retention, all_ids, all_failed, all_metrics, self._required)
         kept = np.isin(all_ids, sorted(selected))
-        self.run_ids, self._completed = all_ids[kept], all_completed[kept]
+        self.run_ids, self._failed = all_ids[kept], all_failed[kept]
         self._metrics = {name: values[kept] for name, values in all_metrics.items()}
         return before - selected
 
@@ -96,7 +98,7 @@ class SelectionSoFar:
 def selected_by_result(
     retention: Retention,
     run_ids: np.ndarray,
-    completed: np.ndarray,
+    failed: np.ndarray,
     metrics: Mapping[str, np.ndarray],
     required: Sequence[str] = (),
 ) -> set[int]:
@@ -105,11 +107,11 @@ def selected_by_result(
     Args:
         retention: the rule
         run_ids: (runs,) run numbers
-        completed: (runs,) whether the run completed
+        failed: (runs,) whether the run failed
         metrics: name -> (runs,), nan if undefined
         required: metrics of the scenario's requirements
     """
-    kept: set[int] = set(run_ids[~completed].tolist()) if retention.keeps_failures else set()
+    kept: set[int] = set(run_ids[failed].tolist()) if retention.keeps_failures else set()
     worst_kept = [(metric, 1) for metric in required] if retention.keeps_requirements else []
     for metric, count in (*retention.worst_kept, *worst_kept):
         kept.update(run_ids[worst_first(metric, metrics[metric])[:count]].tolist())

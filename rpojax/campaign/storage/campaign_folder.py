@@ -180,7 +180,7 @@ class Campaign:
 
     def _manifest(self, block: int, groups: Mapping[str, Mapping[str, np.ndarray]], timing: BlockTiming) -> Manifest:
         failure = groups["status"]["failure"]
-        reasons = Counter(REASONS[code] for code in failure.tolist() if code > 0)
+        reasons = Counter(REASONS[code] for code in failure.tolist() if REASONS[code])
         return Manifest(
             campaign=self.configuration.id,
             first=block * self.configuration.block_size,
@@ -263,7 +263,8 @@ class Campaign:
     def _check_status(self, status: Mapping[str, np.ndarray], finished: Iterable[Manifest]) -> None:
         """Refuses a status array that disagrees with the counts of the manifests."""
         failure = status.get("failure", np.zeros(0, dtype=int))
-        found = (int((failure == 0).sum()), int(((failure > 0) & (failure < len(REASONS))).sum()))
+        known = outcome_kinds.of_codes(failure[(failure >= 0) & (failure < len(REASONS))])
+        found = (int((failure == 0).sum()), int(outcome_kinds.is_failed(known).sum()))
         expected = (sum(entry.completed for entry in finished), sum(entry.failed for entry in finished))
         if found != expected:
             place = self.directory / "results.zarr" / "status" / "failure"
@@ -308,7 +309,7 @@ class Campaign:
 
     @property
     def failed_at_s(self) -> np.ndarray:
-        """(runs,) time since which a failed run has been in its final state [s], nan for completed runs."""
+        """(runs,) time since which a failed run has been in its final state [s], nan for runs that did not fail."""
         return self._read("status").get("failed_at_s", np.zeros(0))
 
     @property
@@ -318,7 +319,7 @@ class Campaign:
 
     @property
     def failure_reason(self) -> np.ndarray:
-        """(runs,) reason of failure, empty for completed runs."""
+        """(runs,) reason of failure, empty for runs that did not fail."""
         return np.array(REASONS)[self._failure]
 
     @property
@@ -329,6 +330,11 @@ class Campaign:
     def completed(self) -> np.ndarray:
         """(runs,) whether the run did what it should: its outcome is `completed`."""
         return self._failure == outcome_kinds.Outcome.COMPLETED.code
+
+    @property
+    def failed(self) -> np.ndarray:
+        """(runs,) whether the run failed: its outcome is neither `completed` nor `not_judged`."""
+        return outcome_kinds.is_failed(self.outcomes)
 
     @property
     def reached_end(self) -> np.ndarray:

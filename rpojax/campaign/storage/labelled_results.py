@@ -9,7 +9,9 @@ import numpy as np
 from rpojax.campaign.storage.arrays.array_units import array_units
 from rpojax.campaign.storage.arrays.zarr_encoding import dimension_names
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
+from rpojax.metrics import metric_catalogue
 from rpojax.optional_packages import require_package
+from rpojax.scenario.plugins import plugin_registry
 
 if TYPE_CHECKING:
     import pandas
@@ -38,10 +40,11 @@ def dataset(
     variables: dict[str, Any] = {
         name: ("run", values, {"units": _STATUS_UNITS.get(name, "1")}) for name, values in status.items()
     }
-    for group, arrays in groups.items():
-        for name, values in arrays.items():
-            units = {"units": array_units(group, name)}
-            variables[_PREFIXES[group] + name] = (dimension_names(group, values), values, units)
+    with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(configuration.to_record())):
+        for group, arrays in groups.items():
+            for name, values in arrays.items():
+                units = {"units": array_units(group, name)}
+                variables[_PREFIXES[group] + name] = (dimension_names(group, values), values, units)
     coordinates = {"run": ("run", run_ids), "time": ("time", trace_time_s, {"units": "s"})}
     return labelled.Dataset(variables, coordinates, _dataset_attributes(configuration))
 

@@ -105,6 +105,13 @@ def mean_argument_of_latitude(orbit: TargetOrbit) -> Scalar:
     return orbit.argument_of_latitude - _true_less_eccentric(orbit, e_cos, e_sin) - e_sin
 
 
+def time_of_last_turn(orbit: TargetOrbit, angle: float) -> Scalar:
+    """Time [s] in which the target has moved by an `angle` [rad] up to a place on its orbit."""
+    before = replace(orbit, argument_of_latitude=orbit.argument_of_latitude - angle)
+    mean = mean_argument_of_latitude(orbit) - mean_argument_of_latitude(before)
+    return mean / mean_motion(orbit.semi_major_axis)
+
+
 def unit_rate(orbit: TargetOrbit) -> Scalar:
     """Mean motion of a circular orbit at the semi-latus rectum [rad/s]."""
     return mean_motion(orbit.semi_major_axis * (1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey))

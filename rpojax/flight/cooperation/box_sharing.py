@@ -4,27 +4,25 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import replace
 from rpojax.flight.cooperation import baseline_motion, free_relative_motion, joint_filter, joint_measurements
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.peer_news import News
-from rpojax.flight.navigation import relative_orbit_ekf
+from rpojax.flight.navigation import relative_estimate, relative_orbit_ekf
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 
 Matrix = Float[Array, "3 3"]
-Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
 def update(
     tuning: OrbitFilterTuning,
     baseline: BaselineTuning,
-    focal_px: Scalar,
+    focal_px: Float[Array, ""],
     estimate: JointEstimate,
     orbit: OrbitEstimate,
     q_KN: Float[Array, "4"],
@@ -83,12 +81,13 @@ def predict(
     after: OrbitEstimate,
     delta_v_N: Vector,
     burn_covariance: Matrix,
+    reopened: Bool[Array, ""],
     dt: float,
 ) -> JointEstimate:
     """Joint estimate `dt` [s] later.
 
     `before` and `after` are the servicer's orbit estimates before and after their prediction, with the expected
-    velocity change `delta_v_N` [m/s]. What guidance widened since the update is widened here, too.
+    velocity change `delta_v_N` [m/s]. An estimate that guidance has `reopened` since the update is so here, too.
     """
     r_before_N, r_after_N = before.servicer.r_SN_N, after.servicer.r_SN_N
     motion = [
@@ -97,21 +96,10 @@ def predict(
     ]
     return joint_filter.propagate(
         tuning,
-        joint_filter.widen(estimate, _widening(estimate, before)),
+        joint_filter.widen(estimate, relative_estimate.reopening_factor(reopened)),
         after.relative,
         jnp.stack(motion),
         two_body_gravity.gravity_gradient(r_before_N),
         burn_covariance,
         dt,
     )
-
-
-def _widening(estimate: JointEstimate, before: OrbitEstimate) -> Scalar:
-    """Factor of the sigma of the target's position that guidance has widened after a search, else 1."""
-    own, P = estimate.covariance.xx, before.relative.covariance
-    ratio = (P[0, 0] + P[1, 1] + P[2, 2]) / (own[0, 0] + own[1, 1] + own[2, 2])
-    return jnp.where(ratio > _WIDENED, gradient_safe.sqrt(ratio), 1.0)
-
-
-_WIDENED = 1.5
-"""Growth of the variance by which one sees that guidance widened it after a search: twice."""

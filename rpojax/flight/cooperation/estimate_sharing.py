@@ -37,10 +37,6 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
-_WIDENED = 1.5
-"""Growth of the variance by which one sees that guidance widened it after a search: twice."""
-
-
 @pytree
 class Baselines:
     """Positions of the peers from this servicer, by GPS alone.
@@ -81,14 +77,12 @@ class EstimateSharing:
         local: estimate by its own boxes alone, None if fused estimates are filtered on
         correlated: (12, 12) part of its covariance that may be correlated with others' estimates, None likewise
         tracks: of its peers, None likewise
-        fused_variance: () of the fused position, sum of the axes [m^2], None likewise
     """
 
     baselines: Baselines
     local: RelativeEstimate | None = None
     correlated: Array | None = None
     tracks: Tracks | None = None
-    fused_variance: Array | None = None
 
 
 def initial(
@@ -122,9 +116,7 @@ def initial(
     )
     # Only the mounting of the camera is its own.
     correlated = own.covariance - jnp.diag(jnp.pad(jnp.full(2, tuning.bearing_bias_sigma**2), (8, 2)))
-    return replace(
-        memory, local=own, correlated=correlated, tracks=tracks, fused_variance=_position_variance(own.covariance)
-    )
+    return replace(memory, local=own, correlated=correlated, tracks=tracks)
 
 
 def target_track(estimate: RelativeEstimate, correlated: Float[Array, "12 12"]) -> TargetTrack:
@@ -174,8 +166,7 @@ def receive(
     independent = local.covariance - memory.correlated
     own = SplitEstimate(mean=_state(local), correlated=memory.correlated, independent=independent)
     mean, P = covariance_intersection.fuse(own, _others(tracks), tracks.known)
-    memory = replace(memory, baselines=baselines, tracks=tracks, fused_variance=_position_variance(P))
-    return memory, _estimate(local, mean, P)
+    return replace(memory, baselines=baselines, tracks=tracks), _estimate(local, mean, P)
 
 
 def _others(tracks: Tracks) -> list[SplitEstimate]:
@@ -201,10 +192,6 @@ def receive_naively(
         total = arrived.correlated[k] + arrived.independent[k] + baselines.of_own[k, :6, :6]
         mean, P = covariance_intersection.independent_fusion(mean, P, arrived.mean[k], total, news.used[k])
     return replace(memory, baselines=baselines), _estimate(orbit.relative, mean, P)
-
-
-def _position_variance(P: Float[Array, "12 12"]) -> Scalar:
-    return P[0, 0] + P[1, 1] + P[2, 2]
 
 
 def _state(estimate: RelativeEstimate) -> Float[Array, "12"]:
@@ -319,6 +306,7 @@ def predict(
     after: OrbitEstimate,
     delta_v_N: Vector,
     burn_covariance: Matrix,
+    reopened: Flag,
     dt: float,
 ) -> EstimateSharing:
     """Memory `dt` [s] later; the arguments are those of `box_sharing.predict`."""
@@ -343,7 +331,6 @@ def predict(
     memory = replace(memory, baselines=baselines)
     if memory.local is None or memory.tracks is None:
         return memory
-    assert memory.fused_variance is not None
     assert memory.correlated is not None
     found = memory.tracks.estimates
     zero = jnp.zeros_like(noise)
@@ -354,10 +341,9 @@ def predict(
     )
     of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
     state = moved(_state(memory.local)[:6])
-    is_widened = _position_variance(before.relative.covariance) > _WIDENED * memory.fused_variance
-    widened = relative_estimate.widen(memory.local, is_widened)
-    local = relative_orbit_ekf.predict(tuning, widened, state[:3], state[3:], r_before_N, burn_covariance, dt)
-    correlated = relative_estimate.widen(replace(memory.local, covariance=memory.correlated), is_widened)
+    wider = relative_estimate.reopen(memory.local, reopened)
+    local = relative_orbit_ekf.predict(tuning, wider, state[:3], state[3:], r_before_N, burn_covariance, dt)
+    correlated = relative_estimate.reopen(replace(memory.local, covariance=memory.correlated), reopened)
     correlated = relative_orbit_ekf.predict(tuning, correlated, state[:3], state[3:], r_before_N, zero, dt)
     tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
     return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

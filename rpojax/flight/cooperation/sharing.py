@@ -293,6 +293,7 @@ def predict(
     delta_v_N: Float[Array, "3 N"],
     burn_delta_v: Float[Array, " N"],
     burn_sigma_inflation: Float[Array, " N"],
+    reopened: Bool[Array, " N"],
     tick_s: float,
 ) -> SharingMemory:
     """Memory one tick later.
@@ -306,6 +307,7 @@ def predict(
         delta_v_N: (3, N) expected velocity changes in between [m/s]
         burn_delta_v: (N,) sizes of the whole burns that they are parts of [m/s]
         burn_sigma_inflation: (N,) factors on the sigma of the burns' magnitude
+        reopened: (N,) bool, guidance has widened the estimate of the target in this tick, as a search of it has failed
         tick_s: camera period [s]
     """
 
@@ -317,11 +319,12 @@ def predict(
         delta_v_N: Vector,
         burn_delta_v: Scalar,
         inflation: Scalar,
+        reopened: Bool[Array, ""],
     ) -> SharingMemory:
         covariance = burn_execution_error.burn_covariance(
             delta_v_N, burn_delta_v, inflation * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma
         )
-        motion = before, after, delta_v_N, covariance, tick_s
+        motion = before, after, delta_v_N, covariance, reopened, tick_s
         joint, estimates = memory.joint, memory.estimates
         if joint is not None:
             joint = box_sharing.predict(tuning, settings.zonal_degree, joint, *motion)
@@ -330,7 +333,7 @@ def predict(
         return replace(_with_burns(memory, before, delta_v_N, covariance, tick_s), joint=joint, estimates=estimates)
 
     return batching_mode.transform()(of_one, in_axes=-1, out_axes=-1)(
-        tuning, memory, before, after, delta_v_N, burn_delta_v, burn_sigma_inflation
+        tuning, memory, before, after, delta_v_N, burn_delta_v, burn_sigma_inflation, reopened
     )
 
 

@@ -15,6 +15,7 @@ from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_bur
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance.other_pointing import OtherPointing
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import drift_clearance, mission_state, team_mission
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.mission.mission_manager import Situation
@@ -41,7 +42,8 @@ def initial_state(
     In a team whose phases are chosen on the way these shift at a `phase_rate` [rad/s].
     """
     predicted = predict_to_burn(params, estimate, first_decision)
-    state = mission_state.initial(predicted.burn_state_H, params.formation.lead, first_decision)
+    entry = PhaseEntry(relative_state=predicted.burn_state_H, orbit=predicted.burn_orbit)
+    state = mission_state.initial(entry, params.formation.lead, first_decision)
     if not settings.coordinated:
         return state
     rate = None if settings.phasing == "fixed" else phase_rate
@@ -111,6 +113,7 @@ def manage_mission(
         state_H=predicted.state_H,
         burn_time=time + lead,
         burn_state_H=predicted.burn_state_H,
+        burn_orbit=predicted.burn_orbit,
         burn_pending=(memory.plan.cutoff > memory.plan.ignition) & (memory.plan.cutoff > time),
         end_H=phase_goal.end_position(settings, tuning, state, predicted.orbit, time),
         range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),

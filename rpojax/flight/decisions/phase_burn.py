@@ -13,7 +13,7 @@ from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.guidance import burn_planning
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.mission import drift_clearance, safe_burn, team_mission
+from rpojax.flight.mission import abort_burn, drift_clearance, safe_burn, team_mission
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_settings import MissionSettings
@@ -54,13 +54,14 @@ def plan_burn(
     time: Scalar,
     tick_s: float,
     team: Team | None = None,
-) -> tuple[BurnPlan, TeamMission | None, Flag]:
+) -> tuple[BurnPlan, MissionState, Flag]:
     """Next burn of the present phase, and whether it is one of the times at which the phase decides about burns.
 
     The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
     of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
-    horizon; else another one is made. After an abort only what is needed for that is done. Guidance works every
-    `tick_s` [s]. Returned between burn and time is the record of decisions because of others, None without any.
+    horizon; else another one is made. After an abort there is one burn, if that is needed, and another one only for
+    what was measured since. Guidance works every `tick_s` [s]. Returned between burn and time is the state of the
+    mission with its records of these decisions.
     """
     state, tuning = memory.mission, params.mission
     assert state is not None
@@ -75,33 +76,45 @@ def plan_burn(
     aborted = state.phase == settings.aborted
     works = burn_decision.thruster_works(params, memory, time)
     uncertain = predicted.range_ratio_sigma >= params.formation.range_uncertainty_limit
-    keeps = ~aborted & pointing.visible & ~burn_decision.is_lost(params, memory) & memory.health.confident & ~uncertain
+    sees = pointing.visible & ~burn_decision.is_lost(params, memory) & memory.health.confident & ~uncertain
+    keeps = ~aborted & sees
+    was_made = _is_made(params, memory, time)
+    after_abort = abort_burn.permission(state.abort_burns, aborted, works, sees, was_made)
     passive = is_passively_safe(settings, state)
     drift = _drift_after_burn(settings, tuning, state, predicted, passive, period)
     greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
-    planned_H, may_wait = jnp.where(keeps, planned_H, 0.0), passive & ~aborted
+    planned_H, may_wait = jnp.where(keeps, planned_H, 0.0), passive & ~after_abort.of_abort
     # The planned burn is judged as the look-away limit shortens it.
     planned_N = apply_transposed(predicted.R_CN, planned_H)
     planned_H = planned_H * burn_planning.share_within_limit(
         params.pointing, params.vehicle, planned_N, pointing.q_BN, tick_s
     )
+    can_burn = (keeps & works) | after_abort.of_abort | after_abort.of_sight
     decided = state.team
     if team is None or decided is None or not settings.keeps_clear:
         safe_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
     else:
         burn = _safe_burn_among(params, memory, predicted, drift, team, planned_H, greatest, may_wait, time)
-        safe_H, decided = burn.delta_v_H, _decided(decided, burn, team, (keeps | aborted) & works, time)
+        safe_H, decided = burn.delta_v_H, _decided(decided, burn, team, can_burn, time)
     plan = burn_planning.schedule_burn(
         params.formation,
         params.pointing,
         params.vehicle,
         apply_transposed(predicted.R_CN, safe_H),
         pointing.q_BN,
-        (keeps | aborted) & works,
+        can_burn,
         time,
         tick_s,
     )
-    return plan, decided, whole
+    burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
+    return plan, replace(state, team=decided, abort_burns=burns), whole
+
+
+def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:
+    """Whether the latest planned burn gave its velocity change up to `time` [s]."""
+    plan, vehicle = memory.plan, params.vehicle
+    given = (jnp.minimum(plan.cutoff, time) - jnp.minimum(plan.ignition, time)) * vehicle.thrust / vehicle.mass
+    return abort_burn.is_made(plan.delta_v_N, given, memory.thruster_failed_at >= plan.ignition)
 
 
 def _with_phase_of_team(

@@ -9,9 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.pytree import pytree, select
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
-from rpojax.flight.mission.mission_state import AbortReason, MissionState, Transition
+from rpojax.flight.mission.mission_state import AbortReason, Condition, MissionState, Transition
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Until, constant_of_phase, of_phase
 
@@ -29,6 +30,7 @@ class Situation:
         state_H: (6,) estimated relative position and velocity [m, m/s]
         burn_time: () middle of a burn that is decided now [s]
         burn_state_H: (6,) relative state predicted to then [m, m/s]
+        burn_orbit: of the target then
         burn_pending: () bool, whether a decided burn is still to be finished
         end_H: (3,) end of the reference of the present phase [m]
         range_sigma: () 1-sigma of the range [m]
@@ -44,6 +46,7 @@ class Situation:
     state_H: Array
     burn_time: Array
     burn_state_H: Array
+    burn_orbit: TargetOrbit
     burn_pending: Array
     end_H: Array
     range_sigma: Array
@@ -68,10 +71,7 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
         running
         & idle
         & constant_of_phase(row, [phase.ends for phase in settings.phases])
-        & (elapsed >= until.time)
-        & (situation.time - arrived_at >= until.arrival_for)
-        & (situation.time - known_at >= until.range_sigma_for)
-        & (situation.time >= until.ground_go)
+        & (unmet_conditions(until, replace(state, arrived_at=arrived_at, known_at=known_at), situation.time) == 0)
     )
     timed_out = running & idle & ~ended & (elapsed >= of_phase(row, [phase.timeout for phase in phases]))
     after_timeout, aborts_on_timeout = _timeout_rows(settings, row)
@@ -94,13 +94,27 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
         entered_at=jnp.where(begins, situation.time, state.entered_at),
         entered_by=jnp.where(begins, by, state.entered_by).astype(jnp.int32),
         starts_at=jnp.where(begins, situation.burn_time, state.starts_at),
-        entry=select(begins, PhaseEntry(relative_state=situation.burn_state_H), state.entry),
+        entry=select(
+            begins, PhaseEntry(relative_state=situation.burn_state_H, orbit=situation.burn_orbit), state.entry
+        ),
         arrived_at=jnp.where(begins, jnp.inf, arrived_at),
         known_at=jnp.where(begins, jnp.inf, known_at),
         has_seen_target=state.has_seen_target | situation.seen,
         abort_reason=jnp.where(aborts, reason, state.abort_reason).astype(jnp.int32),
+        abort_burns=state.abort_burns,
         team=state.team,
     )
+
+
+def unmet_conditions(until: Until, state: MissionState, time: Scalar) -> Int[Array, ""]:
+    """Conditions of the present phase that do not hold at a time [s], as the bits of `Condition`."""
+    holds = (
+        (Condition.TIME, time - state.entered_at >= until.time),
+        (Condition.ARRIVAL, time - state.arrived_at >= until.arrival_for),
+        (Condition.RANGE_SIGMA, time - state.known_at >= until.range_sigma_for),
+        (Condition.GROUND_GO, time >= until.ground_go),
+    )
+    return sum((jnp.where(met, 0, int(condition)) for condition, met in holds), jnp.zeros((), dtype=jnp.int32))
 
 
 def leaves_corridor(corridor: Corridor, rho_H: Vector) -> Flag:

@@ -7,6 +7,8 @@ from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.mission import abort_burn
+from rpojax.flight.mission.abort_burn import AbortBurns
 from rpojax.flight.mission.team_mission import TeamMission
 
 
@@ -45,6 +47,15 @@ class Transition(enum.IntEnum):
         return self.name.lower().replace("_", " ")
 
 
+class Condition(enum.IntFlag):
+    """Conditions of `until`, as bits of those that do not hold."""
+
+    TIME = 1
+    ARRIVAL = 2
+    RANGE_SIGMA = 4
+    GROUND_GO = 8
+
+
 @pytree
 class MissionState:
     """State of the mission manager.
@@ -55,11 +66,12 @@ class MissionState:
         entered_at: () when the phase began [s]
         entered_by: () int32, a `Transition`
         starts_at: () when its reference starts: at the middle of its first burn [s]
-        entry: relative state then, predicted when the phase began
+        entry: relative state and orbit of the target then, predicted when the phase began
         arrived_at: () since when the servicer has been in the arrival box [s], infinite outside
         known_at: () since when the range has been known well enough [s], infinite if it is not
         has_seen_target: () bool, whether the target was ever seen
         abort_reason: () int32, an `AbortReason`
+        abort_burns: burns since an abort
         team: decisions because of other servicers, None without any
     """
 
@@ -73,17 +85,16 @@ class MissionState:
     known_at: Array
     has_seen_target: Array
     abort_reason: Array
+    abort_burns: AbortBurns
     team: TeamMission | None = None
 
 
-def initial(
-    state_H: Float[Array, "6"], lead: Float[Array, ""], begins_at: Float[Array, ""] | None = None
-) -> MissionState:
-    """State at the start of the first phase, with the relative state [m, m/s] estimated for `lead` [s] later.
+def initial(entry: PhaseEntry, lead: Float[Array, ""], begins_at: Float[Array, ""] | None = None) -> MissionState:
+    """State at the start of the first phase, whose entry is estimated for `lead` [s] later.
 
     It `begins_at` a time since the start of the run [s], by default with it.
     """
-    zero = jnp.zeros_like(state_H[0])
+    zero = jnp.zeros_like(entry.relative_state[0])
     begin = zero if begins_at is None else zero + begins_at
     none = jnp.zeros((), dtype=jnp.int32)
     return MissionState(
@@ -92,9 +103,10 @@ def initial(
         entered_at=begin,
         entered_by=none,
         starts_at=begin + lead,
-        entry=PhaseEntry(relative_state=state_H),
+        entry=entry,
         arrived_at=zero + jnp.inf,
         known_at=zero + jnp.inf,
         has_seen_target=jnp.zeros((), dtype=bool),
         abort_reason=none,
+        abort_burns=abort_burn.none(),
     )

@@ -20,6 +20,7 @@ class PhaseSettings:
         burns_per_orbit: number of LQR gains over an orbit; 1 if it is so near to a circle that they are equal
         on_timeout: what follows a timeout
         ends: whether it has conditions that end it
+        has_arrival_box: whether one of these is the arrival at the end of its reference
         passively_safe: whether no planned burn may make the free drift unsafe
         has_corridor: whether leaving its corridor is a reason for an abort
     """
@@ -30,6 +31,7 @@ class PhaseSettings:
     burns_per_orbit: int
     on_timeout: TimeoutAction
     ends: bool
+    has_arrival_box: bool
     passively_safe: bool
     has_corridor: bool
 

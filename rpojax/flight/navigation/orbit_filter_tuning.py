@@ -31,8 +31,11 @@ class OrbitFilterTuning:
         burn_magnitude_sigma: () fraction of a burn's velocity change along it, new in each burn, 1 sigma [-]
         burn_scale_sigma: () the same, lasting from burn to burn: thrust and mass, 1 sigma [-]
         burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
+        thrust_sigma: () relative error of the thrust before any pressure is measured, new and lasting, 1 sigma [-]
+        thrust_walk: () random walk of the relative thrust while burning [1/s^0.5]
+        pressure_noise: () of the chamber pressure, as a fraction of the nominal one, 1 sigma [-]
         gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
-        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [px/s]
+        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [rad/s]
         confirm_above: () confirmation is required when bearing is less certain than this many box sigmas [-]
         confirm_within: () longest time between two boxes that confirm each other, or one frame if that is longer [s]
         recovery_after: () of rejected boxes, a box for at most a second, that triggers covariance inflation [s]
@@ -65,6 +68,9 @@ class OrbitFilterTuning:
     burn_magnitude_sigma: Array
     burn_scale_sigma: Array
     burn_direction_sigma: Array
+    thrust_sigma: Array
+    thrust_walk: Array
+    pressure_noise: Array
     gate_sigma: Array
     confirm_tolerance: Array
     confirm_above: Array

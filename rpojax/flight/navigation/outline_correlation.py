@@ -23,7 +23,7 @@ _PRIOR_TIME = 100.0
 _PRIOR_CORRELATION_TIME = 300.0
 """Correlation time before any box [s]: cautious, since an outline that stays the same says least about the range."""
 _CORRELATION_TIMES = (3.0, 5000.0)
-"""Limits of the correlation time [s]: a frame or two, and a tenth of an orbit, by which the line of sight turns."""
+"""Limits of the correlation time [s]: a frame or two, and nearly a low orbit, in which the line of sight turns once."""
 
 
 @pytree

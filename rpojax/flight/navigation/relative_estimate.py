@@ -76,9 +76,14 @@ def initial(tuning: OrbitFilterTuning, r_TS_N: Vector, v_TS_N: Vector) -> Relati
     )
 
 
-def widen(estimate: RelativeEstimate, search_failed: Bool[Array, ""]) -> RelativeEstimate:
+def reopening_factor(reopened: Bool[Array, ""]) -> Float[Array, ""]:
+    """Factor on the sigma of position and velocity of an estimate that a failed search has reopened, else 1."""
+    return jnp.where(reopened, jnp.sqrt(_WIDENING), 1.0)
+
+
+def reopen(estimate: RelativeEstimate, reopened: Bool[Array, ""]) -> RelativeEstimate:
     """Estimate with twice the variance of position and velocity if the target is not where it should be."""
-    factor = jnp.where(search_failed, jnp.sqrt(_WIDENING), 1.0)
+    factor = reopening_factor(reopened)
     factors = jnp.concatenate([jnp.full(6, factor), jnp.ones(6, dtype=factor.dtype)])
     lasting = replace(estimate.burn_scale, covariance=factors * estimate.burn_scale.covariance)
     widened = estimate.covariance * (factors[:, None] * factors[None, :])

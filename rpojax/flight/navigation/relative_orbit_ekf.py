@@ -89,7 +89,7 @@ def update(
     """
     R_KN = quaternion.to_matrix(q_KN)
     prior = prior_box(tuning, focal_px, R_KN, estimate, box)
-    decision = _decide(tuning, gated, focal_px, R_KN, gate, prior, box)
+    decision = _decide(tuning, gated, R_KN, gate, prior, box)
     model, rows = measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, decision)
     rejected = box.present & ~decision.accepted
     gate, recover = outlier_gate.update(tuning, gate, q_KN, box, rejected, decision.confirmed)
@@ -145,7 +145,6 @@ def recovery_variance(tuning: OrbitFilterTuning, r_TS_N: Vector, recover: Bool[A
 def _decide(
     tuning: OrbitFilterTuning,
     gated: bool,
-    focal_px: Scalar,
     R_KN: Matrix,
     gate: GateState,
     prior: PriorBox,
@@ -160,7 +159,7 @@ def _decide(
         ~box.truncated | box_measurement_model.may_be_truncated(tuning, prior.model, prior.variance, box)
     )
     return outlier_gate.accept(
-        tuning, focal_px, R_KN, gate, box, prior.residual, prior.innovation_variance, prior.is_wide, possible
+        tuning, R_KN, gate, box, prior.residual, prior.innovation_variance, prior.is_wide, possible
     )
 
 

@@ -13,7 +13,7 @@ REFERENCE_FRAME = "EME2000"
 FRAME_NOTES = (
     "EME2000 is the inertial frame of the simulation, in which Sun and Moon are given.",
     "The pole of the Earth and of its gravity is fixed to the z axis of this frame:",
-    "precession, nutation and polar motion are not modelled. Time scale: UTC without leap seconds.",
+    "precession, nutation and polar motion are not modelled. Time scale: UTC.",
 )
 """What the name of the frame does not say."""
 

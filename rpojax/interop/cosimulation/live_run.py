@@ -11,6 +11,8 @@ import numpy as np
 from rpojax.campaign import single_run
 from rpojax.core.array_packing import PackedRecord
 from rpojax.errors import UnfinishedError
+from rpojax.flight import stage_use
+from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
 from rpojax.interop.cosimulation.command_checks import CommandLimits
 from rpojax.interop.cosimulation.command_input import NO_COMMAND, CommandInput
@@ -32,7 +34,7 @@ from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
 from rpojax.simulation.metrics import recorded_metrics
 from rpojax.simulation.outcomes.judgement import judge_one
-from rpojax.simulation.outcomes.outcome_kinds import REASONS
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class LiveRunResult:
     Attributes:
         ticks: number of simulated ticks
         steps: number of plant steps
-        completed: whether the run reached its end, and as it should
+        outcome: how the run ended, None if it was stopped before its end
         failure: reason of a failed run, else ""
         stop_reason: reason why the run was stopped before its end, else ""
         metrics: of a run that reached its end, else empty
@@ -58,7 +60,7 @@ class LiveRunResult:
 
     ticks: int
     steps: int
-    completed: bool
+    outcome: Outcome | None
     failure: str
     stop_reason: str
     metrics: Mapping[str, float]
@@ -78,16 +80,18 @@ def simulate_live(
     """Simulates one run live; `write_line` gets lines on progress and events.
 
     Raises:
-        RpojaxError: the scenario is that of a team, its plugin is not allowed, the domain cannot be joined, or no
-            external nodes were found.
+        RpojaxError: the scenario is that of a team, its plugin is not allowed, a stage is replaced that is left to
+            external nodes, the domain cannot be joined, or no external nodes were found.
     """
     refuse_team(file, "a live run")
     events = EventLog(write_line)
     stages = settings.external_stages
+    own = plugin_registry.stages_of(file)
+    stage_use.check(own, (stage_use.EXTERNAL[each] for each in sorted(stages)))
     exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)
     write_line("compiling")
     with SignOfLife(write_line, "compiling"):
-        run = _LiveRun(file, seed, run_id, settings)
+        run = _LiveRun(file, own, seed, run_id, settings)
         run.warm_up()
     write_line("waiting for external nodes")
     with SignOfLife(write_line, "waiting for external nodes"):
@@ -108,7 +112,7 @@ def simulate_live(
     return LiveRunResult(
         ticks=run.ticks,
         steps=run.ticks * run.scenario.substeps,
-        completed=run.completed,
+        outcome=run.outcome,
         failure=run.failure,
         stop_reason=stop_reason,
         metrics=run.metrics(),
@@ -126,21 +130,20 @@ def simulate_live(
 class _LiveRun:
     """State and records of the run."""
 
-    def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings) -> None:
+    def __init__(self, file: ScenarioFile, stages: Stages, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
         self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
         own = dispersed_values.read_back(self._params, dispersion_keys.varied_keys(file))
         self._varied = {key: np.asarray(value)[None] for key, value in own.items()}
         self._takes_burns = ExternalStage.FORMATION in settings.external_stages
-        chosen = plugin_registry.stages_of(file)
-        self._stages = CompiledStages(self.scenario, chosen, self._params, self._takes_burns)
+        self._stages = CompiledStages(self.scenario, stages, self._params, self._takes_burns)
         start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
         self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))
         self._sends_images = settings.send_images and self.scenario.camera_model == "rendered"
         self._records: dict[str, np.ndarray] = {}
         self.ticks = 0
-        self.failure = ""
+        self.outcome: Outcome | None = None
 
     @property
     def limits(self) -> CommandLimits:
@@ -153,9 +156,9 @@ class _LiveRun:
         )
 
     @property
-    def completed(self) -> bool:
-        """Whether the run reached its end, and as it should."""
-        return self.reached_end and not self.failure
+    def failure(self) -> str:
+        """Reason of a failed run, else empty."""
+        return "" if self.outcome is None else self.outcome.reason
 
     @property
     def reached_end(self) -> bool:
@@ -174,10 +177,11 @@ class _LiveRun:
     def tick(self, commands: CommandSource) -> None:
         """Simulates one tick."""
         self._tick = self._simulate_tick(commands, self._record)
-        self.failure = REASONS[self._tick.failure]
         self.ticks += 1
-        if self.reached_end:
-            self.failure = judge_one(self._file, self._varied, self._records).reason
+        if self._tick.failure:
+            self.outcome = list(Outcome)[self._tick.failure]
+        elif self.reached_end:
+            self.outcome = judge_one(self._file, self._varied, self._records)
 
     def _record(self, channels: Channels) -> None:
         for name, value in channels.items():

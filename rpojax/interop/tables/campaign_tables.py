@@ -11,6 +11,7 @@ from rpojax.campaign.storage.arrays.array_units import array_units
 from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
+from rpojax.scenario.plugins import plugin_registry
 
 TableName = Literal["metrics", "draws", "traces", "history"]
 TABLE_NAMES: Final[tuple[TableName, ...]] = get_args(TableName)
@@ -56,6 +57,11 @@ def make_table(campaign: Campaign, name: TableName, run_id: int | None = None) -
     Raises:
         RpojaxError: there is no such run, or it has no history.
     """
+    with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(campaign.info)):
+        return _make_table(campaign, name, run_id)
+
+
+def _make_table(campaign: Campaign, name: TableName, run_id: int | None) -> Table:
     rows = np.arange(len(campaign.run_ids))
     if run_id is not None:
         rows = np.flatnonzero(campaign.run_ids == run_id)

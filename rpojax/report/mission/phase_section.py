@@ -7,7 +7,7 @@ import numpy as np
 
 from rpojax.flight.mission.mission_state import Transition
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.mission import abort_section
+from rpojax.report.mission import abort_section, unfinished_section
 from rpojax.report.mission.phase_visits import PhaseVisits, phase_visits
 from rpojax.report.number_format import format_number
 
@@ -43,8 +43,27 @@ def content(campaign: CampaignResults) -> dict[str, Any] | None:
     return {
         "phases": [_phase_content(campaign, visits, number) for number in range(len(campaign.phase_names))],
         "runs_with_further_stays": int(np.sum(~visits.complete)),
+        "goal": _goal_content(campaign),
         "aborts": abort_section.content(campaign, visits),
     }
+
+
+def _goal_content(campaign: CampaignResults) -> dict[str, Any] | None:
+    """How many runs came to the goal of the mission, and when; None without, and for results of older versions."""
+    reached_at, goal = campaign.phases.get("goal_reached_at_s"), unfinished_section.goal(campaign.info["scenario"])
+    if reached_at is None or goal is None:
+        return None
+    counts = {"reached": int(np.isfinite(reached_at).sum()), "runs": len(reached_at)}
+    return {"phase": goal[0], "at": goal[1], **counts, "at_s": quantiles(reached_at)}
+
+
+def goal_text(found: Mapping[str, Any]) -> str:
+    """Sentence on how many runs came to the goal, and when; empty without one."""
+    goal = found["goal"]
+    if goal is None:
+        return ""
+    when = f", at {quantile_text(goal['at_s'])} s" if goal["reached"] else ""
+    return f"Goal: the {goal['at']} of {goal['phase']}, reached in {goal['reached']} of {goal['runs']} runs{when}."
 
 
 def quantiles(values: np.ndarray) -> dict[str, float | None]:

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.errors import ResultError
+from rpojax.metrics import metric_catalogue
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.plotly_charts import Chart
 from rpojax.report.page import page_templates
@@ -24,6 +25,7 @@ from rpojax.report.sections import (
 )
 from rpojax.report.sections.dispersion_section import drawn_distributions
 from rpojax.report.worked_out import Notes
+from rpojax.scenario.plugins import plugin_registry
 
 FILE_NAME: Final = "brief.html"
 _MOST_REQUIREMENTS, _MOST_METRICS, _MOST_CAVEATS, _MOST_WORST, _MOST_TILES = 10, 14, 6, 6, 12
@@ -56,6 +58,11 @@ def write_brief(campaign: CampaignResults, run_id: int | None = None) -> Path:
     Raises:
         ResultError: the campaign has one run, or no history of `run_id` is stored.
     """
+    with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(campaign.info)):
+        return _write(campaign, run_id)
+
+
+def _write(campaign: CampaignResults, run_id: int | None) -> Path:
     notes = Notes()
     content = report_content(campaign, notes.part("Dispersions", drawn_distributions, campaign), notes)
     if is_single_run(content):

@@ -9,6 +9,7 @@ from rpojax.report import run_independence
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import in_display_order
 from rpojax.report.metric_statistics import summary_statistics
+from rpojax.report.mission import unfinished_section
 from rpojax.report.page import mission_warnings
 from rpojax.report.sections import fault_section, requirement_verdict_section
 from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
@@ -34,20 +35,28 @@ def summarise(campaign: CampaignResults) -> dict[str, Any]:
 
 
 def _run_counts(campaign: CampaignResults) -> dict[str, Any]:
-    completed, known = int(np.sum(campaign.completed)), len(campaign.completed)
+    completed, failed, known = int(np.sum(campaign.completed)), int(np.sum(campaign.failed)), len(campaign.completed)
     requested = int(campaign.info.get("runs", known))
     return {
         "requested": requested,
         "completed": completed,
-        "failed": known - completed,
+        "failed": failed,
+        "not_judged": known - completed - failed,
         "missing": requested - known,
         "outcomes": count_outcomes(campaign.outcomes),
     }
 
 
 def _failures(campaign: CampaignResults) -> list[dict[str, Any]]:
+    details = unfinished_section.details(campaign)
     return [
-        {"run_id": int(run), "outcome": str(outcome), "at_s": to_json_types(at_s), "reason": str(reason)}
+        {
+            "run_id": int(run),
+            "outcome": str(outcome),
+            "at_s": to_json_types(at_s),
+            "reason": str(reason),
+            "detail": details.get(int(run), ""),
+        }
         for run, outcome, at_s, reason in zip(
             campaign.run_ids, campaign.outcomes, campaign.failed_at_s, campaign.failure_reason, strict=True
         )

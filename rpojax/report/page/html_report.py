@@ -7,6 +7,7 @@ from typing import Any
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
 from rpojax.errors import OutputError
+from rpojax.metrics import metric_catalogue
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.coverage import coverage_section
@@ -32,6 +33,7 @@ from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_d
 from rpojax.report.team import team_section
 from rpojax.report.worked_out import Notes
 from rpojax.runtime.progress_bar import busy
+from rpojax.scenario.plugins import plugin_registry
 
 
 def write_report(
@@ -50,7 +52,8 @@ def write_report(
     Raises:
         ResultError: no history of `run_id` is stored.
     """
-    with busy("writing the report", quiet=not progress, announce=False):
+    own = plugin_registry.recorded_metrics(campaign.info)
+    with busy("writing the report", quiet=not progress, announce=False), metric_catalogue.metrics_of_scenario(own):
         return _write(campaign, run_id, film)
 
 

@@ -21,7 +21,7 @@ from rpojax.report.page.outcome.leading_figures import leading_figures
 from rpojax.report.page.outcome.next_steps import next_steps
 from rpojax.report.page.outcome.outcome_sentence import outcome_sentence
 from rpojax.report.page.outcome.verdict_tiles import verdict_tiles
-from rpojax.report.rare_failures import probability_page
+from rpojax.report.rare_failures import probability_values
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,
@@ -111,6 +111,7 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     shares = notes.part("Shares of phases", phase_timeline.chart, campaign)
     charts |= {} if shares is None else {"phase-shares": shares}
     charts |= {f"sensitivity-{entry['metric']}": sensitivity_section.chart(entry) for entry in content["sensitivity"]}
+    charts |= notes.derived("Rare failures", lambda: probability_values.section_charts(content["rare_failures"]), {})
     template_values = {
         "envelopes": [channel for channel, _ in envelopes.values()],
         "averages": [channel for channel, _ in averages.values()],
@@ -154,7 +155,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
         "tiles": headline_section.headline_tiles(content),
         "metric_rows": notes.derived("Metrics", lambda: metrics_section.metric_rows(campaign, content), []),
         "safety": safety_section.rows(content["safety"]),
-        "rare_failures": probability_page.section(content["rare_failures"]),
+        "rare_failures": probability_values.section_values(content["rare_failures"]),
         "entries": content["safety"]["entries"]["run_ids"],
         "mission": _mission_values(content),
         "team": team_tables.tables(content),
@@ -191,6 +192,7 @@ def _mission_values(content: Mapping[str, Any]) -> dict[str, Any] | None:
     if mission is None:
         return None
     return {
+        "goal": phase_section.goal_text(mission),
         "times": phase_section.time_rows(mission),
         "headings": phase_section.figure_headings(),
         "figures": phase_section.figure_rows(mission),

@@ -1,7 +1,6 @@
 """Estimates of probabilities in a campaign's folder, and its requirements that need one."""
 
 import json
-import shlex
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,7 +8,9 @@ from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESUL
 from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
 from rpojax.analysis.statistics import rare_requirements
 from rpojax.campaign.storage import safe_paths
+from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.scenario.plugins.plugin_registry import FROM_PYTHON
 
 FOLDER_NAME = "probability"
 """Folder in that of the campaign in which estimates are found."""
@@ -33,17 +34,16 @@ def content(campaign: CampaignResults) -> list[dict[str, Any]]:
 
 
 def _wanted(campaign: CampaignResults, entry: Mapping[str, Any]) -> dict[str, Any]:
-    """A requirement without an estimate: the runs that plain sampling needs, and the command."""
-    source = "scenario.toml"
-    out = campaign.directory / FOLDER_NAME / str(entry["metric"])
+    """A requirement without an estimate: the runs that plain sampling needs, and the command if there is one."""
+    metric, scenario = str(entry["metric"]), shell_commands.scenario_copy(campaign)
+    out, plugin = scenario.parent / FOLDER_NAME / metric, shell_commands.plugin_of(campaign)
+    possible = rare_requirements.can_be_estimated(metric, len(campaign.servicer_names)) and plugin != FROM_PYTHON
     return {
         "kind": "wanted",
         "metric": entry["metric"],
         "allowed": 1.0 - entry["probability"],
         "plain_runs": rare_requirements.plain_runs(entry["probability"], entry["consumer_risk"]),
-        "command": rare_requirements.command(
-            str(campaign.info.get("name", source)), entry["metric"], shlex.quote(str(out))
-        ),
+        "command": rare_requirements.command(scenario, metric, out, plugin) if possible else "",
     }
 
 

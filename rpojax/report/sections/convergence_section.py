@@ -22,7 +22,7 @@ def content(campaign: CampaignResults) -> dict[str, Any] | None:
 
     Intervals are None if runs are not independent; None with fewer than twenty runs.
     """
-    failed = ~np.asarray(campaign.completed, dtype=bool)
+    failed = np.asarray(campaign.failed, dtype=bool)
     if len(failed) < _MIN_RUNS:
         return None
     rate, independent = rate_convergence(failed), runs_are_independent(campaign)

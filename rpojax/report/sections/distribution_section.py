@@ -48,10 +48,10 @@ def _remarks(campaign: CampaignResults, values: np.ndarray, limits: Sequence[Lim
         count = int(np.sum(limit.is_broken_by(values)))
         side = "over" if limit.at_most else "under"
         remarks.append((f"{count} {side} the {limit.text}", count > 0))
-    missing, completed = ~np.isfinite(values), np.asarray(campaign.completed, dtype=bool)
-    failed, other = int(np.sum(missing & ~completed)), int(np.sum(missing & completed))
+    missing, has_failed = ~np.isfinite(values), np.asarray(campaign.failed, dtype=bool)
+    failed, other = int(np.sum(missing & has_failed)), int(np.sum(missing & ~has_failed))
     if failed:
         remarks.append((f"{failed} failed and have no value", True))
     if other and failed + other < len(values):
-        remarks.append((f"{other} completed without anything to measure", False))
+        remarks.append((f"{other} did not fail and had nothing to measure", False))
     return remarks

@@ -31,12 +31,12 @@ _MAX_FAILURES = 50
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """Part of report.json: for each outcome but `completed` the runs, times, and inputs, the most different first.
+    """Part of report.json: for each outcome that is a failure the runs, times, and inputs, the most different first.
 
     P-values, corrected for the number of inputs, are None if runs are not independent; categorical inputs are left out.
     """
     completed = np.asarray(campaign.completed, dtype=bool)
-    failures = Counter(str(outcome) for outcome in campaign.outcomes[~completed])
+    failures = Counter(str(outcome) for outcome in campaign.outcomes[np.asarray(campaign.failed, dtype=bool)])
     inputs = rankable_scalars(campaign)
     return [
         _cause_entry(campaign, inputs, completed, Outcome(outcome), runs_are_independent(campaign))
@@ -51,8 +51,13 @@ def event_entries(campaign: CampaignResults) -> list[dict[str, Any]]:
 
 def outcomes_text(outcomes: Mapping[str, int]) -> str:
     """Failed runs by reason, such as `2 off station, 1 lost the target`, from the number of runs by outcome."""
-    failed = [(count, kind) for kind in Outcome if (count := outcomes[kind]) and kind is not Outcome.COMPLETED]
+    failed = [(count, kind) for kind in Outcome if (count := outcomes[kind]) and kind.is_failure]
     return ", ".join(f"{count} {kind.reason}" for count, kind in sorted(failed, key=lambda each: -each[0]))
+
+
+def detail_counts(failures: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
+    """Where unfinished runs stayed and why, and how many of them, the most frequent first."""
+    return Counter(failure["detail"] for failure in failures if failure["detail"]).most_common()
 
 
 def cause_rows(entry: Mapping[str, Any]) -> list[list[str]]:
@@ -152,10 +157,11 @@ def _is_significant(one: Mapping[str, Any]) -> bool:
 
 
 def failure_table(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Count of each reason, the first failed runs, and the number of further ones."""
+    """Count of each reason and detail, the first failed runs, and the number of further ones."""
     rows = summary["failures"]
     return {
         "reasons": Counter(row["reason"] for row in rows).most_common(),
+        "details": detail_counts(rows),
         "rows": [{**row, "at_s": format_number(row["at_s"])} for row in rows[:_MAX_FAILURES]],
         "more": max(0, len(rows) - _MAX_FAILURES),
     }

@@ -59,6 +59,6 @@ def _fault_row(campaign: CampaignResults, code: int, chosen: np.ndarray) -> dict
     return {
         "kind": KINDS[code],
         "runs": int(chosen.sum()),
-        "failed": int((~campaign.completed[chosen]).sum()),
+        "failed": int(campaign.failed[chosen].sum()),
         "cells": ["-" if value is None else format_number(value) for value in values],
     }

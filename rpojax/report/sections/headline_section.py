@@ -65,7 +65,7 @@ def _nees_tile(metrics: Mapping[str, Any], title: str, name: str, components: in
 
 
 def _failure_tile(runs: Mapping[str, Any], independent: bool) -> Tile:
-    failed, total = runs["failed"], runs["failed"] + runs["completed"]
+    failed, total = runs["failed"], runs["requested"] - runs["missing"]
     if total == 0:
         return Tile("Failed runs", "0", "", "no run has ended yet")
     note = "runs are not independent"

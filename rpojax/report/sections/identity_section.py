@@ -19,6 +19,7 @@ def identity_lines(campaign: CampaignResults, summary: Mapping[str, Any]) -> lis
     versions = ", ".join(f"{name} {version}" for name, version in info.get("versions", {}).items())
     counts = f"{runs['requested']} requested, {runs['completed']} completed, {runs['failed']} failed"
     kinds = f" ({outcomes_text(runs['outcomes'])})" if runs["failed"] else ""
+    kinds += f", {runs['not_judged']} not judged" if runs["not_judged"] else ""
     missing = f", {runs['missing']} missing" if runs["missing"] else ""
     lines = [
         ("Scenario hash", info.get("scenario_hash")),

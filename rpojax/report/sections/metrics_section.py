@@ -40,7 +40,7 @@ def metric_rows(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[M
         entry = summary["metrics"][name]
         label = metric_label(name)
         values = campaign.metrics[name]
-        lacking = int(np.sum(~np.isfinite(values) & ~np.asarray(campaign.completed, dtype=bool)))
+        lacking = int(np.sum(~np.isfinite(values) & np.asarray(campaign.failed, dtype=bool)))
         keys = ("mean", "std", "min", "p50", *label.tail_statistics[:3], "max")
         cells = [
             _with_statistic_name(key, format_number(entry[key]) + _dagger(key, entry[key], lacking)) for key in keys

@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from rpojax.analysis.statistics.tolerance_verdicts import Verdict, counts, evaluate_requirement
+from rpojax.analysis.statistics.tolerance_verdicts import (
+    Verdict,
+    counts,
+    evaluate_requirement,
+    is_of_outcome,
+    reaches,
+    required_values,
+)
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import metric_label
@@ -69,8 +76,20 @@ def _requirement_phrase(requirement: RequirementSection) -> str:
 
 
 def _share_of_runs(requirement: RequirementSection) -> str:
-    ending = "" if requirement.outcome is None else f" that end as {requirement.outcome}"
-    return f"in at least {100.0 * requirement.probability:g} % of runs{ending}"
+    return f"in at least {100.0 * requirement.probability:g} % of {_of_runs(requirement)}"
+
+
+def _of_runs(requirement: RequirementSection) -> str:
+    """Of which runs a requirement is."""
+    conditions = [] if requirement.outcome is None else [f"end as {requirement.outcome}"]
+    if requirement.is_of_reaching_runs:
+        conditions.append(_reach(requirement))
+    return f"runs that {' and '.join(conditions)}" if conditions else "runs"
+
+
+def _reach(requirement: RequirementSection) -> str:
+    at = requirement.at
+    return f"reach {requirement.phase}" if at is None else f"come to the {at} of {requirement.phase}"
 
 
 def _validated_requirement(campaign: CampaignResults, index: int, entry: Mapping[str, Any]) -> RequirementSection:
@@ -85,9 +104,12 @@ def _validated_requirement(campaign: CampaignResults, index: int, entry: Mapping
 
 
 def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: int) -> dict[str, Any]:
-    values = np.asarray(campaign.metrics.get(requirement.metric_name, ()), dtype=np.float64)
-    is_conditional = len(values) > 0 and (requirement.outcome is not None or requirement.phase is not None)
+    ended = len(campaign.completed) > 0
+    values = required_values(requirement, campaign.metrics) if ended else np.zeros(0)
+    is_conditional = ended and (requirement.outcome is not None or requirement.is_of_reaching_runs)
     counted = counts(requirement, campaign.metrics, campaign.outcomes) if is_conditional else None
+    reached = reaches(requirement, campaign.metrics) if ended else None
+    of_outcome = is_of_outcome(requirement, campaign.outcomes)
     sealed = bool(campaign.info.get("sealed", True))
     found = evaluate_requirement(
         requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted, sealed
@@ -113,19 +135,27 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "success_interval": None if found.success_interval is None else list(found.success_interval),
         "violating_ids": list(found.violating_ids),
         **({} if requirement.is_of_all_runs else {"of": requirement.metric_name, "not_counted": found.not_counted}),
+        **({} if reached is None else _reached_entry(requirement, reached, of_outcome)),
     }
+
+
+def _reached_entry(requirement: RequirementSection, reached: np.ndarray, of_outcome: np.ndarray) -> dict[str, Any]:
+    """How many runs came to the requirement's phase, of how many of its outcome, and both in words."""
+    count, total = int(np.sum(reached & of_outcome)), int(np.sum(of_outcome))
+    words = _reach(requirement).replace("reach", "reached", 1).replace("come", "came", 1)
+    return {"reached": count, "reached_text": f"{count} of {total} {words}"}
 
 
 def _row(entry: Mapping[str, Any]) -> RequirementRow:
     label = metric_label(entry.get("of", entry["metric"]))
     cells = _cells(entry)
-    ending = f" that end as {entry['outcome']}" if "outcome" in entry else ""
     return RequirementRow(
         title=limit_text(entry),
-        probability=f"in at least {100.0 * entry['probability']:g} % of runs{ending}",
+        probability=f"in at least {_share(entry)}" + _reached(entry),
         verdict=entry["verdict_text"],
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
-        note=f"in {100.0 * entry['probability']:g} % of runs{ending}"
+        note=f"in {_share(entry)}"
+        + _reached(entry)
         + f"; {entry['violations']} of {entry['runs']} violate it"
         + violation_kinds(entry)
         + _not_counted(entry)
@@ -169,6 +199,18 @@ def violation_kinds(entry: Mapping[str, Any]) -> str:
     if not entry["without_value"]:
         return ""
     return f" ({entry['beyond_limit']} beyond the limit, {entry['without_value']} without a value)"
+
+
+def _share(entry: Mapping[str, Any]) -> str:
+    """Demanded share of the runs that count."""
+    names = RequirementSection.model_fields
+    requirement = RequirementSection.model_validate({key: entry[key] for key in names if key in entry})
+    return f"{100.0 * requirement.probability:g} % of {_of_runs(requirement)}"
+
+
+def _reached(entry: Mapping[str, Any]) -> str:
+    """Addition on how many runs came to the requirement's phase, empty without one."""
+    return f"; {entry['reached_text']}" if "reached_text" in entry else ""
 
 
 def _not_counted(entry: Mapping[str, Any]) -> str:

@@ -22,6 +22,7 @@ class ServicerResults:
     run_ids: np.ndarray
     metrics: Mapping[str, np.ndarray]
     completed: np.ndarray
+    failed: np.ndarray
     outcomes: np.ndarray
     reached_end: np.ndarray
     is_judged: np.ndarray
@@ -56,10 +57,11 @@ def of_servicer(campaign: CampaignResults, number: int) -> ServicerResults:
     drawn = {key: values for key, values in campaign.drawn.items() if "/" not in key}
     return ServicerResults(
         directory=campaign.directory,
-        info=campaign.info,
+        info=_with_own_goal(campaign.info, name),
         run_ids=campaign.run_ids,
         metrics=_of_one(campaign, "metrics", number),
         completed=codes == Outcome.COMPLETED.code,
+        failed=outcome_kinds.is_failed(outcomes),
         outcomes=outcomes,
         # A team's run is frozen as a whole, by whichever servicer.
         reached_end=campaign.reached_end,
@@ -73,6 +75,14 @@ def of_servicer(campaign: CampaignResults, number: int) -> ServicerResults:
         phases=_of_one(campaign, "phases", number),
         phase_names=campaign.phase_names,
     )
+
+
+def _with_own_goal(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Information on the campaign with the goal of one servicer."""
+    scenario = info.get("scenario", {})
+    changes = next((each for each in scenario.get("servicers", []) if each.get("name") == name), {})
+    goal = {**(scenario.get("goal") or {}), **(changes.get("goal") or {})}
+    return {**info, "scenario": {**scenario, "goal": goal}}
 
 
 def _of_one(campaign: CampaignResults, group: str, number: int) -> dict[str, np.ndarray]:

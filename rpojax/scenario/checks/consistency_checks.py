@@ -7,6 +7,7 @@ from rpojax.scenario.checks.design_checks import check_design
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.requirement_checks import check_requirements
+from rpojax.scenario.checks.target_checks import check_target
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
 from rpojax.scenario.trained.coverage_surface import mesh_path
@@ -51,6 +52,7 @@ def check_consistency(file: ScenarioFile) -> None:
     _check_precision(file)
     check_requirements(file)
     mesh_path(file.model_dump())
+    check_target(file)
     check_phases(file)
     check_dispersions(file)
     check_design(file)

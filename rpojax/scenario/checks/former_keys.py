@@ -4,7 +4,8 @@ from typing import Final
 
 _FORMER_KEYS: Final = {
     "navigation.confirm_frames": "navigation.confirm_within_s, which counts seconds",
-    "navigation.confirm_tolerance_px": "navigation.confirm_tolerance_px_s, which is per second and not per frame",
+    "navigation.confirm_tolerance_px": "navigation.confirm_tolerance_deg_s, an angle per second",
+    "navigation.confirm_tolerance_px_s": "navigation.confirm_tolerance_deg_s, an angle, the same for every camera",
     "navigation.rejections_before_recovery": "navigation.recovery_after_s, which counts seconds",
 }
 

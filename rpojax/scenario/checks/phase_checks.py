@@ -1,17 +1,17 @@
 """Checks of the phases of a mission: names, periods, ends, and references within the limits of the phase."""
 
-import itertools
 import math
 
 import numpy as np
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.phases import reference_sections as kinds
-from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, CorridorSection, PhaseSection
+from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, NO_GOAL, CorridorSection, PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
-from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
+from rpojax.scenario.warnings.orbit_geometry import mean_motion
+from rpojax.scenario.warnings.transfer_impulses import transfer_impulses
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 _NEARLY_CIRCULAR = 0.01
@@ -19,19 +19,20 @@ _NEARLY_CIRCULAR = 0.01
 
 
 def check_phases(file: ScenarioFile) -> None:
-    """Checks the phases of a scenario and its mission section.
+    """Checks the phases of a scenario, its mission section and its goal.
 
     Raises:
         ScenarioError: naming the key, what was found and what was expected.
     """
+    _check_goal(file)
     if not file.phases:
         if file.mission != type(file.mission)():
             raise ScenarioError("mission", "settings", "them only in a scenario with [[phases]]")
         return
     names = [phase.name for phase in file.phases]
     for phase in file.phases:
-        if names.count(phase.name) > 1 or phase.name in BUILT_IN_PHASES:
-            expected = f"a name that no other phase has, and none of {', '.join(BUILT_IN_PHASES)}"
+        if names.count(phase.name) > 1 or phase.name in (*BUILT_IN_PHASES, NO_GOAL):
+            expected = f"a name that no other phase has, and none of {', '.join((*BUILT_IN_PHASES, NO_GOAL))}"
             raise ScenarioError("phases.name", phase.name, expected)
     _check_periods(file)
     place: np.ndarray | None = np.array(file.initial.relative_position_m)
@@ -43,6 +44,20 @@ def check_phases(file: ScenarioFile) -> None:
         if isinstance(phase.reference, kinds.TransferSection) and place is not None:
             _check_transfer(file, phase.name, phase.reference, place)
         place = _end_m(phase)
+
+
+def _check_goal(file: ScenarioFile) -> None:
+    """Refuses a goal that no run can reach."""
+    phase, at = file.goal.phase, file.goal.at
+    known = (*file.phase_names, NO_GOAL)
+    if phase is not None and phase not in known:
+        expected = f"one of {', '.join(known)}" if file.phases else f"{NO_GOAL} in a scenario without [[phases]]"
+        raise ScenarioError("goal.phase", phase, expected)
+    if at is not None and (not file.phases or phase == NO_GOAL):
+        raise ScenarioError("goal.at", at, "it only beside a phase")
+    name = phase or (file.phases[-1].name if file.phases else None)
+    if at == "end" and not any(each.name == name and each.until is not None for each in file.phases):
+        raise ScenarioError("goal.at", at, f"begin, as phase {name} has no conditions until that end it")
 
 
 def _check_periods(file: ScenarioFile) -> None:
@@ -139,12 +154,12 @@ def _in_corridor(corridor: CorridorSection, axis: np.ndarray, place: np.ndarray)
 
 
 def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -> np.ndarray:
-    """Places (n, 3) [m] of a reference that are known before flight; transfers as about a circular orbit."""
+    """Places (n, 3) [m] of a reference that are known before flight."""
     match phase.reference:
         case kinds.HoldSection(position_m=place):
             return np.array([place])
         case kinds.TransferSection() as transfer:
-            return np.array([transfer.position_m]) if start is None else _transfer_arcs(file, transfer, start)[0]
+            return np.array([transfer.position_m]) if start is None else transfer_impulses(file, transfer, start).way
         case kinds.ApproachSection(end_position_m=place):
             return np.array([place]) if start is None else np.linspace(start, place, len(_ANGLES))
         case kinds.RelativeOrbitSection() as orbit:
@@ -194,10 +209,10 @@ def _end_m(phase: PhaseSection) -> np.ndarray | None:
 
 def _check_transfer(file: ScenarioFile, name: str, transfer: kinds.TransferSection, start: np.ndarray) -> None:
     """Refuses a transfer whose impulses the thruster cannot give within the look-away limit."""
-    _, places, impulses = _transfer_arcs(file, transfer, start)
+    flown = transfer_impulses(file, transfer, start)
     reach = DispersedReach(file)
-    last = len(impulses) - 1
-    for number, (impulse, place) in enumerate(zip(impulses, places, strict=True)):
+    last = len(flown.impulses) - 1
+    for number, (impulse, place) in enumerate(zip(flown.impulses, flown.points, strict=True)):
         largest = float(largest_delta_v_m_s(file, reach, -place, impulse))
         if (size := float(np.linalg.norm(impulse))) > largest:
             which = "first" if number == 0 else "last" if number == last else f"{number + 1}th"
@@ -205,29 +220,3 @@ def _check_transfer(file: ScenarioFile, name: str, transfer: kinds.TransferSecti
             limits = "which thruster and look-away limit give; more pulses or a longer duration split it"
             expected = f"at most {1e3 * largest:.3g} mm/s, {limits}"
             raise ScenarioError(f"phases.{name}.reference.duration_s", found, expected)
-
-
-def _transfer_arcs(
-    file: ScenarioFile, transfer: kinds.TransferSection, start: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places (n, 3) on the free arcs of a transfer, and places (k, 3) [m] and sizes (k, 3) [m/s] of its impulses.
-
-    It begins at rest at the `start` [m] and ends at rest, as `flight.guidance.references.transfer`, whose import takes
-    JAX, about a near-circular orbit.
-    """
-    n, arcs = mean_motion(file), transfer.pulses - 1
-    shares = np.arange(transfer.pulses) / arcs
-    rate = math.log(transfer.speed_ratio)
-    covered = np.expm1(rate * shares) / math.expm1(rate) if abs(rate) > 1e-6 else shares
-    points = start + covered[:, None] * (np.array(transfer.position_m) - start)
-    times = transfer.duration_s / arcs * np.linspace(0.0, 1.0, max(2, len(_ANGLES) // arcs))
-    motion = transition_matrices(n, times)
-    ways, velocities = [], [np.zeros(3)]
-    for begin, end in itertools.pairwise(points):
-        departure = np.linalg.solve(motion[-1, :3, 3:], end - motion[-1, :3, :3] @ begin)
-        states = motion @ np.concatenate([begin, departure])
-        ways.append(states[:, :3])
-        velocities += [departure, states[-1, 3:]]
-    before = np.array(velocities[::2])
-    after = np.array([*velocities[1::2], np.zeros(3)])
-    return np.concatenate(ways), points, after - before

@@ -34,6 +34,8 @@ def check_requirements(file: ScenarioFile) -> None:
 def _window_faults(file: ScenarioFile, requirement: RequirementSection) -> list[tuple[str, Any, str]]:
     """Key, what was found and what was expected, of everything that is wrong with a window."""
     window, faults = requirement.window, list[tuple[str, Any, str]]()
+    if requirement.among is not None and requirement.phase is None:
+        faults.append(("among", requirement.among, "it only beside phase"))
     if not window.suffix and requirement.at is None:
         return faults
     metric, names = find(requirement.metric), file.phase_names

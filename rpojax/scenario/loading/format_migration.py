@@ -4,8 +4,10 @@
 |---|---|
 | 1 | files without `format_version` |
 | 2 | three keys of `navigation` count seconds and no longer frames |
+| 3 | `chamber_pressure.enabled` measures the pressure, not `effects.faults`; a tolerance of `navigation` is an angle |
 """
 
+import math
 import warnings
 from collections.abc import Mapping
 from typing import Any, Final
@@ -41,8 +43,12 @@ def migrate(tables: dict[str, Any], base: Mapping[str, Any], source: str) -> Non
         expected = f"a version from 1 to {FORMAT_VERSION}, the one that this version of rpojax writes"
         raise ScenarioError("format_version", found, expected)
     changes = _seconds_for_frames(tables, base) if found < 2 else []
+    changes += _pressure_with_faults(tables, base) if found < 3 else []
+    changes += _angle_for_pixels(tables, base) if found < 3 else []
     if changes:
-        warnings.warn(f"{source}: format 1 read as {FORMAT_VERSION}: {'; '.join(changes)}", FormatChangeWarning, 2)
+        warnings.warn(
+            f"{source}: format {found} read as {FORMAT_VERSION}: {'; '.join(changes)}", FormatChangeWarning, 2
+        )
     tables["format_version"] = FORMAT_VERSION
 
 
@@ -62,6 +68,47 @@ def _seconds_for_frames(tables: dict[str, Any], base: Mapping[str, Any]) -> list
         navigation[present] = float(value) * rate**power
         changes.append(f"navigation.{former} = {value:g} became {present} = {navigation[present]:g} at {rate:g} Hz")
     return changes
+
+
+def _pressure_with_faults(tables: dict[str, Any], base: Mapping[str, Any]) -> list[str]:
+    effects, sensor = tables.get("effects"), tables.get("chamber_pressure", {})
+    if not isinstance(effects, dict) or effects.get("faults") is not True or not isinstance(sensor, dict):
+        return []
+    if "enabled" in sensor or base.get("chamber_pressure", {}).get("enabled") is True:
+        return []
+    tables["chamber_pressure"] = {**sensor, "enabled": True}
+    return ["chamber_pressure.enabled = true was added, which effects.faults = true meant"]
+
+
+def _angle_for_pixels(tables: dict[str, Any], base: Mapping[str, Any]) -> list[str]:
+    """Replaces a rate in pixels by the angle that it has in the middle of the image."""
+    navigation, former, present = tables.get("navigation"), "confirm_tolerance_px_s", "confirm_tolerance_deg_s"
+    if not isinstance(navigation, dict) or former not in navigation:
+        return []
+    if present in navigation:
+        raise ScenarioError(f"navigation.{former}", navigation[former], f"it or {present}, not both")
+    value = navigation.pop(former)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise ScenarioError(f"navigation.{former}", value, "a number")
+    width, field_of_view = (_camera_number(name, tables, base) for name in ("width_px", "field_of_view_deg"))
+    tangent = 2.0 * value * math.tan(0.5 * math.radians(field_of_view)) / width
+    navigation[present] = math.degrees(tangent)
+    camera = f"a camera of {width:g} pixels and {field_of_view:g} deg"
+    return [f"navigation.{former} = {value:g} became {present} = {navigation[present]:.4g} by {camera}"]
+
+
+def _camera_number(name: str, *layers: Mapping[str, Any]) -> float:
+    """Number of the camera of the first layer that has it.
+
+    Raises:
+        ScenarioError: none has it.
+    """
+    for tables in layers:
+        camera = tables.get("camera")
+        value = camera.get(name) if isinstance(camera, dict) else None
+        if isinstance(value, int | float) and not isinstance(value, bool) and value > 0.0:
+            return float(value)
+    raise ScenarioError("navigation.confirm_tolerance_px_s", "pixels", f"camera.{name} in the file, which scales them")
 
 
 def _camera_rate(*layers: Mapping[str, Any]) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.metrics import metric_catalogue
 from rpojax.scenario.checks.consistency_checks import check_consistency
 from rpojax.scenario.checks.validation_errors import did_you_mean, first_error
 from rpojax.scenario.loading import case_table_csv, format_migration
@@ -80,13 +81,14 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
         ScenarioError: naming the key's path, what was found and what was expected.
     """
     schema = plugin_registry.schema_for(tables)
-    try:
-        file = schema.model_validate(tables)
-    except ValidationError as error:
-        raise first_error(error) from None
-    plugin_registry.check_metrics(file)
-    check_consistency(file)
-    check_team(file)
+    with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_for(tables)):
+        try:
+            file = schema.model_validate(tables)
+        except ValidationError as error:
+            raise first_error(error) from None
+        plugin_registry.check_metrics(file)
+        check_consistency(file)
+        check_team(file)
     return file
 
 

@@ -34,7 +34,7 @@ _FIRST_KEYS: Final = (
     ("gps", (("noise_m", "1 sigma of each axis"),)),
     ("formation", (("desired_position_m", "station; without effect in a mission with phases"),)),
     ("rates", (("formation_period_s", "from one burn decision to the next"),)),
-    ("limits", (("propellant_kg", ""),)),
+    ("limits", (("propellant_kg", ""), ("arrive_by_s", "on station from then on; shorter runs are not judged"))),
 )
 """Section -> keys, each with a comment."""
 
@@ -63,13 +63,25 @@ def template(name: str, base: str, file: ScenarioFile) -> str:
                 lines.append(f"# {key}: a dispersion of {base} gives every run its own, see below")
             else:
                 lines.append(f"# {_assignment(key, values[key])}" + (f"  # {text}" if text else ""))
-    lines += ["", *_requirement(), "", *_dispersion(), ""]
+    lines += ["", *_goal(file), *_requirement(), "", *_dispersion(), ""]
     return "\n".join(lines)
 
 
 def _uses_nominal(kind: str) -> bool:
     found = kind_class(kind)
     return found is None or found.uses_nominal
+
+
+def _goal(file: ScenarioFile) -> list[str]:
+    """Goal of a mission of phases, none without."""
+    if not file.phases:
+        return []
+    return [
+        "# What a run must have reached by its end; a run that has not is unfinished.",
+        "# [goal]",
+        f"# {_assignment('phase', file.goal.phase or file.phases[-1].name)}",
+        "",
+    ]
 
 
 def _requirement() -> list[str]:

@@ -12,7 +12,9 @@ from rpojax.sensors.additional.registry import sensor_names
 from rpojax.untrusted.structure_limits import StructureError
 from rpojax.untrusted.toml_reading import MOST_KEY_PARTS, parse_toml
 
-_OPTIONAL_SECTIONS = ("initial.handover", "mission", "link", "team", "gps_differences", "link_range")
+_OPTIONAL_SECTIONS = (
+    "initial.handover", "chamber_pressure", "mission", "goal", "link", "team", "gps_differences", "link_range",
+)  # fmt: skip
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
 _NAMED = {"phases": "phase", "servicers": "servicer"}
 """Lists of tables with names, by which overrides find them, and what one of them is."""

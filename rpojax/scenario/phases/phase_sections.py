@@ -18,6 +18,8 @@ from rpojax.value_types import (
 
 BUILT_IN_PHASES: Final = ("hold", "aborted")
 """Phases of the mission manager itself, after those of the scenario: holding its place, and after an abort."""
+NO_GOAL: Final = "none"
+"""Phase of a goal that demands nothing."""
 PhaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
@@ -56,6 +58,13 @@ class PhaseSection(OptionalKeys):
     keep_out_m: PositiveVector | None = None
     corridor: CorridorSection | None = None
     passively_safe: bool = False
+
+
+class GoalSection(OptionalKeys):
+    """What a run must have reached by its end: the begin or the end of a phase, or nothing with `NO_GOAL`."""
+
+    phase: PhaseName | None = None
+    at: Literal["begin", "end"] | None = None
 
 
 class MissionSection(Section):

@@ -205,8 +205,11 @@ class _TickValue:
     def _traced(self, *quantities: Any) -> Any:
         import jax.numpy as jnp
 
+        def of_tick(*inputs: Any) -> Any:
+            return jnp.asarray(self.function(**dict(zip(self.inputs, inputs, strict=True))), dtype=jnp.float64)
+
         try:
-            value = jnp.asarray(self.function(**dict(zip(self.inputs, quantities, strict=True))), dtype=jnp.float64)
+            value = _without_undefined_derivative(of_tick)(*map(jnp.asarray, quantities))
         except RpojaxError:
             raise
         except Exception as error:
@@ -226,6 +229,30 @@ class _TickValue:
         size = max(_SMALLEST_BATCH, 1 << (count - 1).bit_length())
         flat = [np.resize(values.reshape(count, *values.shape[2:]), (size, *values.shape[2:])) for values in records]
         return np.asarray(self.compiled["batch"](*flat))[:count].reshape(runs, ticks)
+
+
+def _without_undefined_derivative(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function with a derivative of 0 where its value is not finite.
+
+    There the derivative is often not a number, and in reverse mode 0 times it would enter that of the whole run.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    value = jax.custom_jvp(function)
+
+    @value.defjvp
+    def _(inputs: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Any, Any]:
+        found = function(*inputs)
+        numbers = tuple(index for index, each in enumerate(inputs) if jnp.issubdtype(each.dtype, jnp.floating))
+        slopes = jax.jacfwd(function, argnums=numbers)(*inputs) if numbers else ()
+        terms = [
+            jnp.sum(jnp.where(jnp.isfinite(found), slope, 0.0) * tangents[index])
+            for index, slope in zip(numbers, slopes, strict=True)
+        ]
+        return found, sum(terms, jnp.zeros_like(found))
+
+    return value
 
 
 def _in_double(values: np.ndarray) -> np.ndarray:

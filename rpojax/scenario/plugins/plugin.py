@@ -65,9 +65,18 @@ class Plugin:
     def describe(self) -> dict[str, Any]:
         """Description in the types of JSON, from which results can be read without the code."""
         return {
-            "metrics": {name: custom_metrics.describe(each) for name, each in self.definitions.items()},
+            "metrics": {
+                name: {**custom_metrics.describe(each), "sha256": self._metric_sha256(name)}
+                for name, each in self.definitions.items()
+            },
             "sensors": {name: list(cls.model_fields) for name, cls in self.sensors.items()},
         }
+
+    def _metric_sha256(self, name: str) -> str:
+        """SHA-256 of the definition of a metric: of its source, the values that it holds, and its settings."""
+        function = self.metrics[name]
+        text = f"{_content(function)} {custom_metrics.settings_of(function)!r}"
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def sha256(self) -> str:
         """SHA-256 of the sources of all functions and classes, and of the values that functions hold."""
@@ -80,7 +89,7 @@ class Plugin:
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def activate(self) -> None:
-        """Makes its metrics and sensors the ones known by their names.
+        """Makes its metrics and sensors known to the process by their names.
 
         Raises:
             RpojaxError: a metric has a name of the package.

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Metric
 from rpojax.scenario.plugins import plugin_file
 from rpojax.scenario.plugins.plugin import Plugin, described_plugin
@@ -33,6 +34,7 @@ def add(plugin: Plugin) -> dict[str, str]:
     """Makes a plugin from Python known; returns the entries of a scenario that has it."""
     entries = {"plugin": FROM_PYTHON, "plugin_sha256": plugin.sha256()}
     _KNOWN[FROM_PYTHON, entries["plugin_sha256"]] = plugin
+    plugin.activate()
     return entries
 
 
@@ -63,10 +65,11 @@ def load_for(tables: dict[str, Any], allow: bool) -> None:
         raise ScenarioError("plugin", f"{reference} with {found:.12}...", expected)
     tables["plugin_sha256"] = found
     _KNOWN[reference, found] = plugin
+    plugin.activate()
 
 
 def schema_for(tables: Mapping[str, Any]) -> type[ScenarioFile]:
-    """Schema of a scenario with the sections of its plugin, which becomes the active one.
+    """Schema of a scenario with the sections of its plugin.
 
     Raises:
         ScenarioError: the plugin is not known.
@@ -76,6 +79,21 @@ def schema_for(tables: Mapping[str, Any]) -> type[ScenarioFile]:
         return ScenarioFile
     plugin.activate()
     return with_sensors(tuple(plugin.sensors.items()))
+
+
+def metrics_for(tables: Mapping[str, Any]) -> dict[str, Metric]:
+    """Metrics of the plugin of a scenario in tables, by name.
+
+    Raises:
+        ScenarioError: the plugin is not known.
+    """
+    plugin = _of_tables(tables)
+    return {} if plugin is None else plugin.definitions
+
+
+def recorded_metrics(record: Mapping[str, Any]) -> dict[str, Metric]:
+    """Descriptions of the metrics of a campaign's plugin, by name, from the content of its `campaign.json`."""
+    return described_plugin(record.get("plugin") or {}).definitions
 
 
 def _of_tables(tables: Mapping[str, Any]) -> Plugin | None:
@@ -101,6 +119,11 @@ def metrics_of(file: ScenarioFile) -> dict[str, Metric]:
     return {} if plugin is None else plugin.definitions
 
 
+def catalogue_of(file: ScenarioFile) -> dict[str, Metric]:
+    """Metrics of the package and of a scenario's plugin by name."""
+    return {**METRICS, **metrics_of(file)}
+
+
 def stages_of(file: ScenarioFile, stages: "Stages | None" = None) -> "Stages":
     """Stages with which a scenario is simulated: those given, else those of its plugin, else the packaged ones.
 
@@ -115,7 +138,6 @@ def stages_of(file: ScenarioFile, stages: "Stages | None" = None) -> "Stages":
     require_code(file)
     if stages is not None and plugin.stages is not None and stages != plugin.stages:
         raise RpojaxError("stages: found some beside those of the plugin, expected either")
-    plugin.activate()
     return stages or plugin.stages or Stages()
 
 
@@ -135,19 +157,12 @@ def require_code(file: ScenarioFile) -> None:
 
 
 def check_metrics(file: ScenarioFile) -> None:
-    """Refuses requirements and weights of tuning on metrics of a plugin that the scenario does not have.
+    """Refuses weights of tuning on metrics that the scenario does not have, or that have no derivative.
 
     Raises:
         ScenarioError: naming the key.
     """
-    from rpojax.metrics.metric_catalogue import METRICS
-
-    own = metrics_of(file)
-    named = [(f"requirements.{number}.metric", each.metric) for number, each in enumerate(file.requirements)]
-    for key, name in named:
-        if name in METRICS and METRICS[name].source == "plugin" and name not in own:
-            raise ScenarioError(key, name, "a metric of the package or of the scenario's own plugin")
+    known = catalogue_of(file)
     for name in file.tuning.metrics or {}:
-        metric = own.get(name) or METRICS.get(name)
-        if metric is None or not metric.has_derivative or (metric.source == "plugin" and name not in own):
+        if name not in known or not known[name].has_derivative:
             raise ScenarioError(f"tuning.metrics.{name}", name, "a metric with a derivative")

@@ -67,7 +67,9 @@ def _check_alone(file: ScenarioFile) -> None:
 
 def _check_alike(of_first: str, first: ScenarioFile, name: str, member: ScenarioFile) -> None:
     """Refuses a servicer for which another program would be compiled than for the first one."""
-    own, others = member.model_dump(include=set(_SECTIONS)), first.model_dump(include=set(_SECTIONS))
+    # A goal is a matter of judgement alone.
+    compared = set(_SECTIONS) - {"goal"}
+    own, others = member.model_dump(include=compared), first.model_dump(include=compared)
     for key, found, expected in _differences(own, others, ""):
         raise ServicerError(name, ScenarioError(key, found, f"{expected} as servicer {of_first!r} has it"))
 

@@ -7,7 +7,8 @@ from rpojax.scenario.warnings.filter_beliefs import belief_warnings
 from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
 from rpojax.scenario.warnings.phase_warnings import phase_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
-from rpojax.scenario.warnings.target_size import small_box_warnings
+from rpojax.scenario.warnings.target_size import packaged_picture_warnings, small_box_warnings
+from rpojax.scenario.warnings.unknown_leap_seconds import leap_second_warnings
 
 
 def mission_warnings(file: ScenarioFile) -> list[str]:
@@ -15,11 +16,13 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
     reach = DispersedReach(file)
     found = [
         *small_box_warnings(file, reach),
+        *packaged_picture_warnings(file),
         *light_warnings(file, reach),
         *keep_out_warnings(file, reach),
         *control_warnings(file, reach),
         *phase_warnings(file, reach),
         *belief_warnings(file, reach),
+        *leap_second_warnings(file),
     ]
     # With phases the station of `formation` is not used.
     return [each for each in found if not (file.phases and "formation.desired_position_m" in each)]

@@ -4,6 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.kinds.choice import Choice
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.target_size import mean_size
@@ -19,6 +21,7 @@ _SIZE_SIGMAS = 3.0
 """Error of the log of the size in its sigmas that is no cause for a warning: a normal dispersion reaches as far."""
 _SIZE_ROUNDING = 1.01
 """Factor for the rounding of a belief that is written down."""
+_FAULT_KIND, _THRUSTER_FAULTS = "fault.kind", ("thruster_off", "thruster_weak")
 _TINY = 1e-30
 _GROUPS = ("position_sigma_m", "velocity_sigma_m_s", "relative_position_sigma_m", "relative_velocity_sigma_m_s")
 
@@ -28,8 +31,9 @@ Belief = tuple[str, str, float, float]
 
 def belief_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Beliefs that differ too much from what the scenario declares."""
-    beliefs = [*_sensor_beliefs(file, reach), *_error_beliefs(reach), *_handover_beliefs(file, reach)]
-    return judged_beliefs(beliefs) + _time_constant(file, reach) + _target_size(file, reach)
+    beliefs = [*_sensor_beliefs(file, reach), *_error_beliefs(file, reach), *_handover_beliefs(file, reach)]
+    found = judged_beliefs(beliefs) + _time_constant(file, reach) + _target_size(file, reach)
+    return found + _unmeasured_thrust(file)
 
 
 def judged_beliefs(beliefs: Sequence[Belief]) -> list[str]:
@@ -58,13 +62,15 @@ def _sensor_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belie
     ]
     if file.camera.model == "geometric":
         pairs.append(("navigation.edge_noise_px", "camera.edge_noise_px"))
+    if file.chamber_pressure.enabled:
+        pairs.append(("navigation.pressure_noise", "chamber_pressure.noise"))
     for key, of_truth in pairs:
         truth, believed = np.ravel(reach.ends(of_truth)[1]), np.ravel(reach.middle(key))
         worst = int(np.argmax(truth / np.maximum(believed, _TINY)))
         yield key, of_truth, float(truth[worst]), float(believed[worst])
 
 
-def _error_beliefs(reach: DispersedReach) -> Iterator[Belief]:
+def _error_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief]:
     """Beliefs of errors that have a random and a constant part in truth."""
     pointing = np.hypot(_constant(reach, "camera.misalignment_deg"), _constant(reach, "star_tracker.misalignment_deg"))
     key = "navigation.bearing_bias_sigma_deg"
@@ -73,7 +79,11 @@ def _error_beliefs(reach: DispersedReach) -> Iterator[Belief]:
     key, of_scale = "navigation.burn_magnitude_sigma", "navigation.burn_scale_sigma"
     # Either takes the lasting error: as new in each burn, or as a state.
     believed = np.hypot(reach.middle(key), reach.middle(of_scale))
-    yield key, "thruster.magnitude_noise and force_scale", float(np.hypot(noise, lasting)), float(believed)
+    of_truth, thrust = "thruster.magnitude_noise and force_scale", float(np.hypot(noise, lasting))
+    yield key, of_truth, thrust, float(believed)
+    if file.chamber_pressure.enabled:
+        key = "navigation.thrust_sigma"
+        yield key, of_truth, thrust, float(reach.middle(key))
     direction = np.hypot(reach.high("thruster.direction_noise_deg"), _constant(reach, "thruster.misalignment_deg"))
     key = "navigation.burn_direction_sigma_deg"
     yield key, "thruster.direction_noise_deg and misalignment_deg", float(direction), float(reach.middle(key))
@@ -83,6 +93,24 @@ def _constant(reach: DispersedReach, key: str, ideal: float = 0.0) -> float:
     """Root mean square of a constant error, whose dispersion reaches three sigma; of the worst component."""
     low, high = reach.ends(key)
     return float(np.max(np.hypot(0.5 * (low + high) - ideal, (high - low) / 6.0)))
+
+
+def _unmeasured_thrust(file: ScenarioFile) -> list[str]:
+    """Faults of the thruster of which flight software learns nothing."""
+    if not file.effects.faults or file.chamber_pressure.enabled:
+        return []
+    kinds = [file.fault.kind]
+    for entry in file.dispersions:
+        if isinstance(entry, Choice) and entry.key == _FAULT_KIND:
+            kinds = entry.values
+    if isinstance(file.design, TableDesign | GridDesign):
+        kinds = file.design.values.get(_FAULT_KIND, kinds)
+    found = [kind for kind in _THRUSTER_FAULTS if kind in kinds]
+    return [
+        f"chamber_pressure.enabled: found false with {_FAULT_KIND} = {kind!r}, expected true, or flight software "
+        "believes that burns give their full velocity change"
+        for kind in found[:1]
+    ]
 
 
 def _handover_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief]:

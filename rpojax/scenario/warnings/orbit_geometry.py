@@ -32,6 +32,63 @@ def transition_matrices(n: float, times: np.ndarray) -> np.ndarray:
     return np.array(rows).transpose(2, 0, 1)
 
 
+def latitudes_after(file: ScenarioFile, start: float, times: np.ndarray) -> np.ndarray:
+    """Arguments of latitude (t,) [rad] at `times` (t,) [s] after that at the `start`; they count whole turns on."""
+    e, perigee = file.orbit.eccentricity, np.radians(file.orbit.argument_of_perigee_deg)
+    eta = np.sqrt(1.0 - e * e)
+    true = start - perigee
+    eccentric = true - 2.0 * np.arctan2(e * np.sin(true), 1.0 + eta + e * np.cos(true))
+    mean = eccentric - e * np.sin(eccentric) + mean_motion(file) * np.asarray(times, dtype=np.float64)
+    turns = 2.0 * np.pi * np.round(mean / (2.0 * np.pi))
+    within = mean - turns
+    # From above the solution in the half-turn where Kepler's equation is convex Newton's method does not overshoot.
+    bound = np.minimum(np.minimum(np.abs(within) + e, np.abs(within) / (1.0 - e)), np.pi)
+    later = np.copysign(bound, within)
+    for _ in range(12):
+        later = later - (later - e * np.sin(later) - within) / (1.0 - e * np.cos(later))
+    lead = 2.0 * np.arctan2(e * np.sin(later), 1.0 + eta - e * np.cos(later))
+    return np.asarray(perigee + turns + later + lead)
+
+
+def motions_between(file: ScenarioFile, start: float, times: np.ndarray) -> np.ndarray:
+    """(t, 6, 6) transition matrices of (rho, rho_dot) in H over `times` (t,) [s] from an argument of latitude [rad].
+
+    By Yamanaka and Ankersen, as `core.orbits.yamanaka_ankersen`, whose import takes JAX.
+    """
+    times = np.asarray(times, dtype=np.float64)
+    motions = _motions_of_constants(file, latitudes_after(file, start, times), times)
+    return motions @ np.linalg.inv(_motions_of_constants(file, np.array([start]), np.zeros(1))[0])
+
+
+def _motions_of_constants(file: ScenarioFile, u: np.ndarray, since: np.ndarray) -> np.ndarray:
+    """(t, 6, 6) states of the six free motions at arguments of latitude (t,) [rad], a time (t,) [s] after the epoch."""
+    e, perigee = file.orbit.eccentricity, np.radians(file.orbit.argument_of_perigee_deg)
+    ex, ey = e * np.cos(perigee), e * np.sin(perigee)
+    c, s, zero = np.cos(u), np.sin(u), np.zeros_like(u)
+    kappa, slope = 1.0 + ex * c + ey * s, ey * c - ex * s
+    unit = mean_motion(file) * (1.0 - e * e) ** -1.5
+    tau, far = since * unit, slope / kappa**2
+    position = [
+        [zero, -c, -s, -2.0 / kappa - 3.0 * slope * tau, zero, zero],
+        [1.0 / kappa, (1.0 + 1.0 / kappa) * s, -(1.0 + 1.0 / kappa) * c, 3.0 * kappa * tau, zero, zero],
+        [zero, zero, zero, zero, s / kappa, -c / kappa],
+    ]
+    by_latitude = [
+        [zero, s, -c, -far - 3.0 * (1.0 - kappa) * tau, zero, zero],
+        [
+            -far,
+            (1.0 + 1.0 / kappa) * c - far * s,
+            (1.0 + 1.0 / kappa) * s + far * c,
+            3.0 / kappa + 3.0 * slope * tau,
+            zero,
+            zero,
+        ],
+        [zero, zero, zero, zero, c / kappa - far * s, s / kappa + far * c],
+    ]
+    rates = np.broadcast_to(unit * kappa**2, (3, 6, len(u)))
+    return np.concatenate([np.array(position), np.array(by_latitude) * rates]).transpose(2, 0, 1)
+
+
 def sun_direction(epoch_utc: str) -> np.ndarray:
     """Unit vector (3,) from the Earth to the Sun in N, within 0.2 deg (Montenbruck and Gill, section 3.3.2)."""
     centuries = epoch_seconds(epoch_utc) / (36525.0 * 86400.0)

@@ -1,8 +1,10 @@
-"""Size of the target's hull over all attitudes: its mean, which filters should believe, and boxes too small to see."""
+"""Size of the target's hull: its mean, which filters should believe, boxes too small to see, pictures of another."""
 
 import numpy as np
 
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.trained.packaged_hull import is_packaged
+from rpojax.scenario.trained.trained_files import PACKAGED
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 
 _ATTITUDES = 512
@@ -27,6 +29,21 @@ def hull_sides(hull_m: list[list[float]]) -> np.ndarray:
 def mean_size(hull_m: list[list[float]]) -> float:
     """Geometric mean [m] over all attitudes of the root of width times height."""
     return float(np.exp(np.log(np.maximum(hull_sides(hull_m), _LEAST_SIDE_M)).mean()))
+
+
+def packaged_picture_warnings(file: ScenarioFile) -> list[str]:
+    """Pictures and surface of the packaged target for a hull that is nearly of its size."""
+    if is_packaged(file.target.hull_m):
+        return []
+    used = [
+        key
+        for key, is_used in (
+            ("imaging.field", file.camera.model == "rendered" and file.imaging.field == PACKAGED),
+            ("coverage.surface", file.coverage.enabled and file.coverage.surface == PACKAGED),
+        )
+        if is_used
+    ]
+    return [f"{key}: of the packaged target, whose hull differs a little from target.hull_m" for key in used]
 
 
 def small_box_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:

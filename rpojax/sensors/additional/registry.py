@@ -12,7 +12,8 @@ from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.range_finder import RangeFinder
 from rpojax.value_types import Section
 
-_OF_PLUGINS: Final[dict[str, type[AdditionalSensor]]] = {}
+_OF_PLUGINS: Final[dict[str, list[type[AdditionalSensor]]]] = {}
+"""Sensors of the plugins of this process by the name of their section, which several may have."""
 
 
 class AdditionalSensors(Section):
@@ -32,8 +33,11 @@ class AdditionalSensors(Section):
 
 
 def register(sensors: Mapping[str, type[AdditionalSensor]]) -> None:
-    """Makes sensors of plugins known by the names of their sections; a later one replaces an earlier one."""
-    _OF_PLUGINS.update(sensors)
+    """Makes sensors of plugins known by the names of their sections."""
+    for name, cls in sensors.items():
+        known = _OF_PLUGINS.setdefault(name, [])
+        if cls not in known:
+            known.append(cls)
 
 
 def sensor_names() -> tuple[str, ...]:
@@ -44,12 +48,12 @@ def sensor_names() -> tuple[str, ...]:
 def present_sensors(sections: AdditionalSensors) -> dict[str, AdditionalSensor]:
     """The additional sensors that a scenario has, by name."""
     found = {name: getattr(sections, name, None) for name in sensor_names()}
-    return {name: sensor for name, sensor in found.items() if sensor is not None}
+    return {name: sensor for name, sensor in found.items() if isinstance(sensor, AdditionalSensor)}
 
 
-def sensor_class(name: str) -> type[AdditionalSensor]:
-    """Class of an additional sensor."""
+def sensor_classes(name: str) -> list[type[AdditionalSensor]]:
+    """Classes of the additional sensors of that name: of the package, or of all plugins that have one."""
     if name in _OF_PLUGINS:
         return _OF_PLUGINS[name]
     annotation: Any = AdditionalSensors.model_fields[name].annotation
-    return next(each for each in annotation.__args__ if each is not type(None))
+    return [each for each in annotation.__args__ if each is not type(None)]

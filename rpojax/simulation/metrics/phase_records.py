@@ -12,6 +12,7 @@ import numpy as np
 from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.metrics.metric_definition import Floats
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics import mission_goal
 
 MAX_TRANSITIONS: Final = 32
 """Most beginnings of phases that are stored of a run: the first ones."""
@@ -23,6 +24,8 @@ UNITS: Final = {
     "min_range_m": "m",
     "max_range_m": "m",
     "abort_reason": "-",
+    "goal_reached_at_s": "s",
+    "unmet_conditions": "-",
     "transition_count": "-",
     "transition_phase": "-",
     "transition_by": "-",
@@ -55,7 +58,9 @@ def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str,
 
     Those of a phase are (runs, phases), NaN for phases that a run never was in: total time [s], velocity change, RMS
     formation error (none after an abort), mean relative NEES, least and greatest range. Those of transitions are
-    (runs, 32): number of the phase that begins, what began it and when, the start of the run included.
+    (runs, 32): number of the phase that begins, what began it and when, the start of the run included. Of the goal:
+    when it was reached [s], NaN if never, and the conditions that did not hold at the end of the last phase of the
+    scenario that the run was in, as bits of `Condition`.
     """
     if not file.phases:
         return {}
@@ -84,7 +89,19 @@ def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str,
     stored = {name: np.stack(values, axis=1) for name, values in columns.items()}
     last = np.maximum(running.sum(axis=1) - 1, 0)
     reason = records["abort_reason"][np.arange(len(phase)), last].astype(np.int8)
-    return stored | {"abort_reason": reason} | _transitions(phase, records["phase_entered_by"], running, tick_s)
+    of_goal = {
+        "goal_reached_at_s": mission_goal.reached_at_s(file, records),
+        "unmet_conditions": _unmet_conditions(phase < len(file.phases), records),
+    }
+    transitions = _transitions(phase, records["phase_entered_by"], running, tick_s)
+    return stored | {"abort_reason": reason} | of_goal | transitions
+
+
+def _unmet_conditions(in_table: np.ndarray, records: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Conditions (runs,) that do not hold at the last tick in a phase of the scenario."""
+    chosen = in_table & records["running"]
+    last = chosen.shape[1] - 1 - np.argmax(chosen[:, ::-1], axis=1)
+    return records["unmet_conditions"][np.arange(len(chosen)), last].astype(np.int8)
 
 
 def _sum(values: np.ndarray, within: np.ndarray) -> Floats:

@@ -22,7 +22,7 @@ _DERIVED: Final = {"desired_position_H", "is_settled"}
 """Inputs of metrics that are no channels."""
 
 
-MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_reason")
+MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_reason", "unmet_conditions")
 """Channels of scenarios with phases that metrics and outcomes read."""
 
 
@@ -56,7 +56,7 @@ def _custom(file: ScenarioFile, quantities: Records, timing: RunTiming) -> dict[
 
 
 def _metric_of(file: ScenarioFile, name: str) -> Metric | None:
-    return plugin_registry.metrics_of(file).get(name) or METRICS.get(name)
+    return plugin_registry.catalogue_of(file).get(name)
 
 
 def evaluate_windows(file: ScenarioFile, records: Records, varied: Values) -> dict[str, Floats]:

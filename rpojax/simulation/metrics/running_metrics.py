@@ -124,7 +124,7 @@ def _measurement(name: str, tick: ObservedTick) -> Array:
 
 
 def final_values(metrics: Sequence[Metric], sums: RunningSums) -> Float[Array, " metrics"]:
-    """Values of the metrics; 0 where no tick has any weight."""
+    """Values of the metrics; NaN where undefined."""
     return running_reduction.final_values(metrics, sums.accumulators)
 
 

@@ -1,7 +1,8 @@
 """Outcome of every run, and the events on the way, from recorded channels and the run's own limits.
 
 It is evaluated after the simulation, so that the loop pays nothing. A flag is raised when a run is lost, diverged, off
-station or out of propellant, and cleared when it recovers; the outcome is that of the flags raised at the end.
+station or out of propellant, and cleared when it recovers; the outcome is that of the flags raised at the end. A run
+without any is unfinished if it missed the goal of its mission, and not judged if it ends before it must be on station.
 """
 
 from collections.abc import Mapping
@@ -12,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics import mission_goal
 from rpojax.simulation.metrics.recorded_metrics import desired_position_H
 from rpojax.simulation.outcomes.outcome_events import EventArrays, collect_events
 from rpojax.simulation.outcomes.outcome_kinds import FREEZING, RECOVERABLE, Outcome
@@ -53,7 +56,7 @@ class JudgedRuns:
 
     Attributes:
         codes: (runs,) code of the outcome
-        since_s: (runs,) time since which a failed run has been in its final state [s], NaN for a completed one
+        since_s: (runs,) time since which a failed run has been in its final state [s], NaN for the others
         events: flags that were raised and cleared
     """
 
@@ -63,8 +66,8 @@ class JudgedRuns:
 
     @property
     def failed(self) -> Flags:
-        """(runs,) whether the run did not complete."""
-        return self.codes != Outcome.COMPLETED.code
+        """(runs,) whether the run failed."""
+        return np.isin(self.codes, [kind.code for kind in Outcome if kind.is_failure])
 
     @property
     def frozen(self) -> Flags:
@@ -96,7 +99,29 @@ def judge(
         standing = flags[kind][:, -1] & (codes == Outcome.COMPLETED.code)
         codes[standing] = kind.code
         since_s[standing] = _last_raised_s(flags[kind][standing], tick_s)
+    unfinished = (codes == Outcome.COMPLETED.code) & _misses_goal(file, records)
+    codes[unfinished] = Outcome.UNFINISHED.code
+    if unfinished.any():
+        since_s[unfinished] = mission_goal.entered_at_s(file, records)[unfinished]
+    codes[(codes == Outcome.COMPLETED.code) & _is_too_short(file, varied, records)] = Outcome.NOT_JUDGED.code
     return JudgedRuns(codes, since_s, events)
+
+
+def _misses_goal(file: ScenarioFile, records: Records) -> Flags:
+    """Flags (runs,) of runs that did not come to the goal of their mission."""
+    if mission_goal.mission_goal(file) is None:
+        return np.zeros(len(records["running"]), dtype=bool)
+    return np.isnan(mission_goal.reached_at_s(file, records))
+
+
+def _is_too_short(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: Records) -> Flags:
+    """Flags (runs,) of runs that have no phase to reach, and end before they must be on station: nothing is judged."""
+    runs, ticks = records["running"].shape
+    goal = mission_goal.mission_goal(file)
+    if file.goal.phase == NO_GOAL or (goal is not None and not goal.is_start):
+        return np.zeros(runs, dtype=bool)
+    end_s = ticks / file.rates.camera_hz
+    return np.broadcast_to(end_s < _column(file, varied, "limits.arrive_by_s")[:, 0] - _TIME_TOLERANCE_S, runs)
 
 
 def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: Records) -> dict[Outcome, Flags]:
@@ -105,6 +130,8 @@ def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: 
     limits = {key.rpartition(".")[2]: _column(file, varied, key) for key in LIMIT_KEYS}
     runs, ticks = records["observable"].shape
     time_s = np.arange(ticks) * tick_s
+    # The last tick stands for the end of the run.
+    time_s[-1] = ticks * tick_s
     desired_H = desired_position_H(file, records, varied).astype(np.float32)
     off = np.linalg.norm(records["rho_H"] - desired_H, axis=2)
     aborted = records["abort_reason"] > 0 if "abort_reason" in records else np.zeros((runs, ticks), dtype=bool)
@@ -120,6 +147,10 @@ def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: 
         Outcome.ABORTED: aborted,
         Outcome.OFF_STATION: (time_s >= limits["arrive_by_s"] - _TIME_TOLERANCE_S) & (off > limits["off_station_m"]),
     }
+    goal = mission_goal.mission_goal(file)
+    if goal is not None and goal.row == len(file.phase_names) - 1:
+        # As where an abort is a failure, nothing that it comes before in `RECOVERABLE` counts after it.
+        flags |= {kind: flags[kind] & ~aborted for kind in RECOVERABLE[RECOVERABLE.index(Outcome.ABORTED) :]}
     return {kind: np.broadcast_to(flags[kind], (runs, ticks)) for kind in RECOVERABLE}
 
 

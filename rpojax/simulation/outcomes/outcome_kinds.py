@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Outcome(StrEnum):
-    """How a run ended; where several apply, the first of those that freeze a run or of `RECOVERABLE` does."""
+    """How a run ended; where several apply, the first of those that freeze a run, of `RECOVERABLE`, or unfinished."""
 
     COMPLETED = "completed"
     NON_FINITE = "non_finite"
@@ -17,11 +17,18 @@ class Outcome(StrEnum):
     DIVERGED = "diverged"
     OFF_STATION = "off_station"
     ABORTED = "aborted"
+    UNFINISHED = "unfinished"
+    NOT_JUDGED = "not_judged"
 
     @property
     def code(self) -> int:
-        """Number that is stored; 0 is no failure."""
+        """Number that is stored; the order of the members is that of the codes."""
         return list(Outcome).index(self)
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether it is neither success nor a run too short to be judged."""
+        return self not in (Outcome.COMPLETED, Outcome.NOT_JUDGED)
 
     @property
     def reason(self) -> str:
@@ -38,8 +45,10 @@ REASONS: Final = (
     "filter diverged",
     "off station",
     "aborted",
+    "unfinished",
+    "",
 )
-"""Reason of failure by code."""
+"""Reason of failure by code, empty for what is none."""
 
 FREEZING: Final = (Outcome.NON_FINITE, Outcome.KEEP_OUT)
 """Outcomes that end a run at once, so that it has no metrics."""
@@ -64,6 +73,11 @@ def is_frozen(outcomes: np.ndarray) -> np.ndarray:
     return np.isin(outcomes, [str(kind) for kind in FREEZING])
 
 
+def is_failed(outcomes: np.ndarray) -> np.ndarray:
+    """Flags (runs,) of runs that failed, from outcomes (runs,) as text: neither completed nor not judged."""
+    return np.isin(outcomes, [str(kind) for kind in Outcome if kind.is_failure])
+
+
 def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
-    """Number of runs by outcome, all eight of them, from outcomes (runs,) as text."""
+    """Number of runs by outcome, all of them, from outcomes (runs,) as text."""
     return {str(kind): int(np.sum(outcomes == kind)) for kind in Outcome}

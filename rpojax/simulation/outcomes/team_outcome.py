@@ -8,7 +8,7 @@ from rpojax.simulation.outcomes.judgement import JudgedRuns
 from rpojax.simulation.outcomes.outcome_events import MAX_EVENTS, EventArrays
 from rpojax.simulation.outcomes.outcome_kinds import FREEZING, RECOVERABLE, Outcome
 
-_BY_SEVERITY = (*FREEZING, *RECOVERABLE, Outcome.COMPLETED)
+_BY_SEVERITY = (*FREEZING, *RECOVERABLE, Outcome.UNFINISHED, Outcome.NOT_JUDGED, Outcome.COMPLETED)
 
 
 def worst(servicers: Sequence[JudgedRuns]) -> JudgedRuns:

@@ -168,10 +168,10 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
     if state.sharing is None or state.links is None:
         return replace(state, servicers=after)
 
-    def burns(_: Params, memory: FlightMemory) -> tuple[Array, Array, Array]:
+    def burns(params: Params, memory: FlightMemory) -> tuple[Array, Array, Array]:
         thrust = memory.thrust_estimate
         planned = thrust.ratio * gradient_safe.norm(memory.plan.delta_v_N)
-        return thrust.ratio, planned, thrust_estimator.sigma_inflation(thrust)
+        return thrust.ratio, planned, thrust_estimator.sigma_inflation(params.flight.navigation, thrust)
 
     ratio, planned, inflation = loop.params.each(burns)(after.flight)
     memory = sharing.predict(
@@ -183,6 +183,7 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
         ratio[None] * motion.delta_v_N,
         planned,
         inflation,
+        ticks.flight.reopened,
         loop.scenario.tick_s,
     )
     number = ticks.state.tick + 1

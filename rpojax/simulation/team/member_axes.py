@@ -82,7 +82,7 @@ def with_values(team: TeamParams, values: Values, common: Collection[str]) -> Te
 
 
 def take(leaf: Array, number: Int[Array, ""] | int) -> Array:
-    """Element of the last axis; a sum over the axis, since batching knows no gathering."""
+    """Element of the last axis, as a sum over the axis."""
     chosen = _flags(leaf, number)
     if leaf.dtype == jnp.bool_:
         return jnp.any(leaf & chosen, axis=-1)

@@ -1,11 +1,13 @@
 """The fit of the statistical camera to outcomes of a known distribution."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.calibration.camera_fit import fit_camera
+from rpojax.analysis.calibration.camera_fit import fit_camera, outcome_summary
 from rpojax.analysis.calibration.detection_outcomes import DetectionOutcomes
 from rpojax.sensors import statistical_camera
 from rpojax.sensors.view_features import FEATURE_COUNT
@@ -34,6 +36,20 @@ def probability(features: np.ndarray) -> np.ndarray:
 
 def bias(features: np.ndarray) -> np.ndarray:
     return 0.08 * np.tanh(features[:, 1])
+
+
+def test_a_detector_that_finds_nothing_has_no_accuracy() -> None:
+    outlines, nothing = np.tile([40.0, 40.0, 70.0, 70.0], (3, 1)), np.zeros(3)
+    missed = DetectionOutcomes(np.zeros((3, FEATURE_COUNT)), outlines, np.ones(3, bool), outlines, nothing)
+    assert outcome_summary(missed, 0.4) == {
+        "detected_in_frame": 0.0,
+        "false_boxes": 0.0,
+        "median_overlap": None,
+        "edge_bias_px": None,
+        "edge_sigma_px": None,
+    }
+    outside = replace(missed, in_frame=np.zeros(3, bool))
+    assert outcome_summary(outside, 0.4)["detected_in_frame"] is None
 
 
 def test_the_fit_finds_the_distribution_of_the_outcomes() -> None:

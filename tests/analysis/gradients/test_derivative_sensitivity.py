@@ -66,6 +66,38 @@ def test_failed_runs_are_left_out_and_the_share_of_one_run_is_reported(space: St
     assert curved.kink is None
 
 
+class SometimesUndefined(KnownDerivatives):
+    """The same, with one metric undefined in the median run and in some of the others, as an evaluator gives it."""
+
+    lost: tuple[int, ...] = (0, 3, 4)
+
+    def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+        found = super().jacobian(inputs, keys)
+        assert found.jacobian is not None
+        found.metrics[list(self.lost), 1], found.jacobian[list(self.lost), 1] = np.nan, np.nan
+        return found
+
+
+def test_runs_without_a_metric_are_left_out_of_it_alone_and_counted(space: StandardNormalSpace) -> None:
+    evaluator = SometimesUndefined(space)
+    linear, curved = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, evaluator)
+    assert (len(linear.values), linear.undefined) == (7, 0)
+    assert linear.sigma == pytest.approx(5.0)
+    assert (len(curved.values), curved.undefined) == (5, 2)
+    gradients = 2.0 * np.delete(evaluator.inputs[:, evaluator.column], [0, 2, 3, 4])
+    assert curved.sigma == pytest.approx(np.sqrt(np.mean(gradients**2)))
+    assert np.isnan(curved.shares[0].nominal)
+
+
+def test_too_few_runs_with_a_metric_are_refused(space: StandardNormalSpace) -> None:
+    evaluator = SometimesUndefined(space)
+    evaluator.lost = tuple(range(8))
+    with pytest.raises(
+        RpojaxError, match=r"^runs: found 1 that reached their end, and 6 more without formation_error_rms_m, expected"
+    ):
+        derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, evaluator)
+
+
 def test_a_ranking_by_sampling_is_compared(space: StandardNormalSpace) -> None:
     linear, _ = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, KnownDerivatives(space))
     rng = np.random.default_rng(4)

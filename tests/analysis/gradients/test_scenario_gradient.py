@@ -57,6 +57,30 @@ def test_keys_are_shifted_from_the_dispersed_value_of_each_run(monkeypatch: pyte
     assert found.completed.tolist() == [True, False, True]
 
 
+def made_gradient(metric: list[float]) -> Gradient:
+    """Derivatives 0, 1 and 2 of a metric of three runs, of which the last one failed."""
+    return Gradient(
+        run_ids=np.arange(3),
+        metrics={METRIC: np.array(metric)},
+        derivatives={METRIC: {"gps.noise_m": np.where(np.isnan(metric), np.nan, np.arange(3.0))}},
+        completed=np.array([True, True, False]),
+        events=np.zeros(3, dtype=np.uint32),
+        mode="forward",
+        compile_s=0.0,
+    )
+
+
+def test_runs_without_the_metric_are_in_no_mean() -> None:
+    assert made_gradient([1.0, 2.0, 3.0]).mean(METRIC)["gps.noise_m"] == 0.5
+    found = made_gradient([np.nan, 2.0, 3.0])
+    assert found.counts(METRIC).tolist() == [False, True, False]
+    assert found.mean(METRIC)["gps.noise_m"] == 1.0
+    with pytest.raises(rpojax.RpojaxError, match=f"^{METRIC}: found 1 completed runs with a value, expected"):
+        found.standard_error(METRIC)
+    with pytest.raises(rpojax.RpojaxError, match=f"^{METRIC}: found 0 completed runs with a value, expected"):
+        made_gradient([np.nan, np.nan, 3.0]).mean(METRIC)
+
+
 @pytest.mark.slow
 def test_derivatives_agree_with_central_differences() -> None:
     keys = ["navigation.edge_noise_px", "initial.relative_position_m"]

@@ -3,6 +3,7 @@
 import inspect
 import json
 import math
+import shlex
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -131,6 +132,24 @@ def test_a_failed_run_is_a_violation(mission: ScenarioFile) -> None:
     assert (content["value"], content["value_flown"]) == (None, None)
 
 
+def test_a_run_without_the_metric_violates_the_limit(mission: ScenarioFile) -> None:
+    class SometimesUndefined(LinearRuns):
+        def evaluate(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+            found = super().evaluate(inputs, keys)
+            return replace(found, metrics=np.where(inputs[:, :1] > 2.0, np.nan, found.metrics))
+
+    space = standard_normal_space.make_space(mission)
+    settings = SearchSettings(starts=2, screening_points=16, budget=400.0)
+    worst = worst_case.search_worst_case(
+        space, MetricLimit("delta_v_m_s", "at most", 18.0), settings, 3, SometimesUndefined(space.dimension), COSTS
+    )
+    assert worst.search.nearest_violation is not None
+    # The metric is beyond its limit at 4 sigmas, and undefined from 2 sigmas on.
+    assert 2.0 < worst.reported_point.distance < 3.0
+    content = replace(worst, simulated_value=math.nan).to_dict()
+    assert (content["confirmed"], content["value"], content["value_flown"]) == (True, None, None)
+
+
 def test_a_limit_out_of_reach_is_reported(mission: ScenarioFile) -> None:
     worst = searched(mission, MetricLimit("min_range_m", "at least", 9.0))
     content = replace(worst, simulated_value=12.0).to_dict()
@@ -201,7 +220,7 @@ def test_the_command_writes_a_scenario_that_is_the_point(
     monkeypatch.setattr(worst_case, "make_evaluator", lambda space, metrics, starts: LinearRuns(space.dimension))
     monkeypatch.setattr(worst_case, "measure_costs", lambda evaluator: COSTS)
     monkeypatch.setattr(worst_case, "simulate_worst_case", lambda worst, directory, force: simulated)
-    out = tmp_path / "out"
+    out = tmp_path / "worst of all"
     given = ["--metric", "delta_v_m_s", "--limit", str(limit), "--bound", "at most", "--out", str(out), "--seed", "5"]
     # Otherwise runs beyond 5 sigmas of one number fail, which counts as a violation.
     monkeypatch.setattr(LinearRuns, "fails_beyond", math.inf)
@@ -211,7 +230,8 @@ def test_the_command_writes_a_scenario_that_is_the_point(
     content = json.loads((out / "worst_case.json").read_text())
     file = scenario_loader.load(out / "worst_case.toml")
     text = (out / "worst_case.toml").read_text()
-    assert f"--seed 5 --run-id {content['run_id']}" in text.splitlines()[1]
+    told = ["rpojax", "run", str(out / "worst_case.toml"), "--seed", "5", "--run-id", str(content["run_id"])]
+    assert shlex.split(text.splitlines()[1].removeprefix("# "))[: len(told)] == told
     drawn = dispersed_values.draw(file, run_key(5, content["run_id"]), {})
     for entry in content["dispersions"]:
         for key, value in entry["values"].items():

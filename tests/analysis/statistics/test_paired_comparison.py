@@ -122,11 +122,20 @@ def test_campaigns_of_other_runs_are_refused() -> None:
         compare_paired_runs(runs(np.arange(3), np.ones(3)), runs(np.arange(3, 6), np.ones(3)), [], independent=True)
 
 
-def test_a_requirement_on_a_metric_that_a_campaign_lacks_is_refused() -> None:
-    wanted = RequirementSection(metric="min_range_m", bound="at least", limit=2.0, probability=0.9, consumer_risk=0.1)
-    one = runs(np.arange(3), np.ones(3))
-    with pytest.raises(ResultError, match="found no 'min_range_m'"):
-        compare_paired_runs(one, one, [wanted], independent=True)
+def test_requirements_on_what_one_campaign_lacks_are_left_out_whichever_it_is() -> None:
+    common = {"bound": "at least", "limit": 2.0, "probability": 0.9, "consumer_risk": 0.1}
+    unknown = RequirementSection(metric="min_range_m", **common)
+    in_phase = RequirementSection(metric=ERROR, phase="near", **common)
+    known = RequirementSection(metric=ERROR, **common)
+    one, other = runs(np.arange(3), np.ones(3)), runs(np.arange(3), np.ones(3))
+    window = in_phase.window
+    metrics = {**other.metrics, "min_range_m": np.ones(3), in_phase.metric_name: np.ones(3)}
+    other = RunMetrics(other.run_ids, other.outcomes, {**metrics, window.presence_name: np.ones(3)})
+    for pair in ((one, other), (other, one)):
+        found = compare_paired_runs(*pair, [unknown, in_phase, known], independent=True)
+        assert [each.event for each in found.requirements] == [f"{ERROR} at least 2"]
+    every = compare_paired_runs(other, other, [unknown, in_phase, known], independent=True).requirements
+    assert [each.both for each in every] == [3, 3, 3]
 
 
 def test_outcomes_that_occur_are_counted_by_pairs() -> None:

@@ -11,7 +11,7 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.errors import RpojaxError
 
 IDS = np.arange(10, 16)
-COMPLETED = np.array([True, True, False, True, True, True])
+FAILED = np.array([False, False, True, False, False, False])
 METRICS = {
     "min_range_m": np.array([5.0, 3.0, np.nan, 4.0, 3.0, 9.0]),
     "formation_error_rms_m": np.array([0.1, 0.5, np.nan, 0.4, np.nan, 0.2]),
@@ -51,15 +51,15 @@ def test_runs_kept_independently_of_results(rule: str, kept: set[int]) -> None:
 )
 def test_runs_selected_by_results(rule: str, kept: set[int]) -> None:
     found = Retention(rule)
-    assert selected_by_result(found, IDS, COMPLETED, METRICS) == kept
+    assert selected_by_result(found, IDS, FAILED, METRICS) == kept
     assert found.depends_on_results == (rule != "all")
 
 
 def test_worst_run_of_each_requirement_is_kept_by_default() -> None:
     required = ["min_range_m", "formation_error_rms_m"]
     assert DEFAULT_HISTORIES.rule == "8+requirements"
-    assert selected_by_result(DEFAULT_HISTORIES, IDS, COMPLETED, METRICS, required) == {11}
-    assert selected_by_result(Retention("8"), IDS, COMPLETED, METRICS, required) == set()
+    assert selected_by_result(DEFAULT_HISTORIES, IDS, FAILED, METRICS, required) == {11}
+    assert selected_by_result(Retention("8"), IDS, FAILED, METRICS, required) == set()
     assert DEFAULT_HISTORIES.max_histories(0, 100, 6) == 8 + 6
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
+from rpojax.campaign.status import status
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import ResultError, UnfinishedError
@@ -43,6 +44,22 @@ def test_finished_blocks_are_read_back_in_order(empty: Campaign) -> None:
     assert read.failure_reason.tolist() == ["", REASONS[2], ""]
     assert read.completed.tolist() == [True, False, True]
     assert read.traces["range_m"].dtype == np.float32
+
+
+def test_a_run_that_is_not_judged_is_neither_completed_nor_failed(empty: Campaign) -> None:
+    codes = np.array([Outcome.NOT_JUDGED.code, Outcome.UNFINISHED.code], np.int8)
+    block = synthetic_block(0) | {"status/failure": codes, "status/failed_at_s": np.array([np.nan, 3.0])}
+    empty.write_block(0, block, synthetic_timing())
+    manifest = json.loads((empty.directory / "manifest" / "000000.json").read_text())
+    expected = {"count": 2, "completed": 0, "failed": 1, "reasons": {"unfinished": 1}}
+    assert manifest.items() >= expected.items()
+    read = Campaign(empty.directory)
+    assert read.outcomes.tolist() == ["not_judged", "unfinished"]
+    assert (read.completed.tolist(), read.failed.tolist()) == ([False, False], [False, True])
+    assert read.failure_reason.tolist() == ["", "unfinished"]
+    counts = status(empty.directory)["runs"]
+    assert (counts["completed"], counts["failed"], counts["not_judged"], counts["missing"]) == (0, 1, 1, 3)
+    assert (counts["outcomes"]["not_judged"], counts["outcomes"]["unfinished"]) == (1, 1)
 
 
 def test_padding_is_not_stored(empty: Campaign, arrays: Callable[[Path], dict[str, np.ndarray]]) -> None:

@@ -8,11 +8,9 @@ from scipy.optimize import minimize_scalar
 from rpojax.flight.cooperation import covariance_intersection
 from rpojax.flight.cooperation.covariance_intersection import SplitEstimate
 
-RNG = np.random.default_rng(3)
 
-
-def covariance(size: int) -> np.ndarray:
-    root = RNG.normal(size=(size, size)) * np.exp(RNG.normal(size=size))
+def covariance(rng: np.random.Generator, size: int) -> np.ndarray:
+    root = rng.normal(size=(size, size)) * np.exp(rng.normal(size=size))
     return root @ root.T + 1e-3 * np.eye(size)
 
 
@@ -23,8 +21,9 @@ def split(mean: np.ndarray, correlated: np.ndarray, independent: np.ndarray) -> 
 
 
 def test_independent_fusion_is_that_of_information() -> None:
-    P, Q = covariance(12), covariance(6)
-    x, z = RNG.normal(size=12), RNG.normal(size=6)
+    rng = np.random.default_rng(3)
+    P, Q = covariance(rng, 12), covariance(rng, 6)
+    x, z = rng.normal(size=12), rng.normal(size=6)
     H = np.eye(6, 12)
     mean, fused = covariance_intersection.independent_fusion(*map(jnp.asarray, (x, P, z, Q)), jnp.asarray(True))
     expected = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.inv(Q) @ H)
@@ -33,7 +32,8 @@ def test_independent_fusion_is_that_of_information() -> None:
 
 
 def test_an_estimate_that_is_not_used_hardly_changes_anything() -> None:
-    P, Q = covariance(6), covariance(6)
+    rng = np.random.default_rng(3)
+    P, Q = covariance(rng, 6), covariance(rng, 6)
     own = split(np.arange(6.0), P, np.zeros((6, 6)))
     other = split(np.zeros(6), Q, np.zeros((6, 6)))
     mean, fused = covariance_intersection.fuse(own, [other], jnp.asarray([False]))
@@ -45,8 +45,8 @@ def test_an_estimate_that_is_not_used_hardly_changes_anything() -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_covariance_bounds_the_error_whatever_the_correlation(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    correlated = [covariance(6) for _ in range(3)]
-    independent = [0.3 * covariance(6) for _ in range(3)]
+    correlated = [covariance(rng, 6) for _ in range(3)]
+    independent = [0.3 * covariance(rng, 6) for _ in range(3)]
     estimates = [split(rng.normal(size=6), C, D) for C, D in zip(correlated, independent, strict=True)]
     used = jnp.asarray([True, True])
     mean, fused = covariance_intersection.fuse(estimates[0], estimates[1:], used)
@@ -69,7 +69,8 @@ def test_covariance_bounds_the_error_whatever_the_correlation(seed: int) -> None
 
 @pytest.mark.parametrize("case", range(6))
 def test_share_makes_the_determinant_least(case: int) -> None:
-    A, B, D = covariance(3), covariance(3), 0.1 * covariance(3)
+    rng = np.random.default_rng(3)
+    A, B, D = covariance(rng, 3), covariance(rng, 3), 0.1 * covariance(rng, 3)
     if case == 0:
         B = 1e6 * A
     if case == 1:

@@ -6,8 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import replace
 from rpojax.flight.guidance.references.hold import Hold
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import mission_manager, mission_state
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import AbortReason, MissionState, Transition
@@ -37,6 +39,7 @@ def settings(on_timeout: TimeoutAction = "hold", passively_safe: bool = False) -
             burns_per_orbit=1,
             on_timeout=on_timeout,
             ends=True,
+            has_arrival_box=True,
             passively_safe=passively_safe,
             has_corridor=name == "first",
         )
@@ -76,6 +79,11 @@ def tuning(until: Until, timeout: float = np.inf, **commands: float) -> MissionT
     )
 
 
+def orbit(u: float) -> TargetOrbit:
+    zero = jnp.float64(0.0)
+    return TargetOrbit(argument_of_latitude=jnp.float64(u), ex=zero, ey=zero, semi_major_axis=jnp.float64(7e6))
+
+
 def situation(time: float, **changes: Any) -> Situation:
     """On the station, and all is well."""
     found = Situation(
@@ -83,6 +91,7 @@ def situation(time: float, **changes: Any) -> Situation:
         state_H=jnp.asarray(PLACE),
         burn_time=jnp.float64(time + 60.0),
         burn_state_H=jnp.asarray(PLACE) + 1.0,
+        burn_orbit=orbit(0.4),
         burn_pending=jnp.asarray(False),
         end_H=jnp.asarray(PLACE[:3]),
         range_sigma=jnp.float64(1.0),
@@ -96,7 +105,7 @@ def situation(time: float, **changes: Any) -> Situation:
 
 
 def start(phase: int = 0, seen: bool = True) -> MissionState:
-    begun = mission_state.initial(jnp.asarray(PLACE), jnp.float64(60.0))
+    begun = mission_state.initial(PhaseEntry(relative_state=jnp.asarray(PLACE), orbit=orbit(0.3)), jnp.float64(60.0))
     return replace(begun, phase=jnp.int32(phase), has_seen_target=jnp.asarray(seen))
 
 
@@ -116,6 +125,9 @@ def test_a_phase_ends_after_its_time_and_the_next_begins_with_the_state_at_its_f
     found = after(until, situation(100.0))
     assert (found.phase, found.entered_at, found.starts_at) == (1, 100.0, 160.0)
     np.testing.assert_array_equal(found.entry.relative_state, PLACE + 1.0)
+    assert found.entry.orbit.argument_of_latitude == 0.4
+    later = mission_manager.update(settings(), tuning(until), found, situation(120.0, burn_state_H=PLACE))
+    np.testing.assert_array_equal(later.entry.relative_state, PLACE + 1.0)
 
 
 def test_the_last_phase_does_not_end() -> None:

@@ -1,6 +1,7 @@
 """OEM, AEM and OPM of a run, read back by `ccsds-ndm` and `oem`, and the meaning of their frames and quaternions."""
 
 import datetime
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ from scipy.spatial.transform import Rotation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
 from rpojax.errors import RpojaxError
-from rpojax.interop import run_replay, spacecraft_states
+from rpojax.interop import run_replay
 from rpojax.interop.ccsds import navigation_messages
 from rpojax.interop.export import export
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.interop.spacecraft_states import BothStates, SpacecraftStates
+from rpojax.scenario.loading.starts import start_files
+from rpojax.time_scales import instant
 
 RUN = 3
 MILLIMETRE = 1e-3
@@ -115,6 +118,49 @@ def test_an_opm_has_the_state_at_the_start(
     np.testing.assert_allclose(1e3 * np.array(read[3:]), velocity[0], rtol=0.0, atol=1e-8)
 
 
+@pytest.mark.parametrize("kind", ["oem", "opm"])
+def test_messages_that_were_written_are_a_start(
+    kind: str, written: dict[str, Path], states_run: ReplayedRun[BothStates]
+) -> None:
+    start: dict[str, Any] = {each: str(written[f"{kind}_{each}"]) for each in ("target", "servicer")}
+    tables: dict[str, Any] = {"start": start}
+    start_files.resolve_start(tables)
+    assert tables["epoch_utc"] == "2026-03-20T14:46:00"
+    for each in ("target", "servicer"):
+        position, velocity, _ = expected_states(states_run, each)
+        assert (start[f"{each}_format"], start[f"{each}_object"]) == (kind.upper(), each.upper())
+        np.testing.assert_allclose(start[f"{each}_position_m"], position[0], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(start[f"{each}_velocity_m_s"], velocity[0], rtol=0.0, atol=1e-9)
+    # Positions of both are rounded to 1e-6 m.
+    relative = np.linalg.norm(tables["initial"]["relative_position_m"])
+    assert relative == pytest.approx(np.linalg.norm(states_run.values.r_ST_N[0]), abs=2e-6)
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 3.0, 5.0, 7.0, 30.0, 64.0])
+@pytest.mark.parametrize("epoch", ["2026-03-20T14:46:00", "2016-12-31T23:58:00.000192"])
+def test_a_sample_is_where_the_spacecraft_is_at_its_label_at_any_rate(
+    tmp_path: Path, rate_hz: float, epoch: str
+) -> None:
+    time_s = np.arange(400) / rate_hz
+    speed = 7600.0
+    line = np.array([1.0, 2.0, 2.0]) / 3.0
+    position, velocity = 7e6 + speed * time_s[:, None] * line, np.tile(speed * line, (400, 1))
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (400, 1))
+    states = SpacecraftStates("target", instant(epoch), time_s, position, velocity, q, about=())
+    text = navigation_messages.oem(states, CREATED)
+    rows = [line.split() for line in text.splitlines() if line[:2] == "20"]
+    for number, (label, *cells) in enumerate(rows):
+        at = Fraction(instant(label).tai_ps - instant(epoch).tai_ps, 10**12)
+        expected = 7e6 + speed * float(at) * line
+        np.testing.assert_allclose(1e3 * np.array(list(map(float, cells[:3]))), expected, rtol=0.0, atol=1e-6)
+        assert abs(at - Fraction(number) / Fraction(rate_hz)) < Fraction(1, 10**10)
+    assert {len(label) for label, *_ in rows} == {26 if rate_hz in (1.0, 5.0, 64.0) else 32}
+    (tmp_path / "target.oem").write_text(text)
+    read = OrbitEphemerisMessage.open(tmp_path / "target.oem").states
+    seconds = [(each.epoch - read[0].epoch).sec for each in read]
+    np.testing.assert_allclose(seconds, time_s, rtol=0.0, atol=1e-9)
+
+
 def test_a_message_says_what_its_frame_neglects(written: dict[str, Path]) -> None:
     for path in written.values():
         comments = " ".join(NdmIo().from_path(path).header.comment)
@@ -122,9 +168,8 @@ def test_a_message_says_what_its_frame_neglects(written: dict[str, Path]) -> Non
         assert f"run {RUN} of seed 5" in comments
 
 
-def test_an_epoch_in_another_zone_is_converted_and_rounded_to_microseconds(inspection_file: Any) -> None:
-    file = inspection_file.model_copy(update={"epoch_utc": "2026-03-20T16:46:00+02:00"})
-    epoch = spacecraft_states.utc_epoch(file)
+def test_an_epoch_in_another_zone_is_converted_and_rounded_to_microseconds() -> None:
+    epoch = instant("2026-03-20T16:46:00+02:00")
     states = SpacecraftStates("target", epoch, np.array([0.0, 0.2, 86400.0]), *3 * (np.zeros((3, 3)),), about=())
     assert states.epochs == [
         "2026-03-20T14:46:00.000000",

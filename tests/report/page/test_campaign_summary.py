@@ -9,7 +9,19 @@ from rpojax.report.page.campaign_summary import summarise
 
 _STATISTICS = ("mean", "std", "min", "p1", "p5", "p50", "p95", "p99", "max", "p1_lower_95", "p99_upper_95")
 NO_RUNS = dict.fromkeys(
-    ("completed", "lost", "off_station", "diverged", "out_of_propellant", "keep_out", "non_finite", "aborted"), 0
+    (
+        "completed",
+        "lost",
+        "off_station",
+        "unfinished",
+        "diverged",
+        "out_of_propellant",
+        "keep_out",
+        "non_finite",
+        "aborted",
+        "not_judged",
+    ),
+    0,
 )
 """Number of runs by outcome, of no runs."""
 
@@ -60,10 +72,10 @@ def test_runs_failures_and_provenance(build):
     campaign = build(runs=12, failed=(4, 9))
     summary = summarise(campaign)
     outcomes = {**NO_RUNS, "completed": 10, "keep_out": 2}
-    assert summary["runs"] == {"requested": 12, "completed": 10, "failed": 2, "missing": 0, "outcomes": outcomes}
-    assert summary["failures"] == [
-        {"run_id": run, "outcome": "keep_out", "at_s": 300.0, "reason": "entered the keep-out sphere"} for run in (4, 9)
-    ]
+    counts = {"requested": 12, "completed": 10, "failed": 2, "not_judged": 0, "missing": 0}
+    assert summary["runs"] == {**counts, "outcomes": outcomes}
+    failure = {"outcome": "keep_out", "at_s": 300.0, "reason": "entered the keep-out sphere", "detail": ""}
+    assert summary["failures"] == [{"run_id": run, **failure} for run in (4, 9)]
     assert summary["provenance"]["scenario_hash"] == campaign.info["scenario_hash"]
     assert summary["requirements"] == []
 
@@ -73,7 +85,17 @@ def test_runs_of_unfinished_blocks_are_missing(build):
     campaign.info["runs"] = 20
     found = summarise(campaign)["runs"]
     assert found.pop("outcomes") == {**NO_RUNS, "completed": 11, "keep_out": 1}
-    assert found == {"requested": 20, "completed": 11, "failed": 1, "missing": 8}
+    assert found == {"requested": 20, "completed": 11, "failed": 1, "not_judged": 0, "missing": 8}
+
+
+def test_runs_that_are_not_judged_neither_failed_nor_completed(build):
+    campaign = build(runs=12, failed=(4,))
+    campaign.outcomes[:3], campaign.completed[:3] = "not_judged", False
+    found = summarise(campaign)
+    runs = found["runs"]
+    assert (runs["requested"], runs["completed"], runs["failed"], runs["not_judged"]) == (12, 8, 1, 3)
+    assert runs["outcomes"] == {**NO_RUNS, "completed": 8, "keep_out": 1, "not_judged": 3}
+    assert [failure["run_id"] for failure in found["failures"]] == [4]
 
 
 @pytest.mark.parametrize("choices", [{}, {"runs": 1}, {"runs": 5, "failed": range(5)}, {"runs": 3, "kept": ()}])

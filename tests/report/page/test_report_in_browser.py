@@ -3,7 +3,8 @@
 import re
 
 import pytest
-from headless_browser import BROWSER, browse, console_lines
+from headless_browser import BROWSER, browse, console_lines, measure, view_options
+from probability_estimates import write_estimate
 
 from rpojax.report.page.html_report import write_report
 
@@ -30,3 +31,10 @@ def test_external_requests_are_detected(build):
     page.write_text(page.read_text().replace("</main>", '<img src="https://example.org/x.png"></main>'))
     shown = browse(page, "--dump-dom")
     assert any("example.org" in line for line in console_lines(shown))
+
+
+def test_the_main_part_of_an_estimate_stands_beside_its_contents_on_a_wide_screen(tmp_path):
+    found, messages = measure(write_estimate(tmp_path), *view_options(1400, 900))
+    assert messages == []
+    assert found["main"] == [pytest.approx(1120, abs=1)]
+    assert (found["charts"], found["undrawn"]) == (3, 0)

@@ -13,6 +13,7 @@ import headless_browser
 import numpy as np
 import pytest
 from PIL import Image
+from probability_estimates import write_estimate
 from synthetic_campaign_results import SyntheticCampaign, synthetic_campaign
 
 from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
@@ -25,7 +26,13 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(headless_browser.BROWSER is None, reason="no Chromium is installed"),
 ]
-VIEWS = {"desktop": (1400, 1000, False), "phone": (390, 844, False), "dark": (1400, 1000, True)}
+VIEWS = {
+    "desktop": (1400, 1000, False),
+    "wide": (1920, 1000, False),
+    "tablet": (800, 1000, False),
+    "phone": (390, 844, False),
+    "dark": (1400, 1000, True),
+}
 MAX_BYTES = 3e6
 
 
@@ -70,7 +77,12 @@ PAGES: dict[str, Callable[[Path], Path]] = {
     "run": lambda folder: write_report(_campaign(folder, runs=1, seconds=3000, kept=(0,))),
     "brief": lambda folder: write_brief(_campaign(folder, runs=300, seconds=3000, kept=(0, 1, 2), failed=(3, 7))),
     "comparison": _compared,
+    "probability": lambda folder: write_estimate(folder.parent),
 }
+LEAST_CHARTS = {"probability": 3}
+"""Charts of a page, where it has fewer than six."""
+CONTENTS_PX = 220
+"""Width of the contents beside the main part of a wide page."""
 
 
 @pytest.fixture(scope="module", params=list(PAGES))
@@ -94,12 +106,14 @@ def test_page_is_whole_in_every_view(page: Path, pictures: Path, view: str) -> N
     found, messages = headless_browser.measure(page, *options)
     assert messages == []
     assert page.stat().st_size < MAX_BYTES
-    assert found["charts"] > 5
+    assert found["charts"] >= LEAST_CHARTS.get(page.stem, 6)
     assert found["undrawn"] == 0
     assert all(painted > 300 for painted in found["painted"])
     is_brief = page.stem == "brief"
     if not is_brief:  # its sheets have the width of paper
         assert found["content"] <= found["width"], "the page itself does not scroll sideways"
+        beside = CONTENTS_PX if width >= 1320 else 0
+        assert found["main"] == [pytest.approx(min(1120, found["width"] - beside), abs=1)]
     for table in found["tables"]:
         clipped = table["excess"] > 1 and not table["scrolls"]
         assert not clipped, table
@@ -123,7 +137,7 @@ def test_sheets_of_the_brief_report_hold_all_that_is_on_them(page: Path) -> None
 def test_page_prints_within_its_margins_with_page_numbers(page: Path, pictures: Path) -> None:
     paper = pictures / f"{page.stem}.pdf"
     pages = headless_browser.print_page(page, paper)
-    assert pages == 4 if page.stem == "brief" else 4 < pages < 40
+    assert pages == 4 if page.stem == "brief" else (1 if page.stem == "probability" else 4) < pages < 40
     if shutil.which("pdftoppm") is None or shutil.which("pdftotext") is None:
         pytest.skip("poppler is not installed, so the PDF file is not looked at")
     words = subprocess.run(["pdftotext", "-layout", str(paper), "-"], capture_output=True, text=True, check=True).stdout

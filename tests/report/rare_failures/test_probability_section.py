@@ -5,51 +5,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from probability_estimates import ESTIMATE
 from synthetic_campaign_results import SyntheticCampaign
 
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
 from rpojax.analysis.statistics import rare_requirements
 from rpojax.errors import ResultError
-from rpojax.report.rare_failures import probability_page, probability_results
+from rpojax.report.page import page_templates, probability_page
+from rpojax.report.rare_failures import probability_results, probability_values
 
-ESTIMATE: dict[str, Any] = {
-    "probability": 1.2e-5,
-    "interval_95": [1.0e-5, 1.4e-5],
-    "coefficient_of_variation": 0.08,
-    "evaluations": 20000,
-    "method": "importance",
-    "trusted": True,
-    "warnings": ["several design points: 60 % at 4.20 sigmas, 40 % at 4.40 sigmas"],
-    "reason": "a proposal fitted to the failures",
-    "effective_sample_size": 150.0,
-    "levels": [{"name": "level", "evaluations": 900, "probability": 0.1, "threshold": 2.5, "acceptance": 0.44}],
-    "scenario": "inspection",
-    "scenario_hash": "other",
-    "failure": {"metric": "min_range_m", "words": "min_range_m below 10 m, or a run that ended early"},
-    "requirement": {"allowed_probability_of_failure": 1e-4, "verdict": "met"},
-    "plain_runs_for_equal_accuracy": 13e6,
-    "remark": "",
-    "noise": "drawn with every run",
-    "unmapped": [],
-    "design_points": [
-        {
-            "distance_sigmas": 4.2,
-            "share": 0.6,
-            "dispersions": [
-                {
-                    "name": "servicer.mass_kg",
-                    "distance_sigmas": 4.0,
-                    "sigmas": {"servicer.mass_kg": 4.0},
-                    "values": {"servicer.mass_kg": 31.2},
-                    "nominal": {"servicer.mass_kg": 30.0},
-                }
-            ],
-        }
-    ],
-    "failing_runs": [
-        {"distance_sigmas": 4.3, "command": "rpojax run 01.toml --seed 0 --run-id 7 --out x", "dispersions": []}
-    ],
-}
+
+def section(entries: list[dict[str, Any]]) -> str:
+    """The section of the campaign's report."""
+    return page_templates.render(
+        "parts/rare_failures.html", {}, {"rare_failures": probability_values.section_values(entries)}
+    )
 
 
 def with_requirement(campaign: SyntheticCampaign, probability: float) -> None:
@@ -74,7 +44,7 @@ def test_a_rare_requirement_gets_its_command_and_the_runs_that_plain_sampling_ne
     (entry,) = probability_results.content(campaign)
     # (1 - 1e-5)^n <= 0.1 for n >= 230258.
     assert entry["plain_runs"] == 230258
-    text = str(probability_page.section([entry]))
+    text = section([entry])
     assert "230,258 runs" in text
     assert "--requirement min_range_m --out" in text
 
@@ -82,14 +52,14 @@ def test_a_rare_requirement_gets_its_command_and_the_runs_that_plain_sampling_ne
 def test_a_requirement_that_plain_runs_verify_gets_none(campaign: SyntheticCampaign) -> None:
     with_requirement(campaign, 0.99)
     assert probability_results.content(campaign) == []
-    assert str(probability_page.section([])) == ""
+    assert probability_values.section_values([]) is None
 
 
 def test_an_estimate_takes_the_place_of_the_command(campaign: SyntheticCampaign) -> None:
     with_requirement(campaign, 0.99999)
     write(campaign)
     (entry,) = probability_results.content(campaign)
-    text = str(probability_page.section([entry]))
+    text = section([entry])
     for part in ("1.2e-05", "the requirement is met", "31.2", "--run-id 7", "13,000,000 runs", "another scenario"):
         assert part in text
 

@@ -53,14 +53,43 @@ def test_runs_that_do_not_count_are_told_apart(build):
     name, there = "delta_v_m_s@approach", np.arange(300) % 3 > 0
     campaign.metrics[name] = np.where(there, campaign.metrics["delta_v_m_s"], np.nan)
     campaign.metrics["duration_s@approach"] = np.where(there, 10.0, 0.0)
-    found = _require(campaign, phase="approach", probability=0.98)
+    found = _require(campaign, phase="approach", probability=0.98, among="reaching_runs")
     assert (found["of"], found["runs"], found["not_counted"], found["violations"]) == (name, 200, 100, 0)
     assert found["verdict"] == "verified"
-    assert found["text"] == "Delta-v in approach at most 1 m/s in at least 98 % of runs"
+    assert found["text"] == "Delta-v in approach at most 1 m/s in at least 98 % of runs that reach approach"
     row = requirement_verdict_section.rows([found])[0]
     assert row.title.startswith("Delta-v in approach ")
     assert "100 do not count" in row.note
-    assert "100 do not count" in write_report(campaign).read_text()
+    assert "200 of 300 reached approach" in row.note
+    page = write_report(campaign).read_text()
+    assert "100 do not count" in page
+    assert "200 of 300 reached approach" in page
+
+
+def test_runs_that_never_reach_the_phase_of_a_requirement_violate_it(build):
+    campaign = build(runs=300, seconds=30, kept=())
+    name, there = "delta_v_m_s@approach", np.arange(300) % 3 > 0
+    # Totals of no ticks are 0, which would keep the limit.
+    campaign.metrics[name] = np.where(there, campaign.metrics["delta_v_m_s"], 0.0)
+    campaign.metrics["duration_s@approach"] = np.where(there, 10.0, 0.0)
+    found = _require(campaign, phase="approach", probability=0.98)
+    assert (found["runs"], found["not_counted"], found["violations"], found["without_value"]) == (300, 0, 100, 100)
+    assert (found["verdict"], found["reached"], found["reached_text"]) == (
+        "not verified",
+        200,
+        "200 of 300 reached approach",
+    )
+    assert found["text"] == "Delta-v in approach at most 1 m/s in at least 98 % of runs"
+    # A verdict on those that reach it needs one that does.
+    campaign.metrics["duration_s@approach"][:] = 0.0
+    found = _require(campaign, phase="approach", probability=0.98)
+    assert (found["verdict"], found["reached"], found["violations"]) == ("not verified", 0, 300)
+    found = _require(campaign, phase="approach", probability=0.98, among="reaching_runs")
+    assert (found["verdict"], found["runs"], found["not_counted"]) == ("needs more runs", 0, 300)
+    campaign.metrics[f"{name}.end"] = np.full(300, 0.1)
+    campaign.metrics["event_time_s@approach.end"] = np.where(np.arange(300) < 4, 20.0, np.nan)
+    found = _require(campaign, phase="approach", at="end", probability=0.98)
+    assert found["reached_text"] == "4 of 300 came to the end of approach"
 
 
 def test_a_requirement_on_an_outcome_counts_its_runs(build):

@@ -14,7 +14,8 @@ from rpojax.scenario.schema import ScenarioFile
     ("former", "present"),
     [
         ("confirm_frames", "confirm_within_s"),
-        ("confirm_tolerance_px", "confirm_tolerance_px_s"),
+        ("confirm_tolerance_px", "confirm_tolerance_deg_s"),
+        ("confirm_tolerance_px_s", "confirm_tolerance_deg_s"),
         ("rejections_before_recovery", "recovery_after_s"),
     ],
 )

@@ -3,6 +3,7 @@
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rpojax
@@ -29,14 +30,38 @@ def test_a_file_of_the_first_version_is_migrated_with_a_line_that_says_what_chan
     assert len(told) == 1
     assert "\n" not in str(told[0].message)
     found = file.navigation
-    assert (found.confirm_within_s, found.confirm_tolerance_px_s, found.recovery_after_s) == (3.0, 4.0, 10.0)
+    assert (found.confirm_within_s, found.recovery_after_s) == (3.0, 10.0)
+    # A pixel of the packaged camera, 128 over 10 deg, is 0.0783 deg in the middle.
+    np.testing.assert_allclose(found.confirm_tolerance_deg_s, 4.0 * 0.0783243, rtol=1e-5)
 
 
 def test_frames_become_seconds_at_the_rate_of_the_camera(tmp_path: Path) -> None:
     (tmp_path / "old.toml").write_text(OLD + "[rates]\nplant_hz = 10.0\ncamera_hz = 2.0\n")
     with pytest.warns(FormatChangeWarning, match="at 2 Hz"):
         found = rpojax.load(tmp_path / "old.toml").navigation
-    assert (found.confirm_within_s, found.confirm_tolerance_px_s, found.recovery_after_s) == (1.5, 8.0, 5.0)
+    assert (found.confirm_within_s, found.recovery_after_s) == (1.5, 5.0)
+    np.testing.assert_allclose(found.confirm_tolerance_deg_s, 8.0 * 0.0783243, rtol=1e-5)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize(("width_px", "field_of_view_deg"), [(128, 10.0), (512, 10.0), (2048, 4.0)])
+def test_a_tolerance_in_pixels_becomes_the_angle_of_that_many_pixels_of_the_camera(
+    version: int, width_px: int, field_of_view_deg: float, tmp_path: Path
+) -> None:
+    camera = f"[camera]\nwidth_px = {width_px}\nheight_px = {width_px}\nfield_of_view_deg = {field_of_view_deg}\n"
+    head = f'extends = "inspection"\nname = "old"\nformat_version = {version}\n'
+    (tmp_path / "old.toml").write_text(head + "[navigation]\nconfirm_tolerance_px_s = 5.0\n" + camera)
+    with pytest.warns(FormatChangeWarning, match=r"confirm_tolerance_px_s = 5 became confirm_tolerance_deg_s"):
+        found = rpojax.load(tmp_path / "old.toml")
+    # Five pixels beside the middle of the image.
+    focal = 0.5 * width_px / np.tan(np.radians(0.5 * field_of_view_deg))
+    np.testing.assert_allclose(found.navigation.confirm_tolerance_deg_s, np.degrees(5.0 / focal), rtol=1e-12)
+
+
+def test_a_finer_camera_has_the_tolerance_of_the_file_that_it_extends(tmp_path: Path) -> None:
+    (tmp_path / "fine.toml").write_text('extends = "inspection"\nname = "fine"\n[camera]\nwidth_px = 512\n')
+    found, base = (rpojax.load(each).navigation for each in (tmp_path / "fine.toml", "inspection"))
+    assert found.confirm_tolerance_deg_s == base.confirm_tolerance_deg_s
 
 
 def test_a_file_without_former_keys_is_read_without_a_word(tmp_path: Path) -> None:
@@ -48,16 +73,44 @@ def test_a_file_without_former_keys_is_read_without_a_word(tmp_path: Path) -> No
     assert scenario_digest(file) == scenario_digest(rpojax.load("inspection"))
 
 
-@pytest.mark.parametrize("version", [0, 3, "2", True, 2.0])
+@pytest.mark.parametrize("version", [1, 2])
+def test_faults_of_an_older_file_keep_the_pressure_sensor(tmp_path: Path, version: int) -> None:
+    (tmp_path / "old.toml").write_text(
+        f'format_version = {version}\nextends = "inspection"\nname = "old"\n[effects]\nfaults = true\n'
+    )
+    expected = (
+        f"format {version} read as 3: chamber_pressure.enabled = true was added, which effects.faults = true meant"
+    )
+    with pytest.warns(FormatChangeWarning, match=expected):
+        assert rpojax.load(tmp_path / "old.toml").chamber_pressure.enabled
+
+
+@pytest.mark.parametrize(
+    ("text", "enabled"),
+    [
+        ('format_version = 3\nextends = "inspection"\n[effects]\nfaults = true\n', False),
+        ('extends = "inspection"\n[effects]\nfaults = true\n[chamber_pressure]\nenabled = false\n', False),
+        ('extends = "inspection_faults"\n[effects]\nfaults = true\n', True),
+        ('extends = "inspection"\n[effects]\nfaults = false\n', False),
+    ],
+)
+def test_what_a_file_says_of_the_pressure_sensor_stays(tmp_path: Path, text: str, enabled: bool) -> None:
+    (tmp_path / "new.toml").write_text(f'name = "new"\n{text}')
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert rpojax.load(tmp_path / "new.toml").chamber_pressure.enabled is enabled
+
+
+@pytest.mark.parametrize("version", [0, 4, "2", True, 2.0])
 def test_another_version_is_refused(tmp_path: Path, version: object) -> None:
     text = str(version).lower() if isinstance(version, bool) else repr(version)
     (tmp_path / "a.toml").write_text(f'extends = "inspection"\nname = "a"\nformat_version = {text}\n')
-    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 2"):
+    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 3"):
         rpojax.load(tmp_path / "a.toml")
 
 
 def test_a_former_key_in_a_file_of_the_present_version_or_beside_its_successor_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.toml").write_text("format_version = 2\n" + OLD)
+    (tmp_path / "a.toml").write_text(f"format_version = {FORMAT_VERSION}\n" + OLD)
     with pytest.raises(ScenarioError, match=r"navigation.confirm_frames"):
         rpojax.load(tmp_path / "a.toml")
     (tmp_path / "b.toml").write_text(OLD + "confirm_within_s = 2.0\n")
@@ -70,7 +123,7 @@ def test_the_command_line_says_what_changed(tmp_path: Path, capsys: pytest.Captu
     assert main.main(["validate", str(tmp_path / "old.toml")]) == 0
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
-    assert told[0].startswith(f"rpojax: {tmp_path / 'old.toml'}: format 1 read as 2: navigation.confirm_frames")
+    assert told[0].startswith(f"rpojax: {tmp_path / 'old.toml'}: format 1 read as 3: navigation.confirm_frames")
 
 
 @pytest.mark.parametrize("base", scenario_loader.packaged_names())

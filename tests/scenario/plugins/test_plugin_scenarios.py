@@ -4,9 +4,10 @@ import hashlib
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from synthetic_channel_records import perfect_run
 
 import rpojax
 from rpojax.errors import RpojaxError, ScenarioError
-from rpojax.metrics import metric_catalogue
+from rpojax.metrics import metric_catalogue, running_reduction
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import custom_metrics, plugin_registry
 from rpojax.scenario.plugins.plugin import described_plugin
@@ -151,8 +152,10 @@ def test_metrics_from_python_have_their_units_and_are_evaluated_for_their_scenar
     np.testing.assert_allclose(found["off_track_m"], [0.0, 5.0], rtol=1e-12)
     np.testing.assert_array_equal(found["end_range_m"], [25.0, 26.0])
     assert metric_catalogue.unit_of("off_track_m") == "m"
-    assert metric_catalogue.METRICS["off_track_m"].has_derivative
-    assert not metric_catalogue.METRICS["end_range_m"].has_derivative
+    known = plugin_registry.catalogue_of(file)
+    assert known["off_track_m"].has_derivative
+    assert not known["end_range_m"].has_derivative
+    assert not {"off_track_m", "end_range_m"} & {*plugin_registry.catalogue_of(plain), *metric_catalogue.METRICS}
     assert set(recorded_metrics.evaluate(plain, records, {})) == set(found) - {"off_track_m", "end_range_m"}
     assert scenario_digest(plain) != scenario_digest(file)
 
@@ -167,6 +170,29 @@ def test_ticks_without_a_finite_value_do_not_count_and_a_run_without_any_is_unde
     records["range_m"][0] = [10.0] * 4 + [30.0] * 3 + [40.0] * 2
     records["range_m"][1] = 5.0
     np.testing.assert_allclose(recorded_metrics.evaluate(file, records, {})["score"], [34.0, np.nan])
+
+
+@pytest.mark.parametrize("differentiate", [jax.jacfwd, jax.jacrev])
+def test_ticks_without_a_finite_value_do_not_enter_the_derivative_in_either_mode(differentiate: Callable) -> None:
+    @rpojax.metric("mean")
+    def root(range_m, is_eclipsed):
+        return jnp.where(is_eclipsed, jnp.sqrt(range_m - 20.0), jnp.nan)
+
+    definition = custom_metrics.make_metric("root", root, "-")
+    ranges = [24.0, 10.0, 29.0, 5.0]
+
+    def value(factor: jax.Array, ranges: list[float]) -> jax.Array:
+        sums = running_reduction.initial_accumulators([definition])
+        for tick, length in enumerate(ranges):
+            inputs = {"range_m": factor * length, "is_eclipsed": jnp.asarray(True)}
+            sums = running_reduction.accumulate([definition], inputs, sums, jnp.int32(tick), len(ranges), 1.0)
+        return running_reduction.final_values([definition], sums)[0]
+
+    assert value(jnp.ones(()), ranges) == 2.5
+    # Of sqrt(24 x - 20) and sqrt(29 x - 20) at x = 1.
+    assert differentiate(value)(1.0, ranges) == pytest.approx(0.5 * (24.0 / 4.0 + 29.0 / 6.0))
+    assert np.isnan(value(jnp.ones(()), ranges[1::2]))
+    assert differentiate(value)(1.0, ranges[1::2]) == 0.0
 
 
 def test_a_requirement_in_a_window_may_name_a_metric_of_the_plugin() -> None:
@@ -212,12 +238,14 @@ def test_a_description_reads_results_and_refuses_to_simulate(example: Path) -> N
     tables, plugin = file.model_dump(mode="json"), plugin_registry.plugin_of(file)
     assert plugin is not None
     record = plugin.describe()
-    metric_catalogue.METRICS.pop("docking_angle_deg")
+    metric_catalogue._OF_PLUGINS.clear()
     plugin_registry._KNOWN.clear()
     plugin_registry.add_description(tables, record)
     read = scenario_loader.validate(tables)
     assert read.model_dump(mode="json") == tables
-    assert metric_catalogue.METRICS["docking_angle_deg"].title == "Largest angle off the track"
+    found = metric_catalogue.find("docking_angle_deg")
+    assert found is not None
+    assert found.title == "Largest angle off the track"
     assert scenario_digest(read) == scenario_digest(file)
     with pytest.raises(ScenarioError, match=r"plugin: .* expected allow_plugin=True"):
         plugin_registry.stages_of(read)

@@ -37,6 +37,9 @@ CASES = {
         "= 4 px",
     ),
     "boxes too small": (["camera.minimum_size_px=30.0"], "formation.desired_position_m", "% of attitudes", "= 30 px"),
+    "a start of which leap seconds are not known": (
+        ['epoch_utc="2046-03-20T14:46:00"'], "epoch_utc", "found 2046, expected a year to 20", "not known"
+    ),
     "a low Sun": (["orbit.raan_deg=0.0"], "initial.relative_position_m", "% of the starts", "eclipse"),
     "a camera that stands no light": (
         ["camera.sun_exclusion_deg=120.0"], "formation.desired_position_m", "of an orbit at the station", "at most 75 %"
@@ -53,6 +56,28 @@ CASES = {
     "a belief far too large": (["navigation.edge_noise_px=5.0"], "navigation.edge_noise_px", "the 5th part"),
     "a noisy star tracker": (
         ["star_tracker.noise_deg=[0.01, 0.003, 0.03]"], "attitude_filter.star_tracker_noise_deg", "0.003", "0.03"
+    ),
+    "a noisy pressure sensor": (
+        ["chamber_pressure={enabled=true, noise=0.1}"], "navigation.pressure_noise", "believes 0.03,", "is 0.1 "
+    ),
+    "a thruster that varies": (
+        ["chamber_pressure.enabled=true", "thruster.magnitude_noise=0.03"],
+        "navigation.thrust_sigma",
+        "believes 0.015,",
+        "is 0.03162 by thruster.magnitude_noise and force_scale",
+    ),
+    "a thruster that fails without a sensor for it": (
+        ["effects.faults=true", "fault.kind='thruster_off'"], "chamber_pressure.enabled", "'thruster_off'"
+    ),
+    "a thruster that fails in some runs": (
+        ["effects.faults=true", "dispersions.fault.kind={kind='choice', values=['gps_outage', 'thruster_weak']}"],
+        "chamber_pressure.enabled",
+        "'thruster_weak'",
+    ),
+    "a thruster that fails in a case of a grid": (
+        ["effects.faults=true", "design={kind='grid', values={'fault.kind'=['none', 'thruster_off']}}"],
+        "chamber_pressure.enabled",
+        "'thruster_off'",
     ),
     "a crooked thruster": (
         ["thruster.misalignment_deg=[0.0, 1.0, 0.0]"], "navigation.burn_direction_sigma_deg", "1.02"
@@ -94,6 +119,10 @@ def test_a_mission_that_cannot_work_is_warned_about_in_one_line(name: str) -> No
         ["target.scale=1.5", "navigation.target_size_sigma=0.5"],
         ["target.scale=1.2", "navigation.target_size_sigma=0.2"],
         ["dispersions.target.scale={kind='log_normal', sigma=0.05}", "navigation.target_size_sigma=0.05"],
+        ["chamber_pressure={enabled=false, noise=0.1}", "thruster.magnitude_noise=0.015"],
+        ["effects.faults=true", "fault.kind='gps_outage'"],
+        ["effects.faults=false", "fault.kind='thruster_off'"],
+        ["effects.faults=true", "fault.kind='thruster_off'", "chamber_pressure.enabled=true"],
         ["dispersions=[]", "gps.noise_m=0.0", "thruster.magnitude_noise=0.0", "camera.edge_noise_px=0.0"],
     ],
 )

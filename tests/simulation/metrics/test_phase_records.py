@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_channel_records import Records, perfect_run
 
-from rpojax.flight.mission.mission_state import AbortReason, Transition
+from rpojax.flight.mission.mission_state import AbortReason, Condition, Transition
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import phase_records
@@ -45,7 +45,9 @@ def records() -> Records:
     reason = np.where(phase == 3, AbortReason.TARGET_LOST, AbortReason.NONE).astype(np.int8)
     running = np.ones((3, TICKS), bool)
     running[FROZEN, 80:] = False
-    return {**found, "phase": phase, "phase_entered_by": by, "abort_reason": reason, "running": running}
+    unmet = np.where(phase == 0, np.int8(Condition.TIME | Condition.ARRIVAL), np.int8(0))
+    flags = {"unmet_conditions": unmet, "running": running}
+    return {**found, "phase": phase, "phase_entered_by": by, "abort_reason": reason, **flags}
 
 
 def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: Records) -> None:
@@ -63,6 +65,9 @@ def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: 
     for name, values in expected.items():
         np.testing.assert_array_equal(found[name], values, err_msg=name)
     np.testing.assert_array_equal(found["abort_reason"], [0, AbortReason.TARGET_LOST, 0])
+    # The last phase has no conditions: its begin is the goal.
+    np.testing.assert_array_equal(found["goal_reached_at_s"], [20.0, nan, 25.0])
+    np.testing.assert_array_equal(found["unmet_conditions"], [0, Condition.TIME | Condition.ARRIVAL, 0])
     assert set(found) == set(phase_records.UNITS)
 
 

@@ -17,8 +17,8 @@ NEES_OF_25_PER_COMPONENT = 150.0
 
 @pytest.fixture(scope="module")
 def mission() -> ScenarioFile:
-    """One frame a second, lost after 600 s, 10 m about the station judged from 3000 s."""
-    return scenario_loader.load("inspection")
+    """One frame a second, lost after 600 s, 10 m about the station judged from 3000 s, and no need to be there."""
+    return scenario_loader.load("inspection", ["goal.phase=none"])
 
 
 def good_records(ticks: int, runs: int = 1) -> dict[str, np.ndarray]:
@@ -135,12 +135,39 @@ def test_off_station_is_judged_by_distance_from_the_time_of_arrival_on(mission: 
     assert found.since_s.tolist() == [4000.0]
     records["rho_H"][:, -1] = [0.0, -39.9, 0.0]
     assert outcome(mission, records) == "completed"
-    early = good_records(3000)
+    early = good_records(2999)
     early["rho_H"] += 100.0
     assert outcome(mission, early) == "completed"
-    late = good_records(3001)
+    # The last tick stands for the end of the run.
+    late = good_records(3000)
     late["rho_H"] += 100.0
     assert outcome(mission, late) == "off_station"
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "arrive_by_s", "expected"),
+    [(2900, 3000.0, "not_judged"), (2999, 3000.0, "not_judged"), (3000, 3000.0, "completed"), (99, 0.0, "completed")],
+)
+def test_a_run_that_ends_before_it_must_be_on_station_is_not_judged(
+    duration_s: int, arrive_by_s: float, expected: str
+) -> None:
+    file = scenario_loader.load("inspection", [f"limits.arrive_by_s={arrive_by_s}"])
+    found = judged(file, good_records(duration_s))
+    assert outcome_kinds.of_codes(found.codes).tolist() == [expected]
+    assert (found.failed.tolist(), found.frozen.tolist(), np.isnan(found.since_s).all()) == ([False], [False], True)
+
+
+def test_what_ends_too_early_fails_by_all_other_limits() -> None:
+    file = scenario_loader.load("inspection")
+    records = good_records(1000, runs=3)
+    records["box_accepted"][0, 300:] = False
+    records["rho_H"] += 100.0
+    found = judge(file, {}, records, np.array([0, Outcome.KEEP_OUT.code, 0]), np.array([np.inf, 500.0, np.inf]))
+    assert outcome_kinds.of_codes(found.codes).tolist() == ["lost", "keep_out", "not_judged"]
+    assert found.failed.tolist() == [True, True, False]
+    varied = {"limits.arrive_by_s": np.array([900.0, 1000.0, 1001.0])}
+    found = judged(file, good_records(1000, runs=3), varied)
+    assert outcome_kinds.of_codes(found.codes).tolist() == ["completed", "completed", "not_judged"]
 
 
 def test_a_run_that_used_its_propellant_stays_without(mission: ScenarioFile) -> None:
@@ -208,6 +235,13 @@ def test_the_first_events_of_a_run_are_stored_and_all_are_counted(mission: Scena
 
 
 def test_every_outcome_but_completed_has_its_own_reason() -> None:
-    assert len(REASONS) == len(Outcome) == len(set(REASONS))
-    assert [kind.reason == "" for kind in Outcome] == [True] + [False] * 7
+    assert len(REASONS) == len(Outcome)
+    failures = [kind for kind in Outcome if kind.is_failure]
+    assert set(Outcome) - set(failures) == {Outcome.COMPLETED, Outcome.NOT_JUDGED}
+    assert {kind.reason for kind in set(Outcome) - set(failures)} == {""}
+    assert len({kind.reason for kind in failures}) == len(failures) == len(Outcome) - 2
+    # Codes are stored in campaign folders.
+    assert (Outcome.ABORTED.code, Outcome.UNFINISHED.code, Outcome.NOT_JUDGED.code) == (7, 8, 9)
+    outcomes = np.array(["completed", "lost", "unfinished", "not_judged"])
+    assert outcome_kinds.is_failed(outcomes).tolist() == [False, True, True, False]
     assert sum(outcome_kinds.count_outcomes(np.array(["lost", "lost", "completed"])).values()) == 3

@@ -19,6 +19,7 @@ class TuningStep:
     Attributes:
         objective: its value
         parts: of it, without their weights
+        undefined: by part, runs without a value of it, which count as the worst
         gradient_norm: of the mean over runs
         left_out: runs without a finite gradient
         shortened: runs whose gradient was clipped
@@ -27,6 +28,7 @@ class TuningStep:
 
     objective: float
     parts: dict[str, float]
+    undefined: dict[str, int]
     gradient_norm: float
     left_out: int
     shortened: int

@@ -21,7 +21,7 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_ke
 from rpojax.analysis.gradients.tuning import descent_state, gradient_estimator, tunable_parameters
 from rpojax.analysis.gradients.tuning.descent_state import DescentState, TuningStep
 from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
-from rpojax.analysis.gradients.tuning.tuning_objective import Objective
+from rpojax.analysis.gradients.tuning.tuning_objective import Objective, part_metrics
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
@@ -36,8 +36,8 @@ _ADAM_B2: Final = 0.95
 _RESTART_STEPS: Final = 20
 """After so many steps, up to the middle of the descent, Adam is restarted: far from the optimum gradients are a
 thousand times longer, and while its second moments remember them, less sensitive numbers do not move."""
-_METHOD: Final = [_AVERAGED_FRACTION, _FINAL_RATE, _ADAM_B2, _RESTART_STEPS]
-"""Constants that must be the same for a descent to be resumed."""
+_METHOD: Final = [_AVERAGED_FRACTION, _FINAL_RATE, _ADAM_B2, _RESTART_STEPS, "undefined counts as the worst"]
+"""What must be the same for a descent to be resumed."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,12 @@ def descend(
     resume: bool = False,
     on_step: Callable[[int, TuningStep], None] = lambda number, step: None,
     stages: Stages | None = None,
+    on_stage: Callable[[int, str], None] = lambda number, words: None,
 ) -> TuningResult:
     """Tunes numbers of a scenario; each step is kept in `progress_file`, from which `resume` goes on.
+
+    After each step `on_step` gets their number and the step; `on_stage` gets that number and what else begins: a
+    compilation, the simulation after it.
 
     Raises:
         RpojaxError: the scenario cannot be tuned, or its start gives no finite objective.
@@ -79,7 +83,8 @@ def descend(
     tunable = tunable_parameters.select_parameters(short, settings.parameters)
     inputs = partial(tunable_parameters.run_values, short, tunable)
     evaluator = RolloutEvaluator(
-        short, inputs, tunable.count, objective.metric_names, settings.runs, stages, objective.gradient
+        *(short, inputs, tunable.count, objective.metric_names, settings.runs, stages, objective.gradient),
+        on_stage=lambda words: on_stage(len(state.steps), words),
     )
     optimizer = optax.scale_by_adam(b2=_ADAM_B2)
     of_file = {"scenario_hash": scenario_digest(file), "tuning": file.tuning.model_dump()}
@@ -96,6 +101,21 @@ def descend(
     values = {key: np.asarray(value).tolist() for key, value in tunable.values(jax.numpy.asarray(x)).items()}
     mode = gradient_estimator.differentiation_mode(tunable.nonsmooth)
     return TuningResult(x, values, state.steps, mode, evaluator.compile_s, evaluator.program_memory_bytes)
+
+
+def _check_start(undefined: dict[str, int], settings: TuningSettings) -> None:
+    """Refuses a start at which no run has a value of a part of the objective: it has no derivative.
+
+    Raises:
+        RpojaxError: naming the part.
+    """
+    for part, runs in undefined.items():
+        if runs == settings.runs:
+            names = " and ".join(part_metrics(part))
+            raise RpojaxError(
+                f"tuning.{part}: found no run of {runs} with {names}, expected some; "
+                "runs of a longer horizon may have it, and a weight of 0 leaves it out"
+            )
 
 
 def _restarts(number: int, steps: int) -> bool:
@@ -121,6 +141,9 @@ def _step(
     begin = time.perf_counter()
     found = gradient_estimator.estimate_gradient(evaluator, objective, nonsmooth, state.coordinates, keys)
     value, parts = objective(found.metrics)
+    undefined = objective.undefined_runs(found.metrics)
+    if not state.steps:
+        _check_start(undefined, settings)
     if not math.isfinite(value):
         raise RpojaxError(f"step {number + 1}: found an objective of {value}, expected a finite one; try a lower rate")
     if not np.isfinite(found.gradient).all():
@@ -134,7 +157,7 @@ def _step(
         x = state.coordinates - np.asarray(rate(number)) * np.asarray(updates)
     run_s = time.perf_counter() - begin - (evaluator.compile_s - compiled)
     norm = float(np.linalg.norm(found.gradient))
-    step = TuningStep(value, parts, norm, found.excluded_runs, found.clipped_runs, run_s)
+    step = TuningStep(value, parts, undefined, norm, found.excluded_runs, found.clipped_runs, run_s)
     averaged = number >= settings.steps - _averaged_steps(settings.steps)
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(adam)]
     return DescentState(x, leaves, state.iterate_sum + (x if averaged else 0.0), (*state.steps, step))

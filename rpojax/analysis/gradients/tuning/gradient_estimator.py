@@ -18,7 +18,7 @@ from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS,
 from rpojax.analysis.gradients.tuning.tuning_objective import Objective
 
 CLIP_RATIO: Final = 10.0
-"""Longest gradient of a run over the median of the batch."""
+"""Longest gradient of a run over the median of all that are not zero."""
 DIFFERENCE_HALF_WIDTH: Final = 0.4
 """Step of the differences to either side, in coordinates: a third less and a half more of a number."""
 
@@ -58,7 +58,7 @@ def estimate_gradient(
     """
     found, gradient, excluded, clipped = _pathwise_gradient(evaluator, objective, nonsmooth, x, keys)
     if nonsmooth.any():
-        gradient[nonsmooth] = _finite_differences(evaluator, objective, nonsmooth, x, keys, found.metrics)
+        gradient[nonsmooth] = _finite_differences(evaluator, objective, nonsmooth, x, keys)
     return GradientEstimate(found.metrics, gradient, excluded, clipped)
 
 
@@ -67,27 +67,28 @@ def run_gradients(
 ) -> tuple[RolloutResult, np.ndarray]:
     """Metrics of runs at coordinates (k,), and the derivative (runs, k) of each run's contribution to the objective."""
     inputs = np.tile(x, (len(keys), 1))
-    if evaluator.input_count > FORWARD_MODE_MAX_INPUTS:
-        found = evaluator.gradient(inputs, keys)
-        assert found.gradient is not None
-        return found, found.gradient
-    found = evaluator.jacobian(inputs, keys)
-    assert found.jacobian is not None
-    cotangents = objective.gradient(*map(jnp.asarray, (found.metrics, found.metrics, np.ones(len(keys)))))
-    return found, np.einsum("rf,rfk->rk", np.asarray(cotangents), found.jacobian)
+    is_reverse = evaluator.input_count > FORWARD_MODE_MAX_INPUTS
+    found = evaluator.gradient(inputs, keys) if is_reverse else evaluator.jacobian(inputs, keys)
+    cotangents = np.asarray(objective.gradient(jnp.asarray(found.metrics), jnp.ones(len(keys))))[..., None]
+    # What undefined metrics contribute is constant, whatever their derivatives.
+    if found.jacobian is not None:
+        return found, np.where(cotangents == 0.0, 0.0, cotangents * found.jacobian).sum(axis=1)
+    assert found.gradient is not None
+    return found, np.where((cotangents == 0.0).all(axis=1), 0.0, found.gradient)
 
 
 def clipped_sum(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
     """Sum (k,) of the gradients (runs, k) of runs, and how many were excluded as not finite, and clipped.
 
-    Next to a discrete event the derivative of a run may be enormous while that of the mean is not.
+    Next to a discrete event the derivative of a run may be enormous while that of the mean is not. Runs without any
+    metric have no gradient, and do not shorten those of the others.
     """
     finite = np.isfinite(gradients).all(axis=1)
     kept = gradients[finite]
     if len(kept) == 0:
         return np.full(gradients.shape[1], math.nan), len(gradients), 0
     norms = np.linalg.norm(kept, axis=1)
-    longest = CLIP_RATIO * np.median(norms)
+    longest = CLIP_RATIO * np.median(norms[norms > 0.0]) if norms.any() else 0.0
     factors = np.where(norms > longest, longest / np.where(norms > 0.0, norms, 1.0), 1.0)
     total = (kept * factors[:, None]).sum(axis=0)
     return total * len(gradients) / len(kept), int((~finite).sum()), int((factors < 1.0).sum())
@@ -100,25 +101,17 @@ def _pathwise_gradient(
     if nonsmooth.all():
         return evaluator.evaluate(np.tile(x, (len(keys), 1)), keys), np.zeros(len(x)), 0, 0
     found, gradients = run_gradients(evaluator, objective, x, keys)
-    # Runs beyond the capacity of the devices make several batches, each with an objective of its own.
-    smooth = np.where(nonsmooth, 0.0, gradients / -(-len(keys) // evaluator.batch_size))
-    return found, *clipped_sum(smooth)
+    return found, *clipped_sum(np.where(nonsmooth, 0.0, gradients))
 
 
 def _finite_differences(
-    evaluator: RolloutEvaluator,
-    objective: Objective,
-    nonsmooth: np.ndarray,
-    x: np.ndarray,
-    keys: np.ndarray,
-    metrics: np.ndarray,
+    evaluator: RolloutEvaluator, objective: Objective, nonsmooth: np.ndarray, x: np.ndarray, keys: np.ndarray
 ) -> np.ndarray:
-    """Central differences of the objective over the runs that are finite on both sides."""
+    """Central differences of the objective; a run that loses a metric on one side points away from that side."""
     differences = []
     for index in np.flatnonzero(nonsmooth):
         move = DIFFERENCE_HALF_WIDTH * np.eye(len(x))[index]
         sides = [evaluator.evaluate(np.tile(x + sign * move, (len(keys), 1)), keys).metrics for sign in (1.0, -1.0)]
-        failed = ~np.isfinite(np.concatenate([metrics, *sides], axis=1)).all(axis=1, keepdims=True)
-        up, down = (objective(np.where(failed, np.nan, side))[0] for side in sides)
+        up, down = (objective(side)[0] for side in sides)
         differences.append((up - down) / (2.0 * DIFFERENCE_HALF_WIDTH))
     return np.array(differences)

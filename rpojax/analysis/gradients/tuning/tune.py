@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
+from rpojax.analysis.gradients.tuning import gradient_descent, tunable_scenario, tuning_validation
+from rpojax.analysis.gradients.tuning.descent_state import TuningStep
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.gradients.tuning.tuning_validation import Validation
@@ -73,6 +74,8 @@ class Tuning:
     def to_dataframe(self) -> "pandas.DataFrame":
         """Steps of the descent, one a row by `step`: objective, its parts as `part.NAME`, norm of the gradient, runs.
 
+        `undefined.NAME` is the number of runs without a value of a part, which count as the worst.
+
         Raises:
             MissingExtraError: pandas is not installed.
         """
@@ -80,7 +83,9 @@ class Tuning:
         rows = []
         for step in self.result.steps:
             entry = dataclasses.asdict(step)
-            rows.append(entry | {f"part.{name}": value for name, value in entry.pop("parts").items()})
+            for column, field in (("part", "parts"), ("undefined", "undefined")):
+                entry |= {f"{column}.{name}": value for name, value in entry.pop(field).items()}
+            rows.append(entry)
         return tables.DataFrame(rows, index=tables.RangeIndex(1, len(rows) + 1, name="step"))
 
     def write(self, path: Path | str, force: bool = False) -> None:
@@ -109,7 +114,7 @@ def tune(
     *,
     runs: int = 64,
     steps: int = 80,
-    horizon_s: float = 2000.0,
+    horizon_s: float | None = None,
     rate: float = 0.2,
     validation_runs: int = 500,
     seed: int = 0,
@@ -125,7 +130,7 @@ def tune(
         parameters: groups (navigation, gate, formation, attitude, schedule) and scenario keys
         runs: per step
         steps: of the gradient descent
-        horizon_s: simulated time of a run [s]
+        horizon_s: simulated time of a run [s]; None for 2000 s at most, of several phases for all of them
         rate: size of the first steps, in logarithms of the numbers; 0.2 is about twenty per cent
         validation_runs: unseen full runs, of seed `seed + 1`; 0 for no validation
         seed: master seed of the runs
@@ -155,6 +160,7 @@ def run_tuning(
     Raises:
         RpojaxError: the scenario cannot be tuned, or no step has a finite gradient.
     """
+    settings = dataclasses.replace(settings, horizon_s=tunable_scenario.horizon(file, settings))
     kept = None if progress_file is None else Path(progress_file)
     begin = time.perf_counter()
     with item_progress("tuning", quiet=not progress) as watch:
@@ -163,12 +169,19 @@ def run_tuning(
             settings,
             kept,
             resume,
-            lambda number, step: watch(number, settings.steps, f"objective {step.objective:.4f}"),
+            lambda number, step: watch(number, settings.steps, _progress_text(step, settings.runs)),
             stages,
+            lambda number, words: watch(number, settings.steps, words),
         )
     tuned = tuned_scenario(file, result.values)
     validation = _validate(file, tuned, settings, stages, progress) if settings.validation_runs else None
     return Tuning(file, tuned, settings, result, validation, time.perf_counter() - begin)
+
+
+def _progress_text(step: TuningStep, runs: int) -> str:
+    """Objective of a step, and which of its parts some of the runs have no value of."""
+    missing = [f"{name} undefined in {count} of {runs} runs" for name, count in step.undefined.items() if count]
+    return ", ".join([f"objective {step.objective:.4f}", *missing])
 
 
 def _validate(
@@ -194,7 +207,8 @@ def _validation_entry(found: Validation) -> dict[str, Any]:
     return {
         "seed": found.seed,
         "runs": len(found.baseline.run_ids),
-        "failed": [int((~each.completed).sum()) for each in (found.baseline, found.tuned)],
+        "failed": [int(each.failed.sum()) for each in (found.baseline, found.tuned)],
+        "undefined": found.undefined,
         "means": {name: dataclasses.asdict(change) for name, change in found.means.items()},
         "medians": [dataclasses.asdict(change) for change in found.medians.metrics],
     }

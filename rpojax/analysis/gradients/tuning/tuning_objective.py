@@ -2,6 +2,11 @@
 
 Errors and effort count by the mean of their logarithm: relative changes count alike, and a lost run weighs no more than
 others. Weights are those of the scenario's section `tuning`.
+
+A run without a value of a metric counts as the worst that a run can have. Left out, it would improve the objective
+wherever its value was worse than the mean, and so it would with the worst value of the other runs, wherever it was the
+worst of all itself. So each metric has a range in which its values are kept, and its worse end stands for no value:
+whatever the value was before, the objective does not improve.
 """
 
 from typing import Final
@@ -27,14 +32,28 @@ PART_METRICS: Final = {
 }
 """Metrics of each part of the objective."""
 
-_LOST_NEES_RATIO = 10.0
-"""A run whose NEES exceeds the median by this factor lost its target, and does not count for consistency."""
-_FLOOR: Final = {"delta_v": 1e-3, "pointing": 1e-3}
-"""Values below these count as these [m/s, deg]."""
+_RANGE: Final = {
+    "innovations": (-1e3, 1e3),
+    "estimate": (-1e3, 1e3),
+    "navigation": (1e-9, 1e7),
+    "formation": (1e-9, 1e7),
+    "delta_v": (1e-3, 1e4),
+    "pointing": (1e-3, 180.0),
+}
+"""Least and greatest value of a run; the greatest are about the radius of an orbit [m], more than any propellant gives
+[m/s], and the greatest angle [deg]."""
+_RANGE_OF_ANY: Final = (1e-9, 1e9)
+"""That of a metric with a weight of its own, in its unit."""
+_LOST_NEES_RATIO: Final = 10.0
+"""A run whose NEES exceeds the median by this factor lost its target; its NEES tells nothing of the filter's noises."""
+_LOST_PENALTY: Final = (6.0, 18.0)
+"""What a share of 1 of lost runs adds to the consistency: a number, and one for each logarithm that the others are off.
 
-
-_SMALLEST: Final = 1e-9
-"""Values of a metric with a weight of its own below this one count as this one, in its unit."""
+With d of the others, one more run at ten times their NEES would make d^2 to (d + log(1 + 9 f))^2, where f is its share:
+by less than f (5.84 + 18 |d|). So no run gains from being lost.
+"""
+_WORST_NEES: Final = 1e6
+"""NEES that counts where no run has one."""
 
 
 def part_metrics(part: str) -> tuple[str, ...]:
@@ -58,38 +77,45 @@ class Objective:
             raise ScenarioError("tuning", "no weight above zero", f"a weight for one of {', '.join(PART_METRICS)}")
         self.metric_names = tuple(dict.fromkeys(name for part in self.weights for name in part_metrics(part)))
         self._value = jax.jit(self._total)
+        self._gradient = jax.jit(jax.grad(lambda metrics, mask: self._total(metrics, mask)[0]))
 
     def __call__(self, metrics: np.ndarray) -> tuple[float, dict[str, float]]:
-        """Value at the metrics (runs, metrics) of a batch, and its parts without their weights."""
+        """Value at the metrics (runs, metrics) of a batch, NaN where undefined, and its parts without their weights."""
         value, parts = self._value(jnp.asarray(metrics), jnp.ones(len(metrics)))
         return float(value), {name: float(part) for name, part in parts.items()}
 
-    def gradient(self, metrics: Array, weights: Array, mask: Array) -> Array:
+    def gradient(self, metrics: Array, mask: Array) -> Array:
         """Gradient (runs, metrics) of the value of a batch; runs outside the `mask` (runs,) do not count."""
-        del weights
-        return jax.grad(lambda x: self._total(x, mask)[0])(metrics)
+        return self._gradient(metrics, mask)
+
+    def undefined_runs(self, metrics: np.ndarray) -> dict[str, int]:
+        """By part, how many runs of a batch (runs, metrics) have no value of it, and count as the worst."""
+        missing = dict(zip(self.metric_names, ~np.isfinite(metrics).T, strict=True))
+        by_part = {part: [missing[name] for name in part_metrics(part)] for part in self.weights}
+        return {part: int(np.any(columns, axis=0).sum()) for part, columns in by_part.items()}
 
     def _total(self, metrics: MetricArray, mask: Array) -> tuple[Array, dict[str, Array]]:
-        finite = jnp.all(jnp.isfinite(metrics), axis=1)
-        counted = mask * jnp.where(finite, 1.0, 0.0)
-        safe = jnp.where(finite[:, None], metrics, 1.0)
-        columns = {name: safe[:, index] for index, name in enumerate(self.metric_names)}
-        parts = {name: _part(name, columns, counted) for name in self.weights}
+        columns = dict(zip(self.metric_names, metrics.T, strict=True))
+        parts = {name: _part(name, columns, mask, weight < 0.0) for name, weight in self.weights.items()}
         total = sum((weight * parts[name] for name, weight in self.weights.items()), jnp.zeros(()))
         return total, parts
 
 
-def _part(name: str, columns: dict[str, Array], counted: Array) -> Array:
+def _part(name: str, columns: dict[str, Array], counted: Array, more_is_better: bool) -> Array:
     if name == "consistency":
         relative = columns["nees_relative_mean"]
         servicer = columns["nees_mean"] - relative
         return _nees_inconsistency(relative, counted) + _nees_inconsistency(servicer, counted)
-    values = columns[part_metrics(name)[0]]
-    if name in ("innovations", "estimate"):
-        return _masked_mean(values, counted)
-    return _masked_mean(
-        jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0 if name in PART_METRICS else _SMALLEST))), counted
-    )
+    least, greatest = _RANGE.get(name, _RANGE_OF_ANY)
+    values, is_defined = _defined(columns[part_metrics(name)[0]])
+    values = jnp.where(is_defined, jnp.clip(values, least, greatest), least if more_is_better else greatest)
+    return _masked_mean(values if name in ("innovations", "estimate") else jnp.log(values), counted)
+
+
+def _defined(values: Float[Array, " runs"]) -> tuple[Array, Array]:
+    """Values with 1 in place of what is not finite, which would enter derivatives, and which of them are finite."""
+    is_finite = jnp.isfinite(values)
+    return jnp.where(is_finite, values, 1.0), is_finite
 
 
 def _masked_mean(values: Array, counted: Array) -> Array:
@@ -97,7 +123,13 @@ def _masked_mean(values: Array, counted: Array) -> Array:
 
 
 def _nees_inconsistency(nees: Float[Array, " runs"], counted: Array) -> Array:
-    """Squared log of the mean NEES of six components over six, lost runs left out."""
-    median = jnp.nanmedian(jnp.where(counted > 0.0, nees, jnp.nan))
-    kept = counted * jnp.where(nees <= _LOST_NEES_RATIO * median, 1.0, 0.0)
-    return jnp.log(_masked_mean(nees, kept) / 6.0) ** 2
+    """Squared log of the mean NEES of six components over six; a run without a NEES counts as lost."""
+    values, is_defined = _defined(nees)
+    counts = is_defined & (counted > 0.0)
+    median = jnp.nanmedian(jnp.where(counts, values, jnp.nan))
+    is_kept = counts & (values <= _LOST_NEES_RATIO * median)
+    kept = jnp.where(jnp.any(is_kept), counted * jnp.where(is_kept, 1.0, 0.0), counted)
+    off = jnp.log(_masked_mean(jnp.where(jnp.any(is_kept), values, _WORST_NEES), kept) / 6.0)
+    lost = 1.0 - _masked_mean(jnp.where(is_kept, 1.0, 0.0), counted)
+    constant, for_each_log = _LOST_PENALTY
+    return off**2 + lost * (constant + for_each_log * jax.lax.stop_gradient(jnp.abs(off)))

@@ -53,6 +53,15 @@ class Validation:
     medians: PairedComparison
     means: dict[str, MeanChange]
 
+    @property
+    def undefined(self) -> dict[str, tuple[int, int]]:
+        """Runs without a value with either setting, by metric that some do not have; means leave them out."""
+        counts = {
+            name: (int(np.isnan(values).sum()), int(np.isnan(self.tuned.metrics[name]).sum()))
+            for name, values in self.baseline.metrics.items()
+        }
+        return {name: count for name, count in counts.items() if any(count)}
+
 
 def validate(
     baseline: ScenarioFile,

@@ -14,6 +14,7 @@ from rpojax.analysis.gradients.rollout_evaluator import run_keys
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
 from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction
 from rpojax.campaign.storage.atomic_outputs import write_atomically
+from rpojax.scenario.command_lines import command_line
 from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
@@ -140,7 +141,13 @@ def write_scenarios(
         values = values_of(space, seed, run.z, run.run_id)
         path = directory / "failing_runs" / f"{number:02d}.toml"
         fixed = standard_normal_space.with_fixed_values(space, values)
-        command = f"rpojax run {path} --seed {seed} --run-id {run.run_id} --out {directory.name}_run_{number:02d}"
+        # The folder is absolute, since the page and the files that show the command are read from anywhere.
+        command = command_line(
+            "run",
+            path.absolute(),
+            *("--seed", seed, "--run-id", run.run_id, "--out", f"{directory.name}_run_{number:02d}"),
+            plugin=space.file.plugin,
+        )
         write_atomically(path, (f"# {command}\n\n" + tomli_w.dumps(fixed.model_dump(mode="json"))).encode())
         entries.append(
             {

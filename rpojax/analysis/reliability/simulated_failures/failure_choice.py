@@ -6,6 +6,7 @@ from typing import Any
 from rpojax.analysis.reliability.simulated_failures.estimate_options import Bound, FailureChoice
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -74,7 +75,7 @@ def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
 
 
 def _of_outcome(name: str) -> Failure:
-    known = [str(each) for each in Outcome if each != Outcome.COMPLETED]
+    known = [str(each) for each in Outcome if each.is_failure]
     if name not in known:
         raise RpojaxError.of_argument("outcome", f"found {name!r}, expected one of {', '.join(known)}")
     return Failure(outcome=Outcome(name))
@@ -94,8 +95,9 @@ def _of_requirement(file: ScenarioFile, name: str) -> Failure:
 
 def _check_metric(file: ScenarioFile, name: str) -> None:
     """Refuses metrics that runs of the scenario do not have."""
+    own = plugin_registry.metrics_of(file)
     metric = metric_catalogue.find(name)
-    if metric is None or not (metric.source == "records" or (metric.source == "drifts" and "," not in name)):
-        known = [each for each, metric in metric_catalogue.METRICS.items() if metric.source in ("records", "drifts")]
-        raise RpojaxError.of_argument("metric", f"found {name!r}, expected one of {', '.join(known)}")
-    del file
+    if name in own or (metric is not None and metric.source in ("records", "drifts") and "," not in name):
+        return
+    known = [each for each, metric in metric_catalogue.METRICS.items() if metric.source in ("records", "drifts")]
+    raise RpojaxError.of_argument("metric", f"found {name!r}, expected one of {', '.join([*known, *own])}")

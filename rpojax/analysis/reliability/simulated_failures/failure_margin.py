@@ -13,7 +13,7 @@ import numpy as np
 from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import recorded_metrics
+from rpojax.simulation.metrics import mission_goal, recorded_metrics
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -120,6 +120,9 @@ def _outcome_distance(runs: SimulatedRuns, outcome: Outcome) -> np.ndarray:
         return limit("limits", "lost_after_s") - tick_s * _ticks_since(seen, records["observable"])
     if outcome is Outcome.DIVERGED:
         return -np.log(np.maximum(records["nees_relative"][:, -1], 1e-12))
+    if outcome is Outcome.UNFINISHED:
+        left = records["running"].shape[1] * tick_s - mission_goal.reached_at_s(file, records)
+        return np.nan_to_num(left, nan=-LEAST)
     return np.ones(len(rho))
 
 

@@ -53,6 +53,8 @@ class _Run(BaseModel):
 
 class _Result(BaseModel):
     scenario: str
+    scenario_hash: str
+    seed: int
     probability: FiniteFloat
     interval_95: tuple[FiniteFloat, FiniteFloat]
     coefficient_of_variation: float | None

@@ -17,7 +17,7 @@ from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, 
 from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure
 from rpojax.analysis.reliability.simulated_failures.failure_margin import SimulatedRuns, margins, needs_drifts
 from rpojax.campaign.execution.batch_engine import BatchEngine, RedrawnNoise
-from rpojax.campaign.execution.block_recording import RECORDED_CHANNELS, ChannelRecorder
+from rpojax.campaign.execution.block_recording import ChannelRecorder, recorded_channels
 from rpojax.campaign.execution.passive_safety import PassiveSafety
 from rpojax.campaign.experiment_design import Design
 from rpojax.core import random_streams
@@ -106,7 +106,7 @@ class SimulatedMargins:
         """Runs of as many points as the devices take at once."""
         engine = self._engine
         prepared = engine.prepare(self.seed, run_numbers(points), self._coordinates(points.x))
-        recorder = ChannelRecorder(engine.scenario.ticks, (), lambda name: False, RECORDED_CHANNELS)
+        recorder = ChannelRecorder(engine.scenario.ticks, (), lambda name: False, recorded_channels(engine.file))
         last = None
         for segment in engine.simulate(prepared, self._redrawn_noise(points)):
             recorder.add_segment(segment)

@@ -69,8 +69,9 @@ def _show(found: "SensitivityAnalysis") -> None:
 
     console = Console(highlight=False)
     for one, other in zip(found.metrics, found.agreements, strict=True):
+        without = f" ({one.undefined} more have no value)" if one.undefined else ""
         table = Table(
-            title=f"{one.metric}: {format_number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs"
+            title=f"{one.metric}: {format_number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs{without}"
         )
         table.add_column("input")
         for heading in (f"trend [{one.unit}]", "sigma", "median run", "most of one run", "by sampling"):

@@ -1,5 +1,6 @@
 """The command `rpojax tune`: flight software tuned by gradient, validated on unseen runs."""
 
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -58,8 +59,12 @@ def tune(
     file = load(scenario, overrides)
     prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+    from rpojax.analysis.gradients.tuning import tunable_scenario
     from rpojax.analysis.gradients.tuning import tune as analysis
 
+    warning = tunable_scenario.unreached_phases_warning(file, settings)
+    if warning is not None and not session.as_json:
+        print(f"rpojax: warning: {warning}", file=sys.stderr)
     out.parent.mkdir(parents=True, exist_ok=True)
     with resumable(progress):
         found = analysis.run_tuning(file, settings, progress, resume=resume, progress=not session.as_json)
@@ -98,6 +103,8 @@ def _show(content: dict[str, Any], out: Path) -> None:
     first, last = content["steps"][0], content["steps"][-1]
     times = f"{content['tuning_s']:.0f} s, compilation {content['compile_s']:.0f} s beside it"
     shown.print(f"objective {first['objective']:.4f} -> {last['objective']:.4f}; {times}, {content['mode']} mode")
+    for line in _undefined_lines(content["steps"], content["settings"]["runs"]):
+        shown.print(line, soft_wrap=True)
     if judged := content.get("judged"):
         table = Table(title=f"{judged['runs']} unseen runs, seed {judged['seed']}: means")
         for heading in ("metric", "unit", "start", "tuned", "ratio", "95 % interval"):
@@ -114,9 +121,29 @@ def _show(content: dict[str, Any], out: Path) -> None:
                 )
                 table.add_row(label.title, label.unit, *cells)
         shown.print(table)
+        for name, (start, tuned) in judged["undefined"].items():
+            if start != tuned:
+                shown.print(
+                    f"{name} has no value in {start} runs with the start and in {tuned} with the tuned scenario; "
+                    "its mean is over the runs that have it in both",
+                    soft_wrap=True,
+                )
         if verdict := _verdict(judged["means"]):
             shown.print(verdict)
     shown.print(f"tuned scenario: {out}")
+
+
+def _undefined_lines(steps: Sequence[dict[str, Any]], runs: int) -> list[str]:
+    """One line for each part of the objective that runs of the descent have no value of."""
+    lines = []
+    for part in steps[0]["undefined"]:
+        counts = [step["undefined"][part] for step in steps]
+        if any(counts):
+            lines.append(
+                f"{part}: no value in {counts[0]} of {runs} runs at the first step and {counts[-1]} at the last "
+                f"({sum(counts)} of all {runs * len(steps)}); each counts as the worst"
+            )
+    return lines
 
 
 def _verdict(means: dict[str, Any]) -> str:

@@ -52,11 +52,13 @@ def bench(
     # XLA reads its fusion options once per process, and rendering is faster with others.
     apart = len(parts) > 1 and "vision" in parts
     set_loop_fusion_flag(rendered=parts == ["vision"] or file.camera.model == "rendered")
-    from rpojax.benchmark import closed_loop_speed, suite
+    from rpojax.benchmark import closed_loop_speed, filter_speed, suite
     from rpojax.benchmark.platform_info import platform_info
 
     batches = runs or closed_loop_speed.default_batches(file)
     closed_loop_speed.check_batches(batches)
+    if "kernels" in parts:
+        filter_speed.check_filter(file)
     found: dict[str, Any] = {}
     for part in parts:
         with busy(f"measuring {PARTS[part]}", quiet=as_json):

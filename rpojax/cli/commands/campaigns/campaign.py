@@ -61,7 +61,7 @@ def campaign(
         return Status.DONE
     assert out is not None
     show_warnings(file, quiet=session.as_json)
-    show_rare_requirements(file, scenario, out, quiet=session.as_json)
+    show_rare_requirements(file, out, quiet=session.as_json)
     wanted = replace(options, report=not output.no_report)
 
     def work(watch: ProgressCallback) -> "Campaign":

@@ -66,7 +66,7 @@ def resume_estimate(directory: Path, session: Session) -> int:
 
 def _present(content: dict[str, Any], session: Session, out: Path) -> int:
     """Writes the page of a finished estimate, prints it, and returns the exit status."""
-    from rpojax.report.rare_failures.probability_page import write_page
+    from rpojax.report.page.probability_page import write_page
 
     write_page(content, out)
     if session.as_json:

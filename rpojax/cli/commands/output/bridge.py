@@ -54,7 +54,7 @@ def bridge(
         _show(content)
     if outcome.failure:
         return Status.SOME_FAILED
-    return Status.DONE if outcome.completed else Status.UNFINISHED
+    return Status.DONE if outcome.outcome is not None else Status.UNFINISHED
 
 
 def _content(
@@ -70,7 +70,8 @@ def _content(
         "run_id": run_id,
         "external": sorted(settings.external_stages),
         "real_time": settings.real_time_factor,
-        "completed": outcome.completed,
+        "completed": outcome.outcome == "completed",
+        "outcome": outcome.outcome,
         "failure": outcome.failure or None,
         "stopped": outcome.stop_reason or None,
         "ticks": outcome.ticks,
@@ -102,7 +103,7 @@ def _show(content: dict[str, Any]) -> None:
     from rpojax.report.number_format import format_number
 
     console = Console(highlight=False)
-    end = content["failure"] or content["stopped"] or "completed"
+    end = content["failure"] or content["stopped"] or str(content["outcome"]).replace("_", " ")
     speed = content["times_real_time"] or 0.0
     console.print(f"{content['scenario']}: {content['simulated_s']:g} s, {speed:.0f} times real time, {end}")
     for topic, count in content["late"].items():

@@ -39,15 +39,20 @@ def calibrate_camera_model(
             "samples, sequences", f"found {samples}, {sequences}, expected at least 200 and 4"
         )
     claim(out, force)
+    from rpojax.scenario.checks import target_checks
     from rpojax.scenario.loading import scenario_loader as scenarios
 
     file = scenarios.load(scenario, overrides)
+    target_checks.check_field(file)
     from rpojax.analysis.calibration import view_sampling
+    from rpojax.scenario.command_lines import command_line
     from rpojax.scenario.trained import fitted_camera
     from rpojax.sensors import statistical_camera_file
 
     fit, statistics, outcomes = _fit(file, samples, sequences, seed, as_json)
-    numbers = f"--samples {samples} --sequences {sequences} --seed {seed}"
+    set_keys = [word for override in overrides for word in ("--set", override)]
+    numbers = ("--samples", samples, "--sequences", sequences, "--seed", seed)
+    words = (Path(scenario).name, *set_keys, "--out", out.name, *numbers)
     tables = file.model_dump()
     card = {
         "scenario": file.name,
@@ -59,7 +64,7 @@ def calibrate_camera_model(
         "lasting_angle_deg": math.degrees(float(statistics.lasting_angle)),
         "log_likelihood": fit.log_likelihood,
         "log_likelihood_held_out": fit.log_likelihood_held_out,
-        "command": f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} {numbers}",
+        "command": command_line("calibrate-camera-model", *words, plugin=file.plugin),
         "fitted_for": fitted_camera.fitted_for(tables),
         "made_with": fitted_camera.made_with(tables),
         "limits": view_sampling.view_limits(file),

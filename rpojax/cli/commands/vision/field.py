@@ -83,6 +83,7 @@ def train(
     _check_training(kind, views, steps, minutes)
     _check_seed(seed)
     claim(out, force)
+    from rpojax.scenario.command_lines import command_line
     from rpojax.training.radiance_field import train_field
     from rpojax.training.synthetic_data import random_views, ray_traced_views
     from rpojax.training.synthetic_data.meshes import mesh_files, target_mesh
@@ -107,9 +108,9 @@ def train(
                 lambda step: watch(step.done, step.total, f"{step.psnr_db:.1f} dB"),
             )
     # The record in the weights file holds no path of this machine.
-    placed = (f" --units {placement.units}" if placement.units else "") + (" --center" if placement.center else "")
-    command = f"rpojax field train {Path(mesh).name} --out {out.name}{placed}"
-    command += f" --kind {kind} --views {views} --steps {steps} --seed {seed}"
+    placed = (*(("--units", placement.units) if placement.units else ()), *(("--center",) if placement.center else ()))
+    numbers = ("--kind", kind, "--views", views, "--steps", steps, "--seed", seed)
+    command = command_line("field train", Path(mesh).name, "--out", out.name, *placed, *numbers, plugin=None)
     card = train_field.model_card(target, traced, recipe, history, command)
     save_field(field, out, card)
     hull = target_mesh.outline_vertices(target)

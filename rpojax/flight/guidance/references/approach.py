@@ -38,7 +38,7 @@ def state(reference: Approach, entry: PhaseEntry, orbit: TargetOrbit, elapsed: S
     direction = gradient_safe.normalize(way)
     remaining, speed = _remaining_distance(reference, gradient_safe.norm(way), elapsed)
     moving = jnp.concatenate([reference.end_position + remaining * direction, -speed * direction])
-    return from_entry(entry, orbit, elapsed, moving)
+    return from_entry(entry, elapsed, moving)
 
 
 def end_position(reference: Approach, entry: PhaseEntry) -> Vector:

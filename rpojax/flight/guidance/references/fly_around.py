@@ -50,7 +50,7 @@ def state(reference: FlyAround, entry: PhaseEntry, orbit: TargetOrbit, elapsed: 
     c, s = cos_sin(angle)
     radial, tangential = c * zero + s * ahead, c * ahead - s * zero
     wanted = jnp.concatenate([reference.radius * radial, reference.radius * reference.rate * tangential])
-    return joined(entry, orbit, elapsed, reference.join, wanted)
+    return joined(entry, elapsed, reference.join, wanted)
 
 
 def _zero_direction(axis: Vector) -> Vector:

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, constants_of_motion, free_motion, unit_rate
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, select
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 
 Scalar = Float[Array, ""]
@@ -51,17 +51,21 @@ class RelativeOrbit:
 def state(reference: RelativeOrbit, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:
     """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then.
 
+    The place of the motion is that of the target by its argument of latitude; its constants are fixed at the entry.
     During the join the shape goes over from that of the motion before the entry in the first half of the time, so that
     the separation in height and across the orbit plane is there early. The offset takes the whole time, by a drift: at
     the height of a co-elliptic orbit the motion is nearly free.
     """
-    start = constants_of_motion(advanced(orbit, -elapsed), entry.relative_state)
-    before = _with_drift_along(orbit, start, -1.0)
-    change = _with_drift_along(orbit, _constants(reference, orbit), -1.0) - before
+    # A closed orbit that is joined at once keeps nothing of the entry but rounding: it stays as it was.
+    lasts = (reference.join > 0.0) | (reference.drift_per_orbit != 0.0)
+    at_entry, known = select(lasts, (entry.orbit, entry.orbit), (advanced(orbit, -elapsed), orbit))
+    start = constants_of_motion(at_entry, entry.relative_state)
+    before = _with_drift_along(known, start, -1.0)
+    change = _with_drift_along(known, _constants(reference, known), -1.0) - before
     shape_share, shape_slope, _ = _smooth_step(elapsed, _SHAPE_SHARE * reference.join)
     share, slope, curvature = _smooth_step(elapsed, reference.join)
     blend, blend_slope = before + shape_share * change, shape_slope * change
-    rate = 3.0 * unit_rate(orbit)
+    rate = 3.0 * unit_rate(known)
     gap = change[0] + rate * elapsed * change[3]
     offset = before[0] + rate * elapsed * before[3] + share * gap
     drift = before[3] + share * change[3] + slope * gap / rate

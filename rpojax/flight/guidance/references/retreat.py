@@ -41,7 +41,7 @@ def state(reference: Retreat, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Sc
     on_way = moves & (covered < length)
     speed = jnp.where(on_way, reference.speed * (1.0 - missing), 0.0)
     moving = jnp.concatenate([start + jnp.minimum(covered, length) * direction, speed * direction])
-    return from_entry(entry, orbit, elapsed, moving)
+    return from_entry(entry, elapsed, moving)
 
 
 def end_position(reference: Retreat, entry: PhaseEntry) -> Vector:

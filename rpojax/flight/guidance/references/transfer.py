@@ -2,20 +2,15 @@
 
 Glide slope: impulses at equal intervals put the servicer on points of the straight line to the end, with a speed that
 falls exponentially (Hablani, Tapper and Dana-Bashian, "Guidance and relative navigation for autonomous rendezvous in a
-circular orbit", 2002). Between the impulses the motion is free.
+circular orbit", 2002). Between the impulses the motion is free. Where the time between two impulses is near one that
+admits no free motion, such as half an orbit across the track or a whole one, there is another impulse on the way.
 """
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.orbits.two_impulse_transfer import departure_velocity
-from rpojax.core.orbits.yamanaka_ankersen import (
-    TargetOrbit,
-    advanced,
-    constants_of_motion,
-    free_motion,
-    transition_matrix,
-)
+from rpojax.core.orbits.two_impulse_transfer import state_on_arc, transfer_arc
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry, from_entry
 
@@ -41,21 +36,23 @@ class Transfer:
 
 
 def state(reference: Transfer, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:
-    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then.
+    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, on the target's orbit as it was known then.
 
     After its duration it stays at the end.
     """
+    del orbit
     arcs = reference.pulses - 1.0
     interval = reference.duration / arcs
     arc = jnp.clip(jnp.floor(elapsed / interval), 0.0, arcs - 1.0)
-    since = elapsed - arc * interval
-    departure = advanced(orbit, -since)
+    departure = advanced(entry.orbit, arc * interval)
     start = _waypoint(reference, entry, arc / arcs)
     end = _waypoint(reference, entry, (arc + 1.0) / arcs)
-    velocity = departure_velocity(transition_matrix(departure, interval), start, end, interval)
-    moving = free_motion(orbit, since, constants_of_motion(departure, jnp.concatenate([start, velocity])))
-    arrived = jnp.concatenate([reference.position, jnp.zeros_like(velocity)])
-    return from_entry(entry, orbit, elapsed, jnp.where(elapsed < reference.duration, moving, arrived))
+    # The servicer comes to the first impulse by itself, to the others about straight along the glide slope.
+    before = jnp.where(arc > 0.0, (end - start) / interval, entry.relative_state[3:])
+    way = transfer_arc(departure, jnp.concatenate([start, before]), end, interval)
+    moving = state_on_arc(way, departure, elapsed - arc * interval)
+    arrived = jnp.concatenate([reference.position, jnp.zeros_like(before)])
+    return from_entry(entry, elapsed, jnp.where(elapsed < reference.duration, moving, arrived))
 
 
 def end_position(reference: Transfer, entry: PhaseEntry) -> Vector:

@@ -88,7 +88,6 @@ def initial() -> GateState:
 
 def accept(
     tuning: OrbitFilterTuning,
-    focal_px: Scalar,
     R_KN: Matrix,
     state: GateState,
     box: BoxMeasurement,
@@ -104,7 +103,7 @@ def accept(
     """
     margin = tuning.gate_sigma**2 - _worst_ratio(box, residual, variance)
     inside = gradient_safe.gate(margin, jnp.asarray(_GATE_WIDTH, dtype=margin.dtype))
-    confirmed = _is_confirmed(tuning, focal_px, R_KN, state, box)
+    confirmed = _is_confirmed(tuning, R_KN, state, box)
     allowed = box.present & possible & (confirmed | ~prior_is_wide)
     return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0), confirmed=confirmed)
 
@@ -123,9 +122,7 @@ def _worst_ratio(box: BoxMeasurement, residual: Vector, variance: Vector) -> Sca
     return jnp.maximum(bearing, size)
 
 
-def _is_confirmed(
-    tuning: OrbitFilterTuning, focal_px: Scalar, R_KN: Matrix, state: GateState, box: BoxMeasurement
-) -> Bool[Array, ""]:
+def _is_confirmed(tuning: OrbitFilterTuning, R_KN: Matrix, state: GateState, box: BoxMeasurement) -> Bool[Array, ""]:
     """True if a box of the last few seconds, or of the frame before, had nearly the same direction in N and size."""
     before = apply(R_KN, state.direction_N)
     depth = jnp.where(before[2] > 0.1, before[2], 0.1)
@@ -134,7 +131,7 @@ def _is_confirmed(
     recent = state.age <= jnp.maximum(tuning.confirm_within, box.interval) + 0.5 * box.interval
     time_apart = jnp.clip(state.age, _LEAST_CONFIRMATION_TIME, tuning.confirm_within)
     alike = (jnp.abs(box.log_size - state.log_size) < _SIZE_AGREEMENT) | box.truncated | state.truncated
-    return recent & alike & (apart * focal_px < tuning.confirm_tolerance * time_apart) & (before[2] > 0.1)
+    return recent & alike & (apart < tuning.confirm_tolerance * time_apart) & (before[2] > 0.1)
 
 
 def update(

@@ -4,16 +4,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
 Scalar = Float[Array, ""]
 
-PRESSURE_NOISE = 0.03
-"""Error of the pressure sensor, 1 sigma, as a fraction of the nominal pressure."""
-CALIBRATION_SIGMA = 0.015
-"""Error of the thruster's calibration, 1 sigma [-]."""
-THRUST_RANDOM_WALK = 0.01
-"""Change of the thrust ratio in a second of burning, 1 sigma [-]."""
-JUMP_SIGMAS = 4.0
+_JUMP_SIGMAS = 4.0
 """Innovations beyond this many sigma indicate a failure and reset the prior variance to 1."""
 
 
@@ -30,24 +25,26 @@ class ThrustEstimate:
     variance: Array
 
 
-def initial() -> ThrustEstimate:
+def initial(tuning: OrbitFilterTuning) -> ThrustEstimate:
     """Estimate from the calibration."""
-    return ThrustEstimate(
-        ratio=jnp.ones((), dtype=jnp.float64), variance=jnp.full((), CALIBRATION_SIGMA**2, dtype=jnp.float64)
-    )
+    return ThrustEstimate(ratio=jnp.ones_like(tuning.thrust_sigma), variance=tuning.thrust_sigma**2)
 
 
-def update(estimate: ThrustEstimate, pressure: Scalar, dt: float) -> ThrustEstimate:
+def update(tuning: OrbitFilterTuning, estimate: ThrustEstimate, pressure: Scalar, dt: float) -> ThrustEstimate:
     """Estimate after `dt` [s] of burning with a mean chamber pressure over its nominal value [-]."""
     innovation = pressure - estimate.ratio
-    prior = estimate.variance + THRUST_RANDOM_WALK**2 * dt
-    noise = PRESSURE_NOISE**2
-    prior = jnp.where(innovation**2 > JUMP_SIGMAS**2 * (prior + noise), 1.0, prior)
+    prior = estimate.variance + tuning.thrust_walk**2 * dt
+    noise = tuning.pressure_noise**2
+    prior = jnp.where(innovation**2 > _JUMP_SIGMAS**2 * (prior + noise), 1.0, prior)
     gain = prior / (prior + noise)
     return ThrustEstimate(ratio=estimate.ratio + gain * innovation, variance=(1.0 - gain) * prior)
 
 
-def sigma_inflation(estimate: ThrustEstimate) -> Scalar:
+def sigma_inflation(tuning: OrbitFilterTuning, estimate: ThrustEstimate) -> Scalar:
     """Ratio of the thrust's sigma to that of a calibrated thruster, at least 1 [-]."""
-    settled = 1.2 * CALIBRATION_SIGMA
+    settled = _SETTLED * tuning.thrust_sigma
     return jnp.maximum(jnp.sqrt(estimate.variance) / settled, 1.0)
+
+
+_SETTLED = 1.2
+"""Sigma that pressure and random walk leave in a long burn, over that of the calibration: no reason for inflation."""

@@ -4,15 +4,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rpojax.analysis.statistics.campaign_comparison import CampaignComparison
+from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, defined_differently, without
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.errors import ResultError
+from rpojax.metrics import metric_catalogue
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.plotly_charts import Chart
 from rpojax.report.figures.requirement_limits import Limit
 from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
 from rpojax.report.page import page_templates
 from rpojax.report.page.comparison import comparison_charts, comparison_tables
+from rpojax.scenario.plugins import plugin_registry
 
 MAX_CAMPAIGNS: Final = len(comparison_charts.COLOURS)
 _LETTERS: Final = "ABCDEF"
@@ -27,6 +29,14 @@ def write_comparison(
         ResultError: the campaigns are more than there are colours for.
     """
     check_count(len(campaigns))
+    own = {}
+    for campaign in reversed(campaigns):
+        own |= plugin_registry.recorded_metrics(campaign.info)
+    with metric_catalogue.metrics_of_scenario(own):
+        return _write(campaigns, comparisons, path)
+
+
+def _write(campaigns: Sequence[CampaignResults], comparisons: Sequence[CampaignComparison], path: Path) -> Path:
     names = [f"{letter}: {each.directory.name}" for letter, each in zip(_LETTERS, campaigns, strict=False)]
     charts, values = _charts(campaigns, names)
     values |= {
@@ -67,7 +77,9 @@ def _part(found: CampaignComparison, first: str, second: str) -> dict[str, Any]:
 
 def _charts(campaigns: Sequence[CampaignResults], names: Sequence[str]) -> tuple[dict[str, Chart], dict[str, Any]]:
     limits = _limits(campaigns)
-    together = [name for name in campaigns[0].metrics if all(name in each.metrics for each in campaigns)]
+    differing = [name for each in campaigns[1:] for name in defined_differently(campaigns[0].info, each.info)]
+    alike = without(campaigns[0].metrics, differing)
+    together = [name for name in alike if all(name in each.metrics for each in campaigns)]
     charts: dict[str, Chart] = {}
     histograms = []
     for name in sorted(of_all_servicers(in_display_order(together)), key=lambda name: name not in limits):
@@ -95,7 +107,7 @@ def _limits(campaigns: Sequence[CampaignResults]) -> dict[str, list[Limit]]:
 
 def _identity(campaign: CampaignResults) -> list[tuple[str, str]]:
     info: Mapping[str, Any] = campaign.info
-    failed = len(campaign.completed) - int(campaign.completed.sum())
+    failed = int(campaign.failed.sum())
     return [
         ("Folder", str(campaign.directory)),
         ("Scenario", f"{info.get('name', '')}, hash {info.get('scenario_hash', '')}"),

@@ -11,7 +11,7 @@ from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.page.outcome.outcome_sentence import weakest_requirement
 from rpojax.report.page.outcome.verdict_tiles import passive_safety_count
-from rpojax.report.sections.failure_section import outcomes_text
+from rpojax.report.sections.failure_section import detail_counts, outcomes_text
 from rpojax.report.sections.requirement_verdict_section import violation_kinds
 
 _MAX_STEPS: Final = 6
@@ -33,6 +33,7 @@ def next_steps(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
     """Steps after reading the first screen."""
     steps = [
         *_failures(campaign, content),
+        *_not_judged(content),
         *_passive_safety(campaign, content),
         *_violations(campaign, content),
         *_more_runs(campaign, content),
@@ -50,7 +51,20 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
         return []
     first = content["failures"][0]["run_id"]
     text = f"{runs['failed']} runs failed ({outcomes_text(runs['outcomes'])}): repeat one and read why."
+    if details := detail_counts(content["failures"]):
+        text += "".join(f" {count} {detail}." for detail, count in details[:2])
     return [NextStep(text, "failures", shell_commands.rerun_command(campaign, first, f"run_{first}"))]
+
+
+def _not_judged(content: Mapping[str, Any]) -> list[NextStep]:
+    count = content["runs"]["not_judged"]
+    if not count:
+        return []
+    text = (
+        f"{count} runs are not judged: raise duration_s beyond limits.arrive_by_s, or lower that, or set "
+        'goal.phase = "none" if these runs have nowhere to arrive.'
+    )
+    return [NextStep(text, "failures")]
 
 
 def _passive_safety(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
@@ -109,12 +123,7 @@ def _more_runs(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
         f"{len(wanted)} {noun} more runs: simulate at least {runs + max(wanted)} as a new campaign with another seed."
     )
     seed = int(campaign.info.get("seed", 0)) + 1
-    scenario = f"{campaign.directory}/scenario.toml"
-    return [
-        NextStep(
-            text, "requirements", f"rpojax campaign {scenario} --runs {runs + max(wanted)} --seed {seed} --out DIR"
-        )
-    ]
+    return [NextStep(text, "requirements", shell_commands.more_runs_command(campaign, runs + max(wanted), seed))]
 
 
 def _consistency(content: Mapping[str, Any]) -> list[NextStep]:

@@ -7,23 +7,33 @@ from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.page.outcome.verdict_tiles import passive_safety_count
+from rpojax.report.sections import failure_section
 
 _WITHOUT_VERDICT = (Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
 
 
 def outcome_sentence(content: Mapping[str, Any]) -> str:
-    """Requirements verified of how many, in how many runs, weakest margin, passive safety and failed runs."""
+    """Runs that missed the goal, requirements verified of how many, weakest margin, passive safety, failed runs."""
     runs = content["runs"]
-    parts = [_requirements(content["requirements"], runs["completed"] + runs["failed"])]
+    ended = runs["requested"] - runs["missing"]
+    parts = [_requirements(content["requirements"], ended)]
+    if unfinished := runs["outcomes"].get("unfinished"):
+        details = failure_section.detail_counts(content["failures"])
+        why = f", most often {details[0][0]}" if len(details) > 1 else f": {details[0][0]}" if details else ""
+        parts.insert(0, f"the goal of the mission was not reached in {unfinished} of {ended} runs{why}")
     if weakest := weakest_requirement(content["requirements"]):
         parts.append(_margin(weakest))
     if (passive := passive_safety_count(content["safety"])) is not None:
         count, total = passive[1]["count"], passive[1]["runs"]
         parts.append(f"passive safety fails: {count} of {total}" if count else f"passive safety holds in all {total}")
     if runs["failed"]:
-        parts.append(f"{runs['failed']} of {runs['completed'] + runs['failed']} runs failed")
-    else:
+        parts.append(f"{runs['failed']} of {ended} runs failed")
+    elif not runs["not_judged"]:
         parts.append("no run failed")
+    if runs["not_judged"]:
+        some = f"{runs['not_judged']} of {ended} runs are not judged, as they end"
+        which = "no run is judged, as all end" if runs["not_judged"] == ended else some
+        parts.append(f"{which} before limits.arrive_by_s")
     provenance = content.get("provenance", {})
     if not provenance.get("sealed", True):
         parts.append("the folder is unsealed, so there are figures and no verdicts")

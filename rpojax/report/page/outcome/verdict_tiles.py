@@ -30,7 +30,7 @@ def verdict_tiles(content: Mapping[str, Any]) -> list[VerdictTile]:
             requirement_verdict_section.rows(content["requirements"]), content["requirements"], strict=True
         )
     ]
-    found = [*_passive_safety(content["safety"]), *tiles, _failed(content["runs"])]
+    found = [*_passive_safety(content["safety"]), *tiles, *_of_runs(content)]
     order = ("alert", "open", "good")
     return sorted(found, key=lambda tile: order.index(tile.css_class))
 
@@ -72,8 +72,18 @@ def _worst(entry: Mapping[str, Any]) -> str:
     return f"; worst {with_unit(format_number(entry['worst'], 3), unit)}"
 
 
-def _failed(runs: Mapping[str, Any]) -> VerdictTile:
-    ended = runs["failed"] + runs["completed"]
-    kinds = failure_section.outcomes_text(runs["outcomes"]) if runs["failed"] else "every run completed"
-    colour: Colour = "alert" if runs["failed"] else "good" if ended else "open"
-    return VerdictTile("Failed runs", f"{runs['failed']} of {ended}", kinds, colour, "failures")
+def _of_runs(content: Mapping[str, Any]) -> list[VerdictTile]:
+    """Tiles of failed runs and, where there are any, of those that are not judged."""
+    runs = content["runs"]
+    ended = runs["requested"] - runs["missing"]
+    note = "every run completed" if runs["completed"] == ended else ""
+    if runs["failed"]:
+        note = failure_section.outcomes_text(runs["outcomes"])
+        if details := failure_section.detail_counts(content["failures"]):
+            note += f"; most often {details[0][0]}" if len(details) > 1 else f"; {details[0][0]}"
+    colour: Colour = "alert" if runs["failed"] else "good" if runs["completed"] == ended > 0 else "open"
+    found = [VerdictTile("Failed runs", f"{runs['failed']} of {ended}", note, colour, "failures")]
+    if runs["not_judged"]:
+        why = "they end before limits.arrive_by_s: no failure, and no success"
+        found.append(VerdictTile("Runs not judged", f"{runs['not_judged']} of {ended}", why, "open", "failures"))
+    return found

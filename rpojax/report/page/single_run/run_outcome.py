@@ -1,7 +1,7 @@
 """Outcome of one run: a sentence, and its value against the limit of every requirement, without statistics."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -11,18 +11,19 @@ from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.page.outcome.verdict_tiles import VerdictTile, passive_safety_count
 from rpojax.report.sections.requirement_verdict_section import limit_text
 
+_NOT_JUDGED: Final = "The run is not judged: it ends before limits.arrive_by_s, from which on it must be on station"
+
 
 def run_sentence(campaign: CampaignResults, content: Mapping[str, Any]) -> str:
     """How the run ended, how many requirements it met, and what it did to passive safety."""
     runs = content["runs"]
-    if not runs["completed"] + runs["failed"]:
+    if runs["missing"] == runs["requested"]:
         return "The run has not ended yet."
     failure = content["failures"][0] if content["failures"] else None
-    ended = (
-        "The run completed"
-        if failure is None
-        else f"The run failed: {failure['reason']}, since {format_number(failure['at_s'])} s"
-    )
+    ended = _NOT_JUDGED if runs["not_judged"] else "The run completed"
+    if failure is not None:
+        detail = f" ({failure['detail']})" if failure["detail"] else ""
+        ended = f"The run failed: {failure['reason']}{detail}, since {format_number(failure['at_s'])} s"
     counted = [entry for entry in content["requirements"] if entry["runs"]]
     met = sum(entry["violations"] == 0 for entry in counted)
     parts = [ended]
@@ -105,6 +106,8 @@ def _tile(entry: Mapping[str, Any]) -> VerdictTile:
     title = limit_text(entry)
     if not entry["runs"]:
         return VerdictTile(title, "does not count", "the run ended otherwise or never was there", "open", "metrics")
+    if entry.get("reached") == 0:
+        return VerdictTile(title, "not reached", "the run never was there, which violates it", "alert", "metrics")
     if entry["worst"] is None:
         return VerdictTile(title, "no value", "the run ended before it had one", "alert", "metrics")
     sign = 1.0 if entry["bound"] == "at most" else -1.0

@@ -1,1 +1,1 @@
-"""Starts of a scenario from orbit messages: an OEM, an OMM or two-line elements."""
+"""Starts of a scenario from orbit messages: an OEM, an OMM, an OPM or two-line elements."""

@@ -1,118 +1,163 @@
-"""States from an OEM in key-value notation: one of its lines, or interpolated between them."""
+"""States from an OEM: one of its lines, or interpolated between them with an estimate of the error."""
 
 import math
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
+from rpojax.core.constants import MU_EARTH
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.starts.inertial_frames import to_inertial
+from rpojax.scenario.loading.starts.message_text import Segment, number_in
 from rpojax.scenario.loading.starts.orbit_states import OrbitState
+from rpojax.time_scales import Instant
 
-_NODES: Final = 4
-"""Lines around an epoch through which a Hermite polynomial of degree 7 goes."""
-_UTC_OF: Final = {"UTC": timedelta(), "TAI": timedelta(seconds=-37), "TT": timedelta(seconds=-69.184)}
-"""UTC less another time scale, valid since 2017."""
+_NODES: Final = 6
+"""Lines around an epoch through which a Hermite polynomial of degree 11 goes."""
+_LARGEST_ERROR_M: Final = 1.0
+"""Estimate of an interpolation's error beyond which it is refused."""
+_ROUNDED_S: Final = 1.0
+"""Rounding of START_TIME and STOP_TIME that writers allow themselves."""
+_UNITS: Final = 3 * ("km",) + 3 * ("km/s",)
 
 
 @dataclass(frozen=True)
-class _Segment:
-    meta: Mapping[str, str]
-    rows: Sequence[tuple[datetime, list[float]]]
+class _Ephemeris:
+    """States of a segment.
+
+    Attributes:
+        segment: where they are from
+        times: of each state
+        states: (n, 6) position [m] and velocity [m/s] in the segment's frame
+        begin: first instant at which they may be used
+        end: last one
+    """
+
+    segment: Segment
+    times: Sequence[Instant]
+    states: np.ndarray
+    begin: Instant
+    end: Instant
 
 
-def state_of(text: str, epoch: datetime | None, key: str) -> OrbitState:
-    """State of an OEM at an epoch in UTC, by default that of its first line.
+def state_of(segments: Sequence[Segment], epoch: Instant | None, key: str) -> OrbitState:
+    """State of an OEM at an epoch, by default that of its first line that may be used.
+
+    Where two segments meet, as at a burn, the state is that of the later one, from which the run goes on.
 
     Raises:
-        ScenarioError: the text is no OEM about the Earth, or has no state at the epoch.
+        ScenarioError: it is of several objects or not about the Earth, it has no state at the epoch, or its states are
+            too far apart.
     """
-    segments = _segments(text, key)
-    names = {segment.meta.get("OBJECT_NAME", "") for segment in segments}
-    if len(names) != 1:
-        raise ScenarioError(key, f"{len(names)} objects", "an OEM of one object")
-    chosen = epoch or segments[0].rows[0][0]
-    for segment in segments:
-        if segment.rows[0][0] <= chosen <= segment.rows[-1][0]:
-            return _interpolated(segment, chosen, key)
-    begin, end = segments[0].rows[0][0], segments[-1].rows[-1][0]
-    raise ScenarioError(
-        key, f"states from {begin.isoformat()} to {end.isoformat()}", f"some about {chosen.isoformat()}"
-    )
-
-
-def _segments(text: str, key: str) -> list[_Segment]:
-    segments: list[_Segment] = []
-    meta: dict[str, str] = {}
-    rows: list[tuple[datetime, list[float]]] = []
-    inside = covariance = False
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.strip()
-        if not words or words.startswith("COMMENT"):
-            continue
-        if words in ("META_START", "COVARIANCE_START"):
-            inside, covariance = words == "META_START", words == "COVARIANCE_START"
-            if inside:
-                meta, rows = {}, []
-        elif words == "META_STOP":
-            inside = False
-            segments.append(_Segment(meta, rows))
-        elif words == "COVARIANCE_STOP":
-            covariance = False
-        elif inside and "=" in words:
-            name, _, value = words.partition("=")
-            meta[name.strip()] = value.strip()
-        elif segments and not covariance and not inside:
-            rows.append(_row(words, meta, f"{key} line {number}"))
-    if not segments or not all(segment.rows for segment in segments):
+    if not segments:
         raise ScenarioError(key, "no states", "an OEM with META_START and lines of states")
-    for segment in segments:
-        _check(segment, key)
-    return segments
+    objects = {(each.fields.get("OBJECT_NAME", ""), each.fields.get("OBJECT_ID", "")) for each in segments}
+    if len(objects) != 1:
+        found = ", ".join(sorted(f"{name} ({identity})" for name, identity in objects))
+        raise ScenarioError(key, f"{len(objects)} objects: {found:.80}", "an OEM of one object")
+    parts = sorted((_ephemeris(segment, key) for segment in segments), key=lambda each: (each.begin, each.end))
+    at = epoch or next((time for time in parts[0].times if time >= parts[0].begin), parts[0].begin)
+    containing = [each for each in parts if each.begin <= at <= each.end]
+    if not containing:
+        raise _nothing_at(parts, at, key)
+    *others, last = containing
+    if others and not (last.begin == at and all(each.end == at for each in others)):
+        found = f"{len(containing)} segments with states at {at.utc()}"
+        raise ScenarioError(key, found, "one, or one that ends and one that begins there")
+    return _state(last, at, key)
 
 
-def _check(segment: _Segment, key: str) -> None:
-    if (center := segment.meta.get("CENTER_NAME", "").upper()) != "EARTH":
-        raise ScenarioError(key, f"CENTER_NAME = {center:.30}", "EARTH")
-    times = [time for time, _ in segment.rows]
+def _nothing_at(parts: Sequence[_Ephemeris], at: Instant, key: str) -> ScenarioError:
+    for earlier, later in pairwise(parts):
+        if earlier.end < at < later.begin:
+            gap = f"no states between {earlier.end.utc()} and {later.begin.utc()}"
+            return ScenarioError(key, gap, f"some about {at.utc()}")
+    found = f"states from {parts[0].begin.utc()} to {parts[-1].end.utc()}"
+    return ScenarioError(key, found, f"some about {at.utc()}")
+
+
+def _ephemeris(segment: Segment, key: str) -> _Ephemeris:
+    segment.check("CENTER_NAME", "EARTH")
+    if not segment.rows:
+        raise ScenarioError(key, "no states", "an OEM with META_START and lines of states")
+    rows = [_row(words, segment, where) for where, words in segment.rows]
+    times, states = [time for time, _ in rows], 1e3 * np.array([values for _, values in rows])
     if any(second <= first for first, second in pairwise(times)):
         raise ScenarioError(key, "states that are not in order of time", "increasing times")
+    limits = {
+        name: segment.time(name) if segment.fields.get(name) else None
+        for name in ("START_TIME", "STOP_TIME", "USEABLE_START_TIME", "USEABLE_STOP_TIME")
+    }
+    start, stop = limits["START_TIME"] or times[0], limits["STOP_TIME"] or times[-1]
+    if start - times[0] > _ROUNDED_S or times[-1] - stop > _ROUNDED_S:
+        found = f"states from {times[0].utc()} to {times[-1].utc()}"
+        raise ScenarioError(key, found, f"START_TIME to STOP_TIME, {start.utc()} to {stop.utc()}")
+    begin = max(times[0], limits["USEABLE_START_TIME"] or times[0])
+    end = min(times[-1], limits["USEABLE_STOP_TIME"] or times[-1])
+    if begin > end:
+        found = f"states from {times[0].utc()} to {times[-1].utc()}"
+        raise ScenarioError(key, found, "some between USEABLE_START_TIME and USEABLE_STOP_TIME")
+    return _Ephemeris(segment, times, states, begin, end)
 
 
-def _row(words: str, meta: Mapping[str, str], where: str) -> tuple[datetime, list[float]]:
-    scale = meta.get("TIME_SYSTEM", "").upper()
-    if scale not in _UTC_OF:
-        raise ScenarioError(where, f"TIME_SYSTEM = {scale:.30}", f"one of {', '.join(_UTC_OF)}")
-    time, *cells = words.split()
-    try:
-        values = [float(cell) for cell in cells[:6]]
-        moment = datetime.fromisoformat(time.removesuffix("Z")) if "T" in time else None
-    except ValueError:
-        moment, values = None, []
-    if moment is None or moment.tzinfo is not None or len(cells) not in (6, 9) or not all(map(math.isfinite, values)):
-        raise ScenarioError(where, words[:60], "a time and six numbers [km, km/s]")
-    return moment + _UTC_OF[scale], values
+def _row(words: list[str], segment: Segment, where: str) -> tuple[Instant, list[float]]:
+    time, *cells = words
+    values = [number_in(cell, unit) for cell, unit in zip(cells, _UNITS, strict=False)]
+    if len(cells) not in (6, 9) or None in values or any(number_in(cell, "km/s**2") is None for cell in cells[6:]):
+        raise ScenarioError(where, " ".join(words)[:60], "a time and six numbers [km, km/s]")
+    return segment.instant(time, where), [value for value in values if value is not None]
 
 
-def _interpolated(segment: _Segment, epoch: datetime, key: str) -> OrbitState:
-    times = np.array([(time - epoch).total_seconds() for time, _ in segment.rows])
-    values = 1e3 * np.array([row for _, row in segment.rows])
-    nearest = int(np.argmin(np.abs(times)))
-    if times[nearest] == 0.0:
-        position, velocity = values[nearest, :3], values[nearest, 3:]
+def _state(part: _Ephemeris, epoch: Instant, key: str) -> OrbitState:
+    nearest = min(range(len(part.times)), key=lambda number: abs(part.times[number].tai_ps - epoch.tai_ps))
+    if part.times[nearest] == epoch:
+        state, error = part.states[nearest], None
     else:
-        from scipy.interpolate import KroghInterpolator
+        state, error = _interpolated(part, epoch)
+        if not error <= _LARGEST_ERROR_M:
+            found = f"states too far apart about {epoch.utc()}: interpolated with an error of {error:.3g} m"
+            raise ScenarioError(key, found, f"states with which it is at most {_LARGEST_ERROR_M:g} m")
+    fields = part.segment.fields
+    frame, fixed = part.segment.needed("REF_FRAME"), bool(fields.get("REF_FRAME_EPOCH"))
+    R = to_inertial(frame, part.segment.time("REF_FRAME_EPOCH") if fixed else epoch, key)
+    name = fields.get("OBJECT_NAME", "UNKNOWN")
+    return OrbitState(epoch, R @ state[:3], R @ state[3:], "OEM", frame, name, error)
 
-        first = min(max(0, int(np.searchsorted(times, 0.0)) - _NODES // 2), max(0, len(times) - _NODES))
-        rows = slice(first, first + _NODES)
-        nodes = np.repeat(times[rows], 2)
-        known = np.stack([values[rows, :3], values[rows, 3:]], axis=1).reshape(-1, 3)
-        polynomial = KroghInterpolator(nodes, known)
-        position, velocity = np.asarray(polynomial(0.0)), np.asarray(polynomial.derivative(0.0))
-    frame = segment.meta.get("REF_FRAME", "")
-    R = to_inertial(frame, epoch, key)
-    return OrbitState(epoch, R @ position, R @ velocity, "OEM", frame, segment.meta.get("OBJECT_NAME", "UNKNOWN"))
+
+def _interpolated(part: _Ephemeris, epoch: Instant) -> tuple[np.ndarray, float]:
+    """State (6,) at an epoch between the lines of a segment, and an estimate of its position's error [m].
+
+    The estimate is the difference to the polynomial without the node farthest from the epoch; of two nodes, the
+    remainder of the cubic polynomial with the fourth derivative of two-body motion.
+    """
+    after = bisect_left(part.times, epoch)
+    first = min(max(0, after - _NODES // 2), max(0, len(part.times) - _NODES))
+    rows = slice(first, first + _NODES)
+    times, states = np.array([time - epoch for time in part.times[rows]]), part.states[rows]
+    state = _hermite(times, states)
+    if len(times) > 2:
+        kept = np.arange(len(times)) != np.argmax(np.abs(times))
+        return state, float(np.linalg.norm(state[:3] - _hermite(times[kept], states[kept])[:3]))
+    return state, _fourth_derivative(state) / math.factorial(4) * float(times[0] * times[1]) ** 2
+
+
+def _hermite(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """State (6,) at time zero of the polynomial through positions and velocities (n, 6) at some times."""
+    from scipy.interpolate import KroghInterpolator
+
+    polynomial = KroghInterpolator(np.repeat(times, 2), states.reshape(-1, 3))
+    return np.concatenate([polynomial(0.0), polynomial.derivative(0.0)])
+
+
+def _fourth_derivative(state: np.ndarray) -> float:
+    """Magnitude of the fourth derivative [m/s^4] of the position in two-body motion, r'' = f r with f = -mu / |r|^3."""
+    r, v = state[:3], state[3:]
+    distance, along = float(np.linalg.norm(r)), float(r @ v)
+    f = -MU_EARTH / distance**3
+    f_1 = 3.0 * MU_EARTH * along / distance**5
+    f_2 = 3.0 * MU_EARTH * ((float(v @ v) + f * distance**2) / distance**5 - 5.0 * along**2 / distance**7)
+    return float(np.linalg.norm((f_2 + f * f) * r + 2.0 * f_1 * v))

@@ -4,14 +4,12 @@ By the routines of ERFA: precession of 1976 and nutation of 1980, to which TEME 
 """
 
 import math
-from datetime import datetime
 from typing import Any, Final
 
 import numpy as np
 
 from rpojax.errors import ScenarioError
-from rpojax.optional_packages import require_package
-from rpojax.value_types import epoch_seconds
+from rpojax.time_scales import Instant
 
 SAME: Final = ("EME2000", "J2000")
 """Names of the scenario's inertial frame."""
@@ -20,20 +18,20 @@ KNOWN: Final = (*SAME, "GCRF", "ICRF", "TOD", "TEME")
 _J2000_DAY: Final = 2451545.0
 
 
-def to_inertial(frame: str, epoch: datetime, key: str) -> np.ndarray:
-    """Rotation (3, 3) from the axes of a frame at an epoch in UTC to those of N; `key` names the file in errors.
+def to_inertial(frame: str, epoch: Instant, key: str) -> np.ndarray:
+    """Rotation (3, 3) from the axes of a frame at an epoch to those of N; `key` names the file in errors.
 
     Raises:
         ScenarioError: the frame is not known.
-        MissingExtraError: the frame needs ERFA, which is not installed.
     """
+    import erfa
+
     name = frame.upper()
     if name not in KNOWN:
         raise ScenarioError(key, f"the frame {frame:.30}", f"one of {', '.join(KNOWN)}")
     if name in SAME:
         return np.eye(3)
-    erfa = require_package("erfa")
-    days = epoch_seconds(epoch.isoformat()) / 86400.0
+    days = epoch.terrestrial_s / 86400.0
     if name in ("GCRF", "ICRF"):
         bias, *_ = erfa.bp06(_J2000_DAY, 0.0)
         return np.asarray(bias)

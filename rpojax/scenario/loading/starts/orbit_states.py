@@ -2,14 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from datetime import datetime
 
 import numpy as np
 
 from rpojax.core.constants import MU_EARTH
+from rpojax.time_scales import Instant
 
-_NO_DIRECTION = 1e-11
-"""Length of the eccentricity vector, or of the normal's part in the equator, below which it has no direction."""
+_NO_DIRECTION = 1e-14
+"""Length of the eccentricity vector, or of the normal's part in the equator, below which it has no direction.
+
+A position is right to some 1e-7 m without it.
+"""
 
 
 @dataclass(frozen=True)
@@ -17,20 +20,22 @@ class OrbitState:
     """State of an object at a time, and where it was read.
 
     Attributes:
-        epoch: in UTC
+        epoch: when
         position_m: (3,) in N
         velocity_m_s: (3,) in N
-        kind: `OEM`, `OMM` or `TLE`
+        kind: `OEM`, `OMM`, `OPM` or `TLE`
         frame: of the message
         name: of the object in the message
+        interpolation_error_m: estimate of its position's error where it was interpolated
     """
 
-    epoch: datetime
+    epoch: Instant
     position_m: np.ndarray
     velocity_m_s: np.ndarray
     kind: str
     frame: str
     name: str
+    interpolation_error_m: float | None = None
 
 
 def orbit_section(state: OrbitState) -> dict[str, float]:

@@ -2,17 +2,17 @@
 
 import hashlib
 import math
-import xml.etree.ElementTree as ElementTree
-from datetime import UTC, datetime
+from datetime import date
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+
+import numpy as np
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.loading.starts import ephemeris_message, mean_elements
+from rpojax.scenario.loading.starts import ephemeris_message, mean_elements, message_text, parameter_message
 from rpojax.scenario.loading.starts.orbit_states import OrbitState, orbit_section, relative_state
+from rpojax.time_scales import Instant, instant
 from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
-
-_LARGEST_XML_BYTES: Final = 1_000_000
 
 
 def resolve_start(tables: dict[str, Any]) -> dict[str, Any]:
@@ -25,14 +25,14 @@ def resolve_start(tables: dict[str, Any]) -> dict[str, Any]:
         Tables of the keys of orbits that it sets.
 
     Raises:
-        ScenarioError: a file cannot be read, or is no OEM, OMM or element set.
+        ScenarioError: a file cannot be read, or is no OEM, OMM, OPM or element set.
     """
     start = tables.get("start")
     if not isinstance(start, dict) or "target_sha256" in start or not isinstance(start.get("target"), str):
         return {}
     epoch = _epoch(start.get("epoch_utc"))
     target, digest = _read(Path(start["target"]), epoch, "start.target")
-    tables["epoch_utc"] = target.epoch.isoformat()
+    tables["epoch_utc"] = target.epoch.utc()
     tables["orbit"] = orbit_section(target)
     changes: dict[str, Any] = {"orbit": dict(tables["orbit"])}
     start |= _record("target", target, digest)
@@ -45,17 +45,19 @@ def resolve_start(tables: dict[str, Any]) -> dict[str, Any]:
     return changes
 
 
-def _epoch(value: Any) -> datetime | None:
+def _epoch(value: Any) -> Instant | None:
     if value is None:
         return None
     try:
-        moment = value if isinstance(value, datetime) else datetime.fromisoformat(value)
-    except (TypeError, ValueError):
+        return instant(value.isoformat() if isinstance(value, date) else value)
+    except TypeError:
         raise ScenarioError("start.epoch_utc", value, "a date and time such as '2026-03-20T14:46:00'") from None
-    return moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
+    except ValueError as error:
+        raise ScenarioError("start.epoch_utc", value, str(error)) from None
 
 
 def _record(who: str, state: OrbitState, digest: str) -> dict[str, Any]:
+    error = state.interpolation_error_m
     return {
         f"{who}_sha256": digest,
         f"{who}_format": state.kind,
@@ -63,20 +65,23 @@ def _record(who: str, state: OrbitState, digest: str) -> dict[str, Any]:
         f"{who}_frame": state.frame,
         f"{who}_position_m": state.position_m.tolist(),
         f"{who}_velocity_m_s": state.velocity_m_s.tolist(),
+        **({} if error is None else {f"{who}_interpolation_error_m": error}),
     }
 
 
-def _read(path: Path, epoch: datetime | None, key: str) -> tuple[OrbitState, str]:
+def _read(path: Path, epoch: Instant | None, key: str) -> tuple[OrbitState, str]:
     """State of a file at an epoch, by default its own, and the file's SHA-256."""
     try:
         content = read_bytes(path, FileKind.ORBIT_MESSAGE)
         text = content.decode("utf-8-sig")
     except (FileError, UnicodeDecodeError) as error:
         found = error.found if isinstance(error, FileError) else "no text in UTF-8"
-        raise ScenarioError(key, f"{path} ({found})", "a readable OEM, OMM or element set") from None
+        raise ScenarioError(key, f"{path} ({found})", "a readable OEM, OMM, OPM or element set") from None
     try:
-        found = _state(text, epoch, key, path)
-        if not all(map(math.isfinite, orbit_section(found).values())):
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            found = _state(text, epoch, key, path)
+            elements = orbit_section(found)
+        if not all(map(math.isfinite, elements.values())):
             raise ValueError
         return found, hashlib.sha256(content).hexdigest()
     except (ArithmeticError, ValueError, RecursionError) as error:
@@ -84,34 +89,13 @@ def _read(path: Path, epoch: datetime | None, key: str) -> tuple[OrbitState, str
         raise ScenarioError(key, found, "states from which an orbit can be computed") from None
 
 
-def _state(text: str, epoch: datetime | None, key: str, path: Path) -> OrbitState:
-    first = text.lstrip()[:200]
-    if first.startswith("CCSDS_OEM_VERS"):
-        return ephemeris_message.state_of(text, epoch, key)
-    if first.startswith("CCSDS_OMM_VERS"):
-        return mean_elements.from_fields(_keywords(text), epoch, key)
-    if first.startswith("<"):
-        return mean_elements.from_fields(_xml_fields(text, key), epoch, key)
+def _state(text: str, epoch: Instant | None, key: str, path: Path) -> OrbitState:
+    if message_text.is_message(text):
+        segments = message_text.read_message(text, key)
+        if not segments or segments[0].kind == "OEM":
+            return ephemeris_message.state_of(segments, epoch, key)
+        of_one = mean_elements.from_message if segments[0].kind == "OMM" else parameter_message.state_of
+        return of_one(segments[0], epoch, key)
     if mean_elements.is_two_line(text):
         return mean_elements.from_two_lines(text, epoch, key)
-    raise ScenarioError(key, str(path), "an OEM or OMM in key-value notation, an OMM in XML, or two-line elements")
-
-
-def _keywords(text: str) -> dict[str, str]:
-    lines = [line.partition("=") for line in text.splitlines() if "=" in line and not line.startswith("COMMENT")]
-    # Units in brackets may follow a value.
-    return {name.strip(): value.partition("[")[0].strip() for name, _, value in lines}
-
-
-def _xml_fields(text: str, key: str) -> dict[str, str]:
-    """Texts of the elements of the one OMM of an XML file, which may define no entities of its own."""
-    if len(text) > _LARGEST_XML_BYTES or "<!" in text.replace("<!--", ""):
-        raise ScenarioError(key, "a large XML file or one with a document type", "the XML of one OMM")
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise ScenarioError(key, f"XML with {error}"[:100], "the XML of one OMM") from None
-    segments = [element for element in root.iter() if element.tag.rpartition("}")[2] == "segment"]
-    if len(segments) != 1:
-        raise ScenarioError(key, f"{len(segments)} segments", "the XML of one OMM")
-    return {element.tag.rpartition("}")[2]: (element.text or "").strip() for element in segments[0].iter()}
+    raise ScenarioError(key, str(path), "an OEM, OMM or OPM in key-value notation or XML, or two-line elements")

@@ -43,7 +43,7 @@ class QuadraticRuns(RolloutEvaluator):
 
     def gradient(self, inputs: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> RolloutResult:
         off, metrics, rng = self._off(inputs, keys)
-        cotangent = self._cotangent(*map(jnp.asarray, (metrics, metrics, np.ones(len(metrics)))))
+        cotangent = self._cotangent(jnp.asarray(metrics), jnp.ones(len(metrics)))
         gradient = np.asarray(cotangent) * metrics * 2.0 * off
         gradient[:, 2:] *= -3.0
         gradient[rng.random(len(gradient)) < 0.05] *= 1e4

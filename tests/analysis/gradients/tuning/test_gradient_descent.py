@@ -117,6 +117,38 @@ def test_a_descent_without_any_finite_gradient_stops(file: ScenarioFile, monkeyp
         gradient_descent.descend(file, TuningSettings(TUNED, runs=4, steps=2))
 
 
+def lose(monkeypatch: pytest.MonkeyPatch, lost: slice) -> None:
+    """Makes the formation error of some runs undefined, as a running metric is that nothing counts for."""
+    simulate = QuadraticRuns.gradient
+
+    def without_metric(*arguments: Any) -> RolloutResult:
+        found = simulate(*arguments)
+        assert found.gradient is not None
+        metrics, gradient = found.metrics.copy(), found.gradient.copy()
+        metrics[lost], gradient[lost] = np.nan, 0.0
+        return replace(found, metrics=metrics, gradient=gradient)
+
+    monkeypatch.setattr(QuadraticRuns, "gradient", without_metric)
+
+
+def test_runs_without_a_metric_are_counted_at_every_step(file: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    lose(monkeypatch, slice(1, 3))
+    kept: list[TuningStep] = []
+    found = gradient_descent.descend(
+        file, TuningSettings(TUNED, runs=8, steps=2), on_step=lambda _, step: kept.append(step)
+    )
+    assert [step.undefined for step in found.steps] == [{"formation": 2}] * 2 == [step.undefined for step in kept]
+    assert all(step.left_out == 1 for step in found.steps)
+
+
+def test_a_start_without_any_value_of_a_part_is_refused(file: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    lose(monkeypatch, slice(None))
+    with pytest.raises(
+        RpojaxError, match=r"^tuning.formation: found no run of 4 with formation_error_rms_m, expected some; "
+    ):
+        gradient_descent.descend(file, TuningSettings(TUNED, runs=4, steps=2))
+
+
 @pytest.mark.slow
 def test_a_too_large_box_noise_is_tuned_back(tmp_path: Path) -> None:
     start = rpojax.load("inspection", ["navigation.edge_noise_px=10.0"])

@@ -19,7 +19,7 @@ def objective(**weights: float) -> Objective:
 
 def gradient(made: Objective, metrics: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
     counted = np.ones(len(metrics)) if mask is None else mask
-    return np.asarray(made.gradient(*map(jnp.asarray, (metrics, metrics, counted))))
+    return np.asarray(made.gradient(jnp.asarray(metrics), jnp.asarray(counted)))
 
 
 def test_all_parts_are_weights_of_the_scenario_and_need_existing_metrics() -> None:
@@ -48,17 +48,72 @@ def test_conservative_and_overconfident_filters_count_alike(factor: float) -> No
     assert value == pytest.approx(2.0 * np.log(2.0) ** 2)
 
 
-def test_a_lost_run_does_not_count_for_consistency() -> None:
+def test_the_nees_of_a_lost_run_does_not_count_for_consistency_but_its_loss_does() -> None:
     metrics = np.array([[12.0, 6.0]] * 9 + [[2e6, 1e6]])
     made = objective(consistency=1.0)
-    assert made(metrics)[0] == pytest.approx(0.0)
+    # Both halves are lost in a tenth of the runs.
+    assert made(metrics)[0] == pytest.approx(2.0 * 0.1 * 6.0)
     np.testing.assert_array_equal(gradient(made, metrics)[-1], 0.0)
+    worse = metrics.copy()
+    worse[-1] = [2e9, 1e9]
+    assert made(worse)[0] == made(metrics)[0]
 
 
-def test_a_run_that_is_not_finite_is_left_out() -> None:
-    made, metrics = objective(formation=1.0), np.array([[1.0], [np.nan]])
-    assert made(metrics)[0] == pytest.approx(0.0)
-    np.testing.assert_array_equal(gradient(made, metrics), [[1.0], [0.0]])
+def test_a_run_that_never_settles_does_not_look_perfect() -> None:
+    made = objective(pointing=1.0)
+    settled, one_of_two = made(np.array([[0.1], [0.1]]))[0], made(np.array([[0.1], [np.nan]]))[0]
+    assert settled == pytest.approx(np.log(0.1))
+    assert one_of_two == pytest.approx(0.5 * (np.log(0.1) + np.log(180.0)))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_run_without_a_value_counts_as_the_worst_and_has_no_gradient(value: float) -> None:
+    made, metrics = objective(formation=1.0), np.array([[1.0], [value]])
+    assert made(metrics)[0] == pytest.approx(0.5 * np.log(1e7))
+    np.testing.assert_array_equal(gradient(made, metrics), [[0.5], [0.0]])
+    assert made.undefined_runs(metrics) == {"formation": 1}
+
+
+def test_a_run_without_one_value_counts_with_the_others() -> None:
+    made = objective(formation=1.0, pointing=1.0)
+    metrics = np.array([[np.e, 0.1], [np.e, np.nan], [np.e, np.nan]])
+    assert made(metrics)[1]["formation"] == pytest.approx(1.0)
+    assert made.undefined_runs(metrics) == {"formation": 0, "pointing": 2}
+
+
+def with_weight(name: str, weight: float) -> Objective:
+    """Objective of one part, or of one metric with a weight of its own."""
+    if name in PART_METRICS:
+        return objective(**{name: weight})
+    file = rpojax.load("inspection", [f"tuning.{part}=0" for part in PART_METRICS])
+    return Objective(file.model_copy(update={"tuning": file.tuning.model_copy(update={"metrics": {name: weight}})}))
+
+
+@pytest.mark.parametrize("others", [1e-3, 1.0, 50.0])
+@pytest.mark.parametrize(
+    ("name", "weight"), [*((part, 1.0) for part in PART_METRICS), ("min_range_m", -1.0), ("final_range_m", 1.0)]
+)
+def test_no_objective_improves_when_a_run_loses_a_value(name: str, weight: float, others: float) -> None:
+    made = with_weight(name, weight)
+    rows = others * (1.0 + RNG.random((4, len(made.metric_names))))
+    if name == "consistency":
+        rows = rows[:, :1] * [2.0, 1.0]
+    without = np.concatenate([rows, np.full_like(rows[:1], np.nan)])
+    worst = made(without)[0]
+    assert np.isfinite(worst)
+    assert np.isfinite(gradient(made, without)).all()
+    for value in np.logspace(-12.0, 12.0, 49):
+        before = np.concatenate([rows, np.full_like(rows[:1], value)])
+        if name == "consistency":
+            before[-1] = [2.0 * value, value]
+        assert made(before)[0] <= worst + 1e-12 * abs(worst)
+
+
+@pytest.mark.parametrize("metrics", [[[np.nan, np.nan]], [[12.0, np.nan]]])
+def test_a_batch_without_any_nees_is_as_inconsistent_as_one_of_a_million(metrics: list[list[float]]) -> None:
+    made = objective(consistency=1.0)
+    penalty = 6.0 + 18.0 * np.log(1e6 / 6.0)
+    assert made(np.array(metrics))[0] == pytest.approx(2.0 * (np.log(1e6 / 6.0) ** 2 + penalty))
 
 
 def test_padding_does_not_count() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon, unreached_phases_warning
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.errors import RpojaxError
 
@@ -17,6 +17,24 @@ def test_runs_are_as_long_as_the_horizon_and_no_longer_than_the_scenario() -> No
     settings = TuningSettings(("navigation",), horizon_s=400.0)
     assert scenario_at_horizon(file, settings).duration_s == 400.0
     assert scenario_at_horizon(file, TuningSettings(("navigation",))).duration_s == 1000.0
+    assert scenario_at_horizon(rpojax.load("inspection"), TuningSettings(("navigation",))).duration_s == 2000.0
+
+
+def test_by_default_runs_of_a_mission_of_phases_are_as_long_as_the_mission() -> None:
+    file, settings = rpojax.load("vbar_approach"), TuningSettings(("navigation",))
+    assert file.duration_s > 2000.0
+    assert scenario_at_horizon(file, settings).duration_s == file.duration_s
+    assert unreached_phases_warning(file, settings) is None
+    shorter = TuningSettings(("navigation",), horizon_s=2000.0)
+    assert scenario_at_horizon(file, shorter).duration_s == 2000.0
+    found = unreached_phases_warning(file, shorter)
+    assert found is not None
+    assert found.startswith(f"horizon: 2000 s of a mission of {file.duration_s:g} s")
+    for one_phase in ("inspection", "safety_ellipse"):
+        assert unreached_phases_warning(rpojax.load(one_phase), shorter) is None
+        assert scenario_at_horizon(rpojax.load(one_phase), settings).duration_s == 2000.0
+    with pytest.raises(RpojaxError, match=r"^horizon_s: found 2000 \(phases.drift.until.time_s: .*in which the phases"):
+        scenario_at_horizon(rpojax.load("rendezvous"), shorter)
 
 
 @pytest.mark.parametrize(

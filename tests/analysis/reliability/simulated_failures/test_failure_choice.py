@@ -1,10 +1,18 @@
 """Which failure options name, and what is refused."""
 
-import pytest
+import shlex
+from pathlib import Path
 
+import numpy as np
+import pytest
+from isolated_plugins import forgotten_plugins
+
+import rpojax
+from rpojax.analysis.reliability.simulated_failures import failing_runs
 from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice
 from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
 from rpojax.errors import RpojaxError
+from rpojax.scenario.dispersed_numbers.standard_normal_space import make_space
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
@@ -38,6 +46,32 @@ def test_an_outcome_is_a_failure(mission: ScenarioFile) -> None:
     assert found.words == "outcome keep_out"
 
 
+def test_a_metric_of_the_scenarios_plugin_is_one_of_its_own(mission: ScenarioFile) -> None:
+    plugin = rpojax.Plugin(metrics={"minutes_late": lambda time_s: time_s[-1] / 60.0})
+    choice = FailureChoice(metric="minutes_late", limit=5.0, bound="at most")
+    with forgotten_plugins():
+        own = scenario_loader.load("inspection", plugin=plugin)
+        assert choose_failure(own, choice).words == "minutes_late above 5, or a run that ended early"
+        with pytest.raises(RpojaxError, match=r"^metric: found 'minutes_late'"):
+            choose_failure(mission, choice)
+
+
+def test_the_command_of_a_failing_run_allows_its_plugin_and_is_quoted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "laws.py").write_text("import rpojax\n\n\ndef setup():\n    return rpojax.Plugin()\n")
+    (tmp_path / "own.toml").write_text('extends = "inspection"\nplugin = "laws.py:setup"\n')
+    monkeypatch.chdir(tmp_path)
+    with forgotten_plugins():
+        space = make_space(scenario_loader.load("own.toml", allow_plugin=True))
+        run = failing_runs.FailingRun(7, np.zeros(space.dimension), -1.0)
+        [entry] = failing_runs.write_scenarios(space, 3, [run], Path("out/a b"))
+    file = tmp_path / "out" / "a b" / "failing_runs" / "01.toml"
+    words = ["rpojax", "run", str(file), "--seed", "3", "--run-id", "7", "--out", "a b_run_01", "--allow-plugin"]
+    assert shlex.split(entry["command"]) == words
+    assert file.read_text().startswith(f"# {entry['command']}\n")
+
+
 @pytest.mark.parametrize(
     ("choice", "named"),
     [
@@ -49,6 +83,7 @@ def test_an_outcome_is_a_failure(mission: ScenarioFile) -> None:
         (FailureChoice(metric="min_range_m", limit=1.0, bound="below"), "bound"),
         (FailureChoice(metric="nothing", limit=1.0), "metric"),
         (FailureChoice(outcome="completed"), "outcome"),
+        (FailureChoice(outcome="not_judged"), "outcome"),
     ],
 )
 def test_options_that_name_no_failure_are_refused(mission: ScenarioFile, choice: FailureChoice, named: str) -> None:

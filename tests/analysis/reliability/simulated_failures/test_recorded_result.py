@@ -9,11 +9,13 @@ import pytest
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
 from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
 from rpojax.errors import ResultError
-from rpojax.report.rare_failures.probability_page import write_page
+from rpojax.report.page.probability_page import write_page
 
 DISPERSION = {"name": "initial.position_m", "sigmas": {"0": 2.0}, "values": {"0": 1.0}, "nominal": {"0": [0.0, 1.0]}}
 RESULT: dict[str, Any] = {
     "scenario": "inspection",
+    "scenario_hash": "ab" * 32,
+    "seed": 3,
     "probability": 1e-3,
     "interval_95": [5e-4, 2e-3],
     "coefficient_of_variation": None,

@@ -35,9 +35,9 @@ def period(e: float) -> float:
     return float(2.0 * np.pi * np.sqrt((PERIGEE / (1.0 - e)) ** 3 / MU))
 
 
-def entry(*relative_state: float) -> PhaseEntry:
-    """Entry at a relative state (6,)."""
-    return PhaseEntry(relative_state=jnp.array(relative_state))
+def entry(*relative_state: float, e: float = 0.3) -> PhaseEntry:
+    """Entry at a relative state (6,) on the orbit of an eccentricity."""
+    return PhaseEntry(relative_state=jnp.array(relative_state), orbit=orbit(e))
 
 
 def integrated_free_motion(e: float, at: TargetOrbit, state: np.ndarray, seconds: float) -> np.ndarray:

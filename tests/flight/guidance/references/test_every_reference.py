@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from relative_motion_cases import entry, orbit
+from relative_motion_cases import entry, orbit, period
 
 from rpojax.batching.vmap_last_axis import vmap
 from rpojax.core.orbits import yamanaka_ankersen
@@ -17,6 +17,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.guidance.references import approach, fly_around, hold, relative_orbit, retreat, transfer
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 
+AT = orbit(0.0)
 ENTRY = entry(12.0, -140.0, 8.0, 0.02, 0.01, -0.015)
 
 
@@ -114,7 +115,7 @@ def test_derivatives_to_the_parameters_agree_with_differences(kind: str) -> None
 
 @every_kind
 def test_derivatives_at_the_target_and_at_rest_are_finite(kind: str) -> None:
-    start = PhaseEntry(relative_state=jnp.zeros(6))
+    start = entry(*[0.0] * 6)
     slopes = slope_by_entry(*KINDS[kind], start, orbit(0.3), jnp.asarray(50.0))
     assert bool(jnp.all(jnp.isfinite(slopes.relative_state)))
 
@@ -130,3 +131,58 @@ def test_references_with_an_end_stay_there_at_rest(kind: str) -> None:
     module, reference = KINDS[kind]
     end = module.end_position(reference, ENTRY)
     np.testing.assert_allclose(state(kind, 2e4), np.concatenate([end, np.zeros(3)]), atol=1e-9)
+
+
+def osculating(at: TargetOrbit, elapsed: jax.Array) -> TargetOrbit:
+    """Orbit after a time as flight software sees it: with oblateness, elements go to and fro twice in an orbit."""
+    place = yamanaka_ankersen.advanced(at, elapsed)
+    c, s = jnp.cos(2.0 * place.argument_of_latitude), jnp.sin(2.0 * place.argument_of_latitude)
+    return replace(
+        place, ex=place.ex + 1e-3 * c, ey=place.ey + 1e-3 * s, semi_major_axis=place.semi_major_axis + 9.6e3 * c
+    )
+
+
+FROM_AN_ELLIPSE = entry(5.0, 45.0, 28.0, 0.02, 0.01, 0.01, e=0.0)
+BESIDE = numbers(position=[0.0, 40.0, 0.0], speed_ratio=1.0, pulses=2.0)
+MOVING = {kind: KINDS[kind] for kind in sorted(KINDS) if kind != "relative_orbit"} | {
+    "transfer_in_half_an_orbit": (transfer, transfer.Transfer(**BESIDE, **numbers(duration=0.51 * period(0.0)))),
+    "transfer_in_an_orbit": (transfer, transfer.Transfer(**BESIDE, **numbers(duration=period(0.0)))),
+    "transfer_in_two_orbits": (transfer, transfer.Transfer(**BESIDE, **numbers(duration=2.0 * period(0.0)))),
+}
+
+
+@pytest.mark.parametrize("kind", MOVING)
+def test_a_reference_moves_smoothly_while_the_osculating_orbit_changes(kind: str) -> None:
+    """In a second by what its speed says: ten times in an orbit, and around the times at which it may turn."""
+    module, reference = MOVING[kind]
+    times = np.concatenate([np.linspace(1.0, 2.2 * period(0.0), 4001), 0.51 * period(0.0) + np.arange(-30.0, 30.0)])
+    after = jax.vmap(lambda seconds: module.state(reference, FROM_AN_ELLIPSE, osculating(AT, seconds), seconds))
+    here, later = (np.asarray(jax.jit(after)(jnp.asarray(times + step))) for step in (0.0, 1.0))
+    moved = np.linalg.norm(later[:, :3] - here[:, :3], axis=1)
+    speed = np.maximum(np.linalg.norm(here[:, 3:], axis=1), np.linalg.norm(later[:, 3:], axis=1))
+    assert np.all(moved < 1.05 * speed + 0.02)
+    assert np.max(moved) < 0.3
+
+
+@pytest.mark.parametrize("place", np.linspace(0.0, 2.0 * np.pi, 7)[:-1])
+def test_half_an_orbit_from_an_ellipse_does_not_swing_across_the_track(place: float) -> None:
+    """3000 s from 25 by 50 by 30 m to 40 m ahead: two impulses alone would swing by 150 m."""
+    c, s = np.cos(place), np.sin(place)
+    n = 2.0 * np.pi / period(0.0)
+    start = entry(-25.0 * c, 50.0 * s, 30.0 * s, 25.0 * n * s, 50.0 * n * c, 30.0 * n * c, e=0.0)
+    followed = transfer.Transfer(**BESIDE, **numbers(duration=3000.0))
+    after = jax.jit(jax.vmap(lambda seconds: transfer.state(followed, start, start.orbit, seconds)))
+    states = np.asarray(after(jnp.linspace(0.0, 2999.0, 500)))
+    assert np.max(np.abs(states[:, 2])) < 45.0
+    np.testing.assert_allclose(states[-1, :3], [0.0, 40.0, 0.0], atol=0.2)
+
+
+@pytest.mark.parametrize("kind", ["transfer_in_half_an_orbit", "transfer_in_an_orbit", "transfer_in_two_orbits"])
+def test_a_transfer_near_a_singular_time_has_finite_derivatives_to_all_that_it_begins_with(kind: str) -> None:
+    module, reference = MOVING[kind]
+
+    def state(reference: Any, start: PhaseEntry) -> jax.Array:
+        return module.state(reference, start, AT, jnp.asarray(2500.0))
+
+    slopes = jax.jit(jax.jacrev(state, argnums=(0, 1)))(reference, FROM_AN_ELLIPSE)
+    assert all(bool(jnp.all(jnp.isfinite(each))) for each in jax.tree.leaves(slopes))

@@ -16,7 +16,10 @@ from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 
 free_motion = jax.jit(yamanaka_ankersen.free_motion)
 state, tracked_point = jax.jit(relative_orbit.state), jax.jit(impulsive_tracking.tracked_point)
-ENTRY = entry(150.0, -900.0, 30.0, 0.0, -0.2, 0.05)
+
+
+def begin(e: float) -> PhaseEntry:
+    return entry(150.0, -900.0, 30.0, 0.0, -0.2, 0.05, e=e)
 
 
 def reference(**changes: float) -> RelativeOrbit:
@@ -50,23 +53,23 @@ def test_on_a_circular_orbit_it_is_the_safety_ellipse_of_the_textbook(share: flo
         60.0 * n * np.cos(u - 1.0),
         40.0 * n * np.cos(u - 1.0),
     ]
-    np.testing.assert_allclose(state(SAFE, ENTRY, target, elapsed), expected, atol=1e-10)
+    np.testing.assert_allclose(state(SAFE, begin(0.0), target, elapsed), expected, atol=1e-10)
 
 
 def test_a_coelliptic_orbit_is_above_or_below_by_its_drift() -> None:
     """A lower orbit by da drifts ahead by 3 pi da in each period."""
     drifting = reference(drift_per_orbit=3.0 * np.pi * 100.0, along_track=-2000.0)
-    start, later = (np.asarray(state(drifting, ENTRY, *at(0.0, share * period(0.0)))) for share in (0.0, 1.0))
+    start, later = (np.asarray(state(drifting, begin(0.0), *at(0.0, share * period(0.0)))) for share in (0.0, 1.0))
     np.testing.assert_allclose(start[:4], [-100.0, -2000.0, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(later[:4], [-100.0, -2000.0 + 300.0 * np.pi, 0.0, 0.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("e", ECCENTRICITIES)
 def test_it_is_a_free_motion(e: float) -> None:
-    start = np.asarray(state(WALKING, ENTRY, *at(e, 0.0)))
+    start = np.asarray(state(WALKING, begin(e), *at(e, 0.0)))
     seconds = 1.4 * period(e)
     expected = integrated_free_motion(e, orbit(e), start, seconds)
-    found = np.asarray(state(WALKING, ENTRY, *at(e, seconds)))
+    found = np.asarray(state(WALKING, begin(e), *at(e, seconds)))
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-6 * np.max(np.abs(expected[:3])))
     np.testing.assert_allclose(found[3:], expected[3:], atol=1e-6 * np.max(np.abs(expected[3:])))
 
@@ -78,7 +81,7 @@ def test_parallel_vectors_keep_clear_of_the_along_track_axis_and_perpendicular_o
     def clearance(followed: RelativeOrbit) -> float:
         shares = np.linspace(0.0, 1.0, 2001) * period(e)
         targets = jax.vmap(advanced, in_axes=(None, 0))(orbit(e), shares)
-        states = jax.vmap(state, in_axes=(None, None, 0, 0))(followed, ENTRY, targets, shares)
+        states = jax.vmap(state, in_axes=(None, None, 0, 0))(followed, begin(e), targets, shares)
         return float(np.min(np.linalg.norm(np.asarray(states)[:, [0, 2]], axis=1)))
 
     assert clearance(SAFE) >= min(30.0, 40.0 / (1.0 + e)) - 1e-9
@@ -91,7 +94,7 @@ def test_a_join_from_the_targets_own_orbit_is_nearly_free_and_keeps_clear_of_the
     at_start = orbit(e)
     behind = -1500.0 * jnp.array([1.0, at_start.ey, -at_start.ex, 0.0, 0.0, 0.0])
     joining = reference(radial=30.0, radial_phase=0.3, cross_track=40.0, cross_track_phase=0.3, join=2.0 * period(e))
-    far = PhaseEntry(relative_state=free_motion(at_start, jnp.asarray(0.0), behind))
+    far = PhaseEntry(relative_state=free_motion(at_start, jnp.asarray(0.0), behind), orbit=at_start)
     interval = period(e) / 30.0
     burns = jnp.arange(63.0) * interval
     places = jax.vmap(advanced, in_axes=(None, 0))(orbit(e), burns)
@@ -106,8 +109,8 @@ def test_a_join_from_the_targets_own_orbit_is_nearly_free_and_keeps_clear_of_the
 def test_it_is_reached_at_the_end_of_the_join(e: float) -> None:
     joining = reference(radial=30.0, radial_phase=0.3, cross_track=40.0, cross_track_phase=0.9, join=1.5 * period(e))
     at_once = reference(radial=30.0, radial_phase=0.3, cross_track=40.0, cross_track_phase=0.9)
-    np.testing.assert_allclose(state(joining, ENTRY, *at(e, 0.0)), ENTRY.relative_state, atol=1e-9)
+    np.testing.assert_allclose(state(joining, begin(e), *at(e, 0.0)), begin(e).relative_state, atol=1e-9)
     for share in (1.5, 2.1):
         target, elapsed = at(e, share * period(e))
-        found, expected = state(joining, ENTRY, target, elapsed), state(at_once, ENTRY, target, elapsed)
+        found, expected = state(joining, begin(e), target, elapsed), state(at_once, begin(e), target, elapsed)
         np.testing.assert_allclose(found, expected, atol=1e-9)

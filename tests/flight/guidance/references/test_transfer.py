@@ -11,7 +11,6 @@ from rpojax.flight.guidance.references.transfer import Transfer
 
 state = jax.jit(transfer.state)
 START, END = np.array([40.0, -2000.0, 30.0]), np.array([0.0, -100.0, -5.0])
-ENTRY = entry(*START, 0.3, 0.1, -0.2)
 DURATION = 2000.0
 
 
@@ -26,7 +25,7 @@ def reference(pulses: float, speed_ratio: float = 0.1) -> Transfer:
 
 def at(e: float, followed: Transfer, elapsed: float) -> np.ndarray:
     seconds = jnp.asarray(elapsed)
-    return np.asarray(state(followed, ENTRY, advanced(orbit(e), seconds), seconds))
+    return np.asarray(state(followed, entry(*START, 0.3, 0.1, -0.2, e=e), advanced(orbit(e), seconds), seconds))
 
 
 @pytest.mark.parametrize("e", ECCENTRICITIES)

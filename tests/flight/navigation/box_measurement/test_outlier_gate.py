@@ -13,13 +13,14 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.scenario.params import Params
 
-FOCAL = jnp.float64(700.0)
+FOCAL = 64.0 / np.tan(np.radians(5.0))
+"""Focal length of the packaged camera [px]."""
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 VARIANCE = np.full(3, 4e-4)
 
 accept = jax.jit(outlier_gate.accept)
 update = jax.jit(outlier_gate.update)
-to_residual = jax.jit(jax.grad(lambda *arguments: outlier_gate.accept(*arguments).weight, argnums=5))
+to_residual = jax.jit(jax.grad(lambda *arguments: outlier_gate.accept(*arguments).weight, argnums=4))
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,6 @@ def decide(
     """Decision on a box with residuals in sigmas of the innovation variance."""
     decision = accept(
         tuning,
-        FOCAL,
         np.eye(3),
         outlier_gate.initial() if state is None else state,
         box() if measured is None else measured,
@@ -106,7 +106,7 @@ def test_an_unconfirmed_box_is_accepted_only_if_the_prior_is_not_wide(tuning: Or
 def test_a_box_is_confirmed_by_one_five_pixels_a_second_away_within_three_seconds_or_by_the_frame_before(
     tuning: OrbitFilterTuning, pixels: float, age: float, interval: float, accepted: bool
 ) -> None:
-    before = unit(np.array([pixels / float(FOCAL), 0.0, 1.0]))
+    before = unit(np.array([pixels / FOCAL, 0.0, 1.0]))
     state = replace(
         outlier_gate.initial(),
         direction_N=jnp.asarray(before),
@@ -141,7 +141,7 @@ def test_a_box_behind_the_camera_confirms_nothing(tuning: OrbitFilterTuning) -> 
 def test_the_decision_has_a_smooth_derivative_near_the_gate(tuning: OrbitFilterTuning) -> None:
     def derivative(sigmas: float) -> float:
         residual = np.array([sigmas * 0.02, 0.0, 0.0])
-        arguments = (tuning, FOCAL, np.eye(3), outlier_gate.initial(), box(), residual, VARIANCE, NO, YES)
+        arguments = (tuning, np.eye(3), outlier_gate.initial(), box(), residual, VARIANCE, NO, YES)
         return float(to_residual(*arguments)[0])
 
     assert derivative(3.99) < -1.0

@@ -12,6 +12,7 @@ from rpojax.report.page.outcome.leading_figures import leading_figures
 from rpojax.report.page.outcome.next_steps import next_steps
 from rpojax.report.page.outcome.outcome_sentence import entry_margin, outcome_sentence, weakest_requirement
 from rpojax.report.page.outcome.verdict_tiles import verdict_tiles
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 def requirement(metric, bound, limit, verdict, margin, worst, **more):
@@ -43,7 +44,14 @@ def requirement(metric, bound, limit, verdict, margin, worst, **more):
 
 
 CONTENT = {
-    "runs": {"requested": 500, "completed": 500, "failed": 0, "missing": 0, "outcomes": {"completed": 500}},
+    "runs": {
+        "requested": 500,
+        "completed": 500,
+        "failed": 0,
+        "not_judged": 0,
+        "missing": 0,
+        "outcomes": {**dict.fromkeys(map(str, Outcome), 0), "completed": 500},
+    },
     "requirements": [
         requirement("formation_error_rms_m", "at most", 2.0, "verified", 0.9, 1.2),
         requirement("min_range_m", "at least", 15.0, "verified", 3.0, 17.0),
@@ -73,6 +81,47 @@ def test_sentence_has_verdicts_runs_weakest_margin_and_passive_safety():
         "3 of 3 requirements verified in 500 runs, each for 99 % of the runs at 10 % risk; weakest margin 0.150 m "
         "(relative navigation error); passive safety fails: 194 of 500; no run failed."
     )
+
+
+def ended(completed, **outcomes):
+    """The content of 500 runs that ended so, those that are unfinished in the phase `near`."""
+    found = copy.deepcopy(CONTENT)
+    not_judged = outcomes.get("not_judged", 0)
+    counts = {"completed": completed, "failed": 500 - completed - not_judged, "not_judged": not_judged}
+    found["runs"] |= counts | {"outcomes": {**dict.fromkeys(map(str, Outcome), 0), "completed": completed, **outcomes}}
+    detail = "stayed in near: range_sigma_m not met"
+    found["failures"] = [{"run_id": run, "detail": detail} for run in range(outcomes.get("unfinished", 0))]
+    return found
+
+
+def test_the_first_screen_says_first_that_the_goal_was_missed():
+    missed = ended(140, unfinished=360)
+    assert outcome_sentence(missed).startswith(
+        "The goal of the mission was not reached in 360 of 500 runs: stayed in near: range_sigma_m not met; 3 of 3 "
+    )
+    assert outcome_sentence(missed).endswith("; 360 of 500 runs failed.")
+    [tile] = [tile for tile in verdict_tiles(missed) if tile.title == "Failed runs"]
+    assert (tile.value, tile.note, tile.css_class) == (
+        "360 of 500",
+        "360 unfinished; stayed in near: range_sigma_m not met",
+        "alert",
+    )
+
+
+@pytest.mark.parametrize(
+    ("completed", "not_judged", "words"),
+    [
+        (0, 500, "no run is judged, as all end before limits.arrive_by_s."),
+        (490, 10, "10 of 500 runs are not judged, as they end before limits.arrive_by_s."),
+    ],
+)
+def test_runs_that_are_not_judged_are_no_success_on_the_first_screen(completed, not_judged, words):
+    content = ended(completed, not_judged=not_judged)
+    assert outcome_sentence(content).endswith(f"; {words}")
+    assert "no run failed" not in outcome_sentence(content)
+    tiles = {tile.title: (tile.value, tile.css_class) for tile in verdict_tiles(content)}
+    assert tiles["Failed runs"] == ("0 of 500", "open")
+    assert tiles["Runs not judged"] == (f"{not_judged} of 500", "open")
 
 
 def test_weakest_requirement_is_by_the_margin_relative_to_its_limit():

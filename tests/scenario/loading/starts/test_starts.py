@@ -24,6 +24,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.loading.starts import inertial_frames, orbit_states
 from rpojax.scenario.loading.starts.orbit_states import OrbitState
 from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.time_scales import instant
 
 MILLIMETRE = 1e-3
 PUBLISHED = Path(sgp4.__file__).parent
@@ -88,7 +89,7 @@ def test_a_start_from_two_line_elements_agrees_with_sgp4_to_a_millimetre(tmp_pat
     assert found == ("TLE", "TEME", "ISS (ZARYA)")
     assert file.epoch_utc == "2026-03-20T14:46:00.000192"
     position, velocity = by_sgp4(TLE, file.epoch_utc)
-    R = inertial_frames.to_inertial("TEME", datetime.datetime.fromisoformat(file.epoch_utc), "")
+    R = inertial_frames.to_inertial("TEME", instant(file.epoch_utc), "")
     r, v = initial_target(file)
     np.testing.assert_allclose(r, R @ position, rtol=0.0, atol=MILLIMETRE)
     np.testing.assert_allclose(v, R @ velocity, rtol=0.0, atol=1e-6)
@@ -115,7 +116,7 @@ def test_an_epoch_of_ones_own_is_where_the_elements_are_propagated_to(tmp_path: 
     (tmp_path / "iss.tle").write_text(TLE)
     file = rpojax.load(write_scenario(tmp_path, 'target = "iss.tle"\nepoch_utc = "2026-03-20T18:00:00"'))
     position, _ = by_sgp4(TLE, "2026-03-20T18:00:00")
-    R = inertial_frames.to_inertial("TEME", datetime.datetime(2026, 3, 20, 18), "")
+    R = inertial_frames.to_inertial("TEME", instant("2026-03-20T18:00:00"), "")
     # sgp4's Julian day has a resolution of some 20 us, in which the orbit advances by decimetres of a millimetre.
     np.testing.assert_allclose(initial_target(file)[0], R @ position, rtol=0.0, atol=MILLIMETRE)
 
@@ -156,16 +157,15 @@ def test_the_published_cases_of_sgp4_are_reproduced_at_their_epochs(tmp_path: Pa
 
 def test_teme_is_turned_as_published() -> None:
     # Vallado, Crawford, Hujsak and Kelso, Revisiting Spacetrack Report #3, AIAA 2006-6753, appendix C.
-    epoch = datetime.datetime(2004, 4, 6, 7, 51, 28, 386009)
+    epoch = instant("2004-04-06T07:51:28.386009")
     teme = np.array([5094.18016210, 6127.64465950, 6380.34453270])
     expected = [5102.50960000, 6123.01152000, 6378.13630000]
-    # The epoch is before the last leap seconds: 5 s of precession and nutation, 1e-10 rad.
     np.testing.assert_allclose(inertial_frames.to_inertial("TEME", epoch, "") @ teme, expected, rtol=0.0, atol=5e-6)
 
 
 def test_the_celestial_frame_differs_by_its_published_bias() -> None:
     # IERS Conventions 2010, section 5.3: offsets of the pole -16.617 and -6.819 mas, and of the equinox -14.6 mas.
-    R = inertial_frames.to_inertial("GCRF", datetime.datetime(2026, 1, 1), "")
+    R = inertial_frames.to_inertial("GCRF", instant("2026-01-01"), "")
     mas = math.radians(1.0 / 3600e3)
     np.testing.assert_allclose(
         [R[0, 1], R[2, 0], R[2, 1]], np.array([-14.6, -16.617, -6.819]) * [1, 1, 1] * mas, atol=0.1 * mas
@@ -190,7 +190,7 @@ def test_elements_give_back_the_state(elements: tuple[float, ...]) -> None:
     r, v = keplerian_elements.state_from_elements(
         KeplerianElements(semi_major_axis=jnp.array(size), eccentricity=jnp.array(eccentricity), **of_angles)
     )
-    state = OrbitState(datetime.datetime(2026, 1, 1), np.asarray(r), np.asarray(v), "OEM", "EME2000", "")
+    state = OrbitState(instant("2026-01-01"), np.asarray(r), np.asarray(v), "OEM", "EME2000", "")
     found = orbit_states.orbit_section(state)
     again = keplerian_elements.state_from_elements(
         KeplerianElements(
@@ -204,10 +204,10 @@ def test_elements_give_back_the_state(elements: tuple[float, ...]) -> None:
 
 
 def oem_of(spacecraft: Any, position: np.ndarray, velocity: np.ndarray, times: np.ndarray) -> str:
-    epoch = datetime.datetime(2026, 3, 20, 14, 46)
+    epoch = instant("2026-03-20T14:46:00")
     attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1))
     states = SpacecraftStates(spacecraft, epoch, times, position, velocity, attitude, ("By hand",))
-    return navigation_messages.oem(states, epoch)
+    return navigation_messages.oem(states, datetime.datetime(2026, 1, 1))
 
 
 def circular(times: np.ndarray, phase: float) -> tuple[np.ndarray, np.ndarray]:
@@ -236,6 +236,22 @@ def test_an_oem_of_both_gives_the_orbit_and_the_relative_state(tmp_path: Path, s
     np.testing.assert_allclose(file.initial.relative_velocity_m_s, 0.0, atol=1e-6)
 
 
+def test_a_run_begins_where_the_opm_that_was_exported_says(tmp_path: Path) -> None:
+    epoch, times = instant("2016-12-31T23:59:60.123456"), np.zeros(1)
+    attitude = np.array([[1.0, 0.0, 0.0, 0.0]])
+    for name, phase in (("target", 0.3), ("servicer", 0.3 - 50.0 / 7e6)):
+        states = SpacecraftStates(name, epoch, times, *circular(times, phase), attitude, ("By hand",))
+        (tmp_path / f"{name}.opm").write_text(navigation_messages.opm(states, datetime.datetime(2026, 1, 1)))
+    file = rpojax.load(write_scenario(tmp_path, 'target = "target.opm"\nservicer = "servicer.opm"'))
+    assert file.epoch_utc == "2016-12-31T23:59:60.123456"
+    # A message has positions to 1e-6 m and velocities to 1e-9 m/s.
+    truth = single_run.initialise_run(rpojax_without_dispersions(file), 0, 0)[2].truth
+    r, v = circular(times, 0.3 - 50.0 / 7e6)
+    np.testing.assert_allclose(truth.r_TN_N, circular(times, 0.3)[0][0], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(truth.r_TN_N + truth.r_ST_N, r[0], rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(truth.v_TN_N + truth.v_ST_N, v[0], rtol=0.0, atol=2e-9)
+
+
 def test_the_record_of_a_start_is_not_read_again_and_changes_no_hash(tmp_path: Path) -> None:
     (tmp_path / "iss.tle").write_text(TLE)
     file = rpojax.load(write_scenario(tmp_path, 'target = "iss.tle"'))
@@ -252,28 +268,36 @@ def test_a_dispersion_that_replaces_the_orbit_that_was_read_is_refused(tmp_path:
         rpojax.load(write_scenario(tmp_path, 'target = "iss.tle"', rest=""))
 
 
-EMPTY_OEM = "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = A\nCENTER_NAME = EARTH\nTIME_SYSTEM = UTC\nMETA_STOP\n"
+EMPTY_OEM = """CCSDS_OEM_VERS = 2.0
+META_START
+OBJECT_NAME = A
+CENTER_NAME = EARTH
+REF_FRAME = EME2000
+TIME_SYSTEM = UTC
+META_STOP
+"""
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "an OEM or OMM"),
+        ("", "an OEM, OMM or OPM"),
         ("1 25544U\n2 25544\n", "an element line of 69"),
         (TLE.replace("51.6400", "51.6401"), "with its checksum"),
         (TLE + TLE, "line 1 and line 2 of one object"),
         (OMM.replace("REF_FRAME = TEME", "REF_FRAME = GCRF"), "REF_FRAME = GCRF"),
-        (OMM.replace("BSTAR", "BSTAT"), "no BSTAR"),
-        (OMM.replace("0.0006317", "nan"), "not finite"),
+        (OMM.replace("BSTAR", "BSTAT"), "line 17: found 'BSTAT', expected a keyword of the OMM"),
+        (OMM.replace("BSTAR", "COMMENT"), "no BSTAR"),
+        (OMM.replace("0.0006317", "nan"), "ECCENTRICITY = nan', expected a finite number"),
         (OMM.replace("0.0006317", "1.7"), "of SGP4"),
         (OMM.replace("SGP4", "DSST"), "MEAN_ELEMENT_THEORY = DSST"),
         (EMPTY_OEM, "no states"),
-        (EMPTY_OEM + "2026-03-20T00:00:00 1 2 3 4 5\n", "line 7: found .* a time and six numbers"),
+        (EMPTY_OEM + "2026-03-20T00:00:00 1 2 3 4 5\n", "line 8: found .* a time and six numbers"),
         (EMPTY_OEM + "2026-03-20T00:00:00 1 2 3 4 5 inf\n", "a time and six numbers"),
         (EMPTY_OEM.replace("EARTH", "MARS") + "2026-03-20T00:00:00 1 2 3 4 5 6\n", "CENTER_NAME = MARS"),
-        (EMPTY_OEM.replace("UTC", "GPS") + "2026-03-20T00:00:00 1 2 3 4 5 6\n", "TIME_SYSTEM = GPS"),
+        (EMPTY_OEM.replace("UTC", "UT1") + "2026-03-20T00:00:00 1 2 3 4 5 6\n", "TIME_SYSTEM = UT1"),
         (EMPTY_OEM + "2026-03-20T00:00:00 1 2 3 4 5 6\n" * 2, "increasing times"),
-        (EMPTY_OEM + "2026-03-20T00:00:00 7000 0 0 0 7 0\n", "the frame"),
+        (EMPTY_OEM.replace("EME2000", "ITRF") + "2026-03-20T00:00:00 7000 0 0 0 7 0\n", "the frame ITRF"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><omm/>", "document type"),
         ("<omm>", "XML with"),
         ("<omm></omm>", "0 segments"),

@@ -1,0 +1,175 @@
+"""Two scenarios of one process whose plugins define metrics and sensors of the same name."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from isolated_plugins import forgotten_plugins
+from synthetic_campaign_results import synthetic_campaign
+from synthetic_channel_records import perfect_run
+
+import rpojax
+from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
+from rpojax.analysis.reliability.metric_limit import select_limit
+from rpojax.analysis.reliability.search_settings import LimitChoice
+from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.metrics import metric_catalogue
+from rpojax.report.page.html_report import write_report
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.params import leaf_path_and_factor
+from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics import recorded_metrics
+
+
+@pytest.fixture(autouse=True)
+def isolated() -> Iterator[None]:
+    with forgotten_plugins():
+        yield
+
+
+@rpojax.metric("max", title="Largest range", unit="m")
+def largest(range_m):
+    """Largest range."""
+    return range_m
+
+
+@rpojax.metric("min", title="Least range", unit="km", low_is_bad=True)
+def least(range_m):
+    """Least range."""
+    return 1e-3 * range_m
+
+
+LIMIT = {"metric": "score", "bound": "at most", "limit": 40.0, "probability": 0.9, "consumer_risk": 0.1}
+
+
+def scenario(function: object) -> ScenarioFile:
+    """A scenario with a metric `score`, and a requirement on it."""
+    tables = rpojax.load("inspection", ["duration_s=90.0"], plugin=rpojax.Plugin({"score": function})).model_dump()
+    return scenario_loader.validate({**tables, "requirements": [LIMIT]})
+
+
+def test_each_scenario_has_its_own_definition_in_whatever_order_they_were_loaded() -> None:
+    files = scenario(largest), scenario(least)
+    records = perfect_run(ticks=9)
+    records["range_m"][0] = np.linspace(20.0, 60.0, 9)
+    for file, value, unit in ((files[0], 60.0, "m"), (files[1], 0.02, "km"), (files[0], 60.0, "m")):
+        assert recorded_metrics.evaluate(file, records, {})["score"] == pytest.approx([value])
+        assert plugin_registry.catalogue_of(file)["score"].unit == unit
+        evaluator = RolloutEvaluator(file, lambda inputs, _: {}, 1, ("score",), runs=1)
+        assert [each.unit for each in evaluator._metrics] == [unit]
+        assert scenario_loader.validate(file.model_dump()) == file
+
+
+def test_a_name_that_plugins_define_differently_is_refused_where_no_scenario_is_at_work() -> None:
+    file = scenario(largest)
+    assert metric_catalogue.unit_of("score") == "m"
+    scenario(least)
+    with pytest.raises(RpojaxError) as caught:
+        metric_catalogue.unit_of("score")
+    assert str(caught.value) == (
+        "metrics.score: found 'Largest range' [m] and 'Least range' [km] in plugins of this process, "
+        "expected one definition"
+    )
+    with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(file)):
+        assert metric_catalogue.unit_of("score") == "m"
+        assert metric_catalogue.worst_first("score", np.array([1.0, 2.0])).tolist() == [1, 0]
+
+
+def test_a_scenario_without_a_plugin_has_no_metric_of_another_ones() -> None:
+    scenario(largest)
+    plain = rpojax.load("inspection")
+    assert "score" not in plugin_registry.catalogue_of(plain)
+    assert "score" not in recorded_metrics.evaluate(plain, perfect_run(ticks=9), {})
+    with pytest.raises(ScenarioError, match="'score', expected the name of a metric"):
+        scenario_loader.validate({**plain.model_dump(), "requirements": [LIMIT]})
+    with pytest.raises(RpojaxError, match="found 'score', expected a metric with a derivative"):
+        select_metrics(plain, ["score"])
+    with pytest.raises(RpojaxError, match="found 'score', expected a metric: "):
+        select_limit(plain, LimitChoice(None, "score", 1.0, "at most"))
+
+
+def test_a_report_tells_of_the_metric_as_its_own_campaign_defines_it(tmp_path: Path) -> None:
+    described = {}
+    for name, function in (("a", largest), ("b", least)):
+        plugin = plugin_registry.plugin_of(scenario(function))
+        assert plugin is not None
+        described[name] = plugin.describe()
+    for name, unit, title in (("a", "m", "Largest range"), ("b", "km", "Least range")):
+        (tmp_path / name).mkdir()
+        campaign = synthetic_campaign(tmp_path / name, runs=12)
+        campaign.info["plugin"] = described[name]
+        campaign.metrics["score"] = np.arange(12.0)
+        page = write_report(campaign, film=False, progress=False).read_text()
+        content = json.loads((tmp_path / name / "report.json").read_text())
+        assert content["metrics"]["score"]["unit"] == unit
+        assert title in page
+        assert ({"Largest range", "Least range"} - {title}).pop() not in page
+    plain = synthetic_campaign(tmp_path, runs=12)
+    write_report(plain, film=False, progress=False)
+    assert "score" not in json.loads((tmp_path / "report.json").read_text())["metrics"]
+
+
+PLUGIN = """
+import rpojax
+
+@rpojax.metric("{}")
+def score(range_m):
+    return range_m
+
+def setup():
+    return rpojax.Plugin(metrics={{"score_m": score}})
+"""
+
+
+def test_a_file_that_is_loaded_twice_has_one_definition_and_an_edited_one_a_new(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "inspection"\nname = "mine"\ndescription = "."\nplugin = "mine.py:setup"\n')
+    (tmp_path / "mine.py").write_text(PLUGIN.format("max"))
+    one, same = (rpojax.load(path, allow_plugin=True) for _ in range(2))
+    (tmp_path / "mine.py").write_text(PLUGIN.format("min"))
+    edited = rpojax.load(path, allow_plugin=True)
+    assert one == same
+    assert one.plugin_sha256 != edited.plugin_sha256
+    records = perfect_run(ticks=9)
+    records["range_m"][0] = np.linspace(20.0, 60.0, 9)
+    for file, value in ((one, 60.0), (edited, 20.0), (same, 60.0)):
+        assert recorded_metrics.evaluate(file, records, {})["score_m"] == pytest.approx([value])
+        assert scenario_loader.validate(file.model_dump()) == file
+
+
+class Near(rpojax.AdditionalSensor):
+    """Sensor with one key."""
+
+    noise_m: float
+    normals = 0
+
+    @staticmethod
+    def measure(settings, scene, normals):
+        return {"near": jnp.zeros(())}
+
+
+class Far(rpojax.AdditionalSensor):
+    """Sensor of the same name with another key."""
+
+    reach_m: float
+    normals = 0
+
+    @staticmethod
+    def measure(settings, scene, normals):
+        return {"far": jnp.zeros(())}
+
+
+def test_sensors_of_one_name_have_the_keys_of_their_own_plugin() -> None:
+    overrides = {Near: ["beam.noise_m=1.0"], Far: ["beam.reach_m=2.0"]}
+    for cls in (Near, Far, Near):
+        file = rpojax.load("inspection", overrides[cls], plugin=rpojax.Plugin(sensors={"beam": cls}))
+        assert dict(rpojax.nominal_parameters(file)[0].additional_sensors) == {"beam": cls}
+    assert leaf_path_and_factor("beam.noise_m") == (("additional_sensors", "beam", "noise"), 1.0)
+    assert leaf_path_and_factor("beam.reach_m") == (("additional_sensors", "beam", "reach"), 1.0)
+    with pytest.raises(ScenarioError):
+        rpojax.load("inspection", overrides[Far], plugin=rpojax.Plugin(sensors={"beam": Near}))
