@@ -1,8 +1,9 @@
 """Two scenarios of one process whose plugins define metrics and sensors of the same name."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -47,7 +48,7 @@ def least(range_m):
 LIMIT = {"metric": "score", "bound": "at most", "limit": 40.0, "probability": 0.9, "consumer_risk": 0.1}
 
 
-def scenario(function: object) -> ScenarioFile:
+def scenario(function: Callable[..., Any]) -> ScenarioFile:
     """A scenario with a metric `score`, and a requirement on it."""
     tables = rpojax.load("inspection", ["duration_s=90.0"], plugin=rpojax.Plugin({"score": function})).model_dump()
     return scenario_loader.validate({**tables, "requirements": [LIMIT]})
