@@ -24,6 +24,7 @@ from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_kinds import Design
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
+from rpojax.flight import stage_use
 from rpojax.flight.mission.mission_state import AbortReason
 from rpojax.metrics import metric_catalogue
 from rpojax.physics import equipment_faults
@@ -33,7 +34,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import StartSection
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
-from rpojax.simulation import channels, stage_use
+from rpojax.simulation import channels
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
 from rpojax.simulation.rollout import rollout

@@ -18,6 +18,8 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
+from rpojax.metrics import metric_catalogue
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.simulation.metrics import team_metrics
 from rpojax.simulation.outcomes import outcome_kinds, team_outcome
 from rpojax.simulation.outcomes.judgement import JudgedRuns, judge
@@ -63,7 +65,8 @@ class SimulatedBatch:
         of_team = {**coverage.metrics, **self.between}
         metrics = {name: values[rows] for name, values in of_team.items()}
         metrics |= team_metrics.evaluate(1.0 / engine.file.rates.camera_hz, recorded)
-        joined = team_recording.joined_arrays(arrays, metrics, coverage.maps, self.judged, rows)
+        with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(engine.file)):
+            joined = team_recording.joined_arrays(arrays, metrics, coverage.maps, self.judged, rows)
         return joined | team_recording.value_arrays(engine.file, block_recording.value_arrays(self.prepared, rows))
 
 
@@ -242,7 +245,8 @@ def store_blocks(
         if selection is not None:
             failed = outcome_kinds.is_failed(outcome_kinds.of_codes(arrays["status/failure"][:count]))
             metrics = _metrics(arrays, campaign.servicer_names)
-            displaced = selection.add(run_ids, failed, {name: values[:count] for name, values in metrics.items()})
+            with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(engine.file)):
+                displaced = selection.add(run_ids, failed, {name: values[:count] for name, values in metrics.items()})
             kept.update(selection.run_ids.tolist())
         for row, run_id in enumerate(run_ids.tolist(), start=rows.start):
             if run_id in kept:
@@ -250,7 +254,8 @@ def store_blocks(
                     batch.history(row, engine), options.histories, engine.scenario.ticks
                 )
                 campaign.write_history(run_id, history)
-        campaign.write_block(block, arrays, results.timing)
+        with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(engine.file)):
+            campaign.write_block(block, arrays, results.timing)
         for run_id in displaced - unconditional:
             campaign.remove_history(run_id)
 

@@ -73,7 +73,8 @@ class SelectionSoFar:
             return None
         selection = cls(retention, _required_metrics(campaign))
         if campaign.manifests:
-            selection.add(campaign.run_ids, campaign.failed, campaign.metrics)
+            with metrics_of_scenario(plugin_registry.metrics_of(campaign.file)):
+                selection.add(campaign.run_ids, campaign.failed, campaign.metrics)
         return selection
 
     def add(self, run_ids: np.ndarray, failed: np.ndarray, metrics: Mapping[str, np.ndarray]) -> set[int]:
