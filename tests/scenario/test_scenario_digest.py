@@ -42,7 +42,18 @@ def test_defaults_are_not_hashed(
 ) -> None:
     file = scenario_loader.validate({**tables, "limits": {"keep_out_m": 10.0}})
     content = {**file.model_dump(mode="json"), "limits": {"keep_out_m": 10.0}}
-    optional = ("safety", "coverage", "mission", "phases", "servicers", "link", "team", "gps_differences", "link_range")
+    optional = (
+        "safety",
+        "coverage",
+        "mission",
+        "goal",
+        "phases",
+        "servicers",
+        "link",
+        "team",
+        "gps_differences",
+        "link_range",
+    )
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
     del content["target"]["scale"]
