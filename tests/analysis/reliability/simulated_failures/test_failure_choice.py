@@ -50,6 +50,7 @@ def test_an_outcome_is_a_failure(mission: ScenarioFile) -> None:
         (FailureChoice(metric="nothing", limit=1.0), "metric"),
         (FailureChoice(outcome="completed"), "outcome"),
         (FailureChoice(outcome="not_judged"), "outcome"),
+        (FailureChoice(outcome="unfinished"), "outcome"),  # of a mission without phases
     ],
 )
 def test_options_that_name_no_failure_are_refused(mission: ScenarioFile, choice: FailureChoice, named: str) -> None:
