@@ -292,13 +292,15 @@ def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, unio
 
 
 def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None:
-    start, handover, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
+    start, handover, goal, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
     (tmp_path / "iss.tle").write_text(TLE)
     (tmp_path / "start.toml").write_text(start)
     assert scenario_loader.load(tmp_path / "start.toml").start is not None
     path = tmp_path / "mine.toml"
     path.write_text('extends = "inspection"\n' + handover)
     assert scenario_loader.load(path).initial.handover is not None
+    path.write_text('extends = "vbar_approach"\n' + goal)
+    assert scenario_loader.load(path).goal.phase == "approach"
     path.write_text('extends = "safety_ellipse"\n' + team)
     assert [each.name for each in scenario_loader.load(path).servicers] == ["leader", "follower"]
     path.write_text('extends = "inspection"\n' + derived)
