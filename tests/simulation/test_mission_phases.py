@@ -17,12 +17,8 @@ from rpojax.campaign.rerun import rerun
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
-<<<<<<< HEAD
-from rpojax.flight.mission.mission_state import AbortReason, Condition
-=======
 from rpojax.flight.mission.abort_burn import AbortBurnReason
-from rpojax.flight.mission.mission_state import AbortReason
->>>>>>> h-references
+from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.flight.stages import Stages
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader

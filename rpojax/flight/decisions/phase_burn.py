@@ -104,8 +104,6 @@ def plan_burn(
     )
     burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
     return plan, replace(state, team=decided, abort_burns=burns), whole
-<<<<<<< HEAD
-=======
 
 
 def _within_limit(
@@ -115,7 +113,6 @@ def _within_limit(
     planned_N = apply_transposed(predicted.R_CN, planned_H)
     share = burn_planning.share_within_limit(params.pointing, params.vehicle, planned_N, pointing.q_BN, tick_s)
     return planned_H * share
->>>>>>> h-references
 
 
 def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:
