@@ -17,7 +17,11 @@ class OrbitFilterTuning:
         minimum_size: () largest side of a target below which the camera finds no box [px]
         miss_probability: () of a frame without a box of a larger target [-]
         center_sigma: () offset of the box centre from the centre of mass, per axis, 1 sigma [m]
-        center_perspective: () the same by perspective, times the range and over the square of the size, 1 sigma [-]
+        detector_center_sigma: () offset of a detector's box centre from that of the outline, as attitude and light
+            change, per axis, 1 sigma [m]
+        detector_boxes: () 1 where a detector finds the boxes, so that they have that offset, else 0 [-]
+        center_perspective: () offset of the centre by perspective, times the range and over the square of the size, per
+            axis, 1 sigma [-]
         center_time_constant: () of that offset: a sixth of a tumble [s]
         target_size: () expected sqrt(width height) of the target's outline [m]
         target_size_sigma: () error of its log, 1 sigma [-]
@@ -30,6 +34,8 @@ class OrbitFilterTuning:
         relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
         burn_magnitude_sigma: () fraction of a burn's velocity change along it, new in each burn, 1 sigma [-]
         burn_scale_sigma: () the same, lasting from burn to burn: thrust and mass, 1 sigma [-]
+        burn_scale_as_new: () factor on `burn_scale_sigma` of what counts as new in each burn, where the filter has no
+            state for it; 0 where it has one [-]
         burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
         thrust_sigma: () relative error of the thrust before any pressure is measured, new and lasting, 1 sigma [-]
         thrust_walk: () random walk of the relative thrust while burning [1/s^0.5]
@@ -54,6 +60,8 @@ class OrbitFilterTuning:
     minimum_size: Array
     miss_probability: Array
     center_sigma: Array
+    detector_center_sigma: Array
+    detector_boxes: Array
     center_perspective: Array
     center_time_constant: Array
     target_size: Array
@@ -67,6 +75,7 @@ class OrbitFilterTuning:
     relative_acceleration_noise: Array
     burn_magnitude_sigma: Array
     burn_scale_sigma: Array
+    burn_scale_as_new: Array
     burn_direction_sigma: Array
     thrust_sigma: Array
     thrust_walk: Array

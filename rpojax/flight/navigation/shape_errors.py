@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import cross
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -87,8 +88,11 @@ def scale_variance(tuning: OrbitFilterTuning) -> Float[Array, "2"]:
 
 
 def center_variance(tuning: OrbitFilterTuning, slow_scale: Scalar, r_TS_N: Vector) -> Scalar:
-    """Variance of the offset of the box centre, per axis [m^2]: of the shape, and by perspective."""
-    return tuning.center_sigma**2 + perspective_variance(tuning, slow_scale, r_TS_N)
+    """Variance of the offset of the box centre, per axis [m^2]: of the shape, of a detector, and by perspective."""
+    of_detector = tuning.detector_boxes * tuning.detector_center_sigma
+    return gradient_safe.sqrt(tuning.center_sigma**2 + of_detector**2) ** 2 + perspective_variance(
+        tuning, slow_scale, r_TS_N
+    )
 
 
 def perspective_variance(tuning: OrbitFilterTuning, slow_scale: Scalar, r_TS_N: Vector) -> Scalar:
