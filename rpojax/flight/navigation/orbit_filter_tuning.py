@@ -26,6 +26,7 @@ class OrbitFilterTuning:
         target_size: () expected sqrt(width height) of the target's outline [m]
         target_size_sigma: () error of its log, 1 sigma [-]
         outline_time_constant: () correlation time of the log aspect ratio at which the other time constants hold [s]
+        largest_side_log: (2,) log of the outline's largest side over sqrt(width height), mean and 1 sigma [-]
         scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
         scale_time_constant: (2,) [s]
         bearing_bias_sigma: () per axis, 1 sigma [rad]
@@ -67,6 +68,7 @@ class OrbitFilterTuning:
     target_size: Array
     target_size_sigma: Array
     outline_time_constant: Array
+    largest_side_log: Array
     scale_sigma: Array
     scale_time_constant: Array
     bearing_bias_sigma: Array

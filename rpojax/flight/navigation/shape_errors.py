@@ -14,11 +14,9 @@ Scalar = Float[Array, ""]
 _CONSTANT_CENTER_SHARE = 0.33
 """Part of the offset by perspective that a tumble does not average out; 0.4 of compact bodies, less what the bearing
 bias covers."""
-_LARGEST_SCALE_TEMPO = 20.0
-"""Longest correlation of the fast part of the size, over that at the nominal outline: then it is like the slow part
-of a low orbit."""
 _NOMINAL_TURN_RATE = 1.1e-3
-"""Rate of a line of sight that turns once in 95 minutes [rad/s]: that of a station on a low orbit."""
+"""Rate of a line of sight that turns once in 95 minutes [rad/s]: that at which `navigation.scale_time_constant_s` is
+declared, whatever the true orbit. The rate itself is that of the estimate."""
 _TURN_TIMES = (0.25, 40.0)
 """Limits of the correlation time of the slow part of the size, by that at the nominal rate."""
 
@@ -59,7 +57,9 @@ def shape_errors(
     # The size itself stays: it adds to the variance, but not to its growth.
     constancy = 1.0 + tuning.target_size_sigma**2 / tuning.scale_sigma[0] ** 2
     slow = _turn_time(r_TS_N, v_TS_N)
-    factors = jnp.stack([constancy * slow, jnp.minimum(tempo, _LARGEST_SCALE_TEMPO)])
+    # The outline of a target that hardly tumbles changes no slower than the size of one seen from a low orbit.
+    longest = tuning.scale_time_constant[0] / tuning.scale_time_constant[1]
+    factors = jnp.stack([constancy * slow, jnp.minimum(tempo, longest)])
     return ShapeErrors(
         scale_variance=scale_variance(tuning),
         scale_time_constant=tuning.scale_time_constant * factors,
