@@ -24,6 +24,7 @@ from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_kinds import Design
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
+from rpojax.flight import stage_use
 from rpojax.flight.mission.mission_state import AbortReason
 from rpojax.metrics import metric_catalogue
 from rpojax.physics import equipment_faults
@@ -33,7 +34,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import StartSection
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
-from rpojax.simulation import channels, stage_use
+from rpojax.simulation import channels
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
 from rpojax.simulation.rollout import rollout
@@ -291,13 +292,15 @@ def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, unio
 
 
 def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None:
-    start, handover, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
+    start, handover, goal, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
     (tmp_path / "iss.tle").write_text(TLE)
     (tmp_path / "start.toml").write_text(start)
     assert scenario_loader.load(tmp_path / "start.toml").start is not None
     path = tmp_path / "mine.toml"
     path.write_text('extends = "inspection"\n' + handover)
     assert scenario_loader.load(path).initial.handover is not None
+    path.write_text('extends = "vbar_approach"\n' + goal)
+    assert scenario_loader.load(path).goal.phase == "approach"
     path.write_text('extends = "safety_ellipse"\n' + team)
     assert [each.name for each in scenario_loader.load(path).servicers] == ["leader", "follower"]
     path.write_text('extends = "inspection"\n' + derived)

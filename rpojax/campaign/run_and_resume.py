@@ -24,7 +24,6 @@ from rpojax.campaign.storage import folder_creation, provenance, stale_files
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.flight.stages import Stages
-from rpojax.metrics import metric_catalogue
 from rpojax.runtime import device_programs
 from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
 from rpojax.scenario.loading import scenario_loader
@@ -243,8 +242,7 @@ def simulate_missing_blocks(
         report_progress(Progress(done=done, total=total, failed=failed, compiled=compiled))
 
     if blocks:
-        with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(campaign.file)):
-            campaign.failed_blocks.update(executor.run_blocks(blocks, report_runs))
+        campaign.failed_blocks.update(executor.run_blocks(blocks, report_runs))
     if not campaign.missing_blocks():
         engine = executor.engine if isinstance(executor, LocalExecutor) else None
         _simulate_selected_histories(campaign, report_progress, stages, engine)

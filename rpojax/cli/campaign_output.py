@@ -29,7 +29,7 @@ def keeping_results(directory: Path) -> Iterator[None]:
 
 def _kept_blocks_sentence(directory: Path) -> str:
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.scenario.command_lines import command_line
+    from rpojax.scenario.plugins.command_lines import command_line
 
     try:
         found = Campaign(directory)

@@ -6,7 +6,7 @@ Folders are absolute, since a page is read from anywhere.
 from pathlib import Path
 
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.scenario.command_lines import command_line, needs_permission
+from rpojax.scenario.plugins.command_lines import command_line, needs_permission
 from rpojax.scenario.plugins.plugin_registry import FROM_PYTHON
 
 

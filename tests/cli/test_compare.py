@@ -1,7 +1,9 @@
 """`rpojax compare`: what changed between two campaigns, and which campaigns it refuses."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -183,7 +185,7 @@ def test_servicers_of_a_team_are_compared_in_json_alone(tmp_path: Path, capsys: 
     assert "Delta-v, second" not in " ".join(shown.split())
 
 
-def with_score(directory: Path, function: object) -> Path:
+def with_score(directory: Path, function: Callable[..., Any]) -> Path:
     """A finished campaign with a metric `score_m` of the user's own, and a requirement on it."""
     file = scenario_loader.load("inspection", plugin=Plugin({"score_m": function}))
     limit = {"metric": "score_m", "bound": "at most", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.interpreters import partial_eval
-from rpojax.simulation.stage_use import MODES, Mode
 
 import rpojax
 from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure
@@ -18,6 +17,8 @@ from rpojax.benchmark import closed_loop_speed, filter_speed
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.errors import RpojaxError
+from rpojax.flight import stage_use
+from rpojax.flight.stage_use import MODES, Mode
 from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation import compiled_step_stages
 from rpojax.interop.cosimulation.command_input import NO_COMMAND
@@ -29,7 +30,7 @@ from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario, static_settings
 from rpojax.scenario.team.members import member_params
-from rpojax.simulation import initial_state, stage_use
+from rpojax.simulation import initial_state
 from rpojax.simulation.channels import compute_channels
 from rpojax.simulation.external_inputs import ExternalOrbitEstimate
 from rpojax.simulation.noise import run_key
@@ -81,6 +82,10 @@ KINDS: dict[Mode, Callable[[], ScenarioFile]] = {
     stage_use.CAMERAS["rendered"]: lambda: single("camera.model=rendered"),
 }
 """A scenario of each kind."""
+
+
+def kinds_of(scenario: Scenario) -> list[Mode]:
+    return stage_use.kinds_of(scenario.camera_model, scenario.mission, scenario.team)
 
 
 def static(file: ScenarioFile) -> Scenario:
@@ -149,7 +154,7 @@ def test_the_table_names_every_mode_and_only_stages() -> None:
     assert refused_by(MODES) <= set(STAGES)
     assert {*KINDS, *USES} == {*MODES}
     for mode, make in KINDS.items():
-        assert mode in stage_use.kinds_of(static(make()))
+        assert mode in kinds_of(static(make()))
 
 
 @pytest.mark.parametrize(
@@ -166,7 +171,7 @@ def test_what_a_scenario_of_one_servicer_uses_reaches_its_results(
     file: Callable[[], ScenarioFile], used: set[str]
 ) -> None:
     made = file()
-    assert set(STAGES) - refused_by(stage_use.kinds_of(static(made))) == used
+    assert set(STAGES) - refused_by(kinds_of(static(made))) == used
     assert ticks_of_one(made, used) == used
 
 
@@ -197,7 +202,7 @@ def test_what_is_refused_for_a_scenario_without_phases_would_change_nothing(monk
 )
 def test_what_a_team_uses_reaches_its_results(file: Callable[[], ScenarioFile], used: set[str]) -> None:
     made = file()
-    assert set(STAGES) - refused_by(stage_use.kinds_of(static(made))) == used
+    assert set(STAGES) - refused_by(kinds_of(static(made))) == used
     assert ticks_of_team(made, used) == used
 
 
@@ -309,7 +314,9 @@ def live_tick(file: ScenarioFile, external: set[str]) -> set[str]:
     """Stages that reach the messages of a live tick, and the state at its end."""
     scenario, params = single_run.nominal_parameters(file)
     state = jax.eval_shape(lambda: initial_state.init(scenario, params, run_key(0, 0)))
-    estimate = ExternalOrbitEstimate(*(jnp.zeros(3) for _ in range(4)), jnp.eye(6), jnp.eye(6))
+    vectors = dict.fromkeys(("r_SN_N", "v_SN_N", "r_TS_N", "v_TS_N"), jnp.ones(3))
+    covariances = dict.fromkeys(("servicer_covariance", "relative_covariance"), jnp.eye(6))
+    estimate = ExternalOrbitEstimate(**vectors, **covariances)
     torque = (jnp.zeros(3), jnp.int32(0))
 
     def simulate(stages: Stages, state: Any) -> Any:
@@ -328,7 +335,7 @@ def live_tick(file: ScenarioFile, external: set[str]) -> set[str]:
             )
         return first, values, compiled_step_stages._all_plant_steps(scenario, stages, params, guided)
 
-    refused = refused_by([*stage_use.kinds_of(scenario), *(stage_use.EXTERNAL[each] for each in external)])
+    refused = refused_by([*kinds_of(scenario), *(stage_use.EXTERNAL[each] for each in external)])
     return reaching(simulate, set(STAGES) - refused, state)
 
 

@@ -42,8 +42,8 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     tables["effects"]["faults"] = tables["chamber_pressure"]["enabled"] = faults
     file = scenario_loader.validate({**tables, "limits": {"keep_out_m": 10.0}})
     content = {**file.model_dump(mode="json"), "limits": {"keep_out_m": 10.0}}
-    optional = ("safety", "coverage", "mission", "phases", "servicers", "link", "team", "gps_differences", "link_range")
-    del content["chamber_pressure"]
+    optional = ("safety", "coverage", "mission", "goal", "phases", "servicers", "link", "team", "gps_differences")
+    del content["chamber_pressure"], content["link_range"]
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
     del content["target"]["scale"]

@@ -17,6 +17,7 @@ from rpojax.campaign.rerun import rerun
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
+from rpojax.flight.mission.abort_burn import AbortBurnReason
 from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.flight.stages import Stages
 from rpojax.scenario.dispersed_numbers import dispersed_values
@@ -120,7 +121,7 @@ def test_unmet_conditions_are_those_for_which_a_phase_goes_on(campaign: Campaign
     np.testing.assert_array_equal(unmet[1:50] & Condition.TIME, Condition.TIME)
     assert not (unmet[50:60] & Condition.TIME).any()
     np.testing.assert_array_equal(unmet[phase == SAFE], [Condition.TIME] * 80)
-    assert not unmet[phase == AHEAD][1:].any()
+    assert not unmet[phase == AHEAD].any()
     assert not campaign.history(ABORTED_RUN)["unmet_conditions"][100:].any()
 
 
@@ -134,6 +135,7 @@ def test_an_abort_between_two_decisions_begins_with_the_next_one(campaign: Campa
     history = campaign.history(ABORTED_RUN)
     assert changes_of(history["phase"]) == [(60, AHEAD), (100, ABORTED)]
     assert changes_of(history["abort_reason"]) == [(100, AbortReason.COMMAND)]
+    assert history["abort_burns"].max() <= 1
     assert campaign.outcomes.tolist() == ["completed", "completed", "aborted", "completed"]
 
 
@@ -247,6 +249,38 @@ def test_an_uncertain_estimate_is_a_threat_but_not_on_a_passively_safe_orbit(
     decided = step_stages.manage_mission(loop, step_stages.sense(loop, begun)).flight.mission
     assert decided is not None
     assert int(decided.abort_reason) == reason
+
+
+def test_a_blind_servicer_burns_once_after_an_abort_however_uncertain_its_estimate_is() -> None:
+    station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
+    file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"phases": [station]})
+    scenario, params, state = single_run.initialise_run(file)
+    mission, relative = state.flight.mission, state.flight.orbit.relative
+    assert mission is not None
+    uncertain = replace(state.flight.orbit, relative=replace(relative, covariance=100.0 * relative.covariance))
+    loop = Loop(scenario, params, Stages())
+
+    @jax.jit
+    def burn(decided: jax.Array, count: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """On-time, and number and reason of burns, at a decision after the abort with a target that was never seen."""
+        burns = replace(mission.abort_burns, decided=decided, count=count, reason=count)
+        aborted = replace(mission, phase=jnp.int32(2), abort_burns=burns)
+        flight = replace(state.flight, orbit=uncertain, mission=aborted)
+        begun = replace(state, flight=flight, tick=state.tick + 200)
+        after = step_stages.plan_burn(loop, step_stages.manage_mission(loop, step_stages.sense(loop, begun))).flight
+        assert after.mission is not None
+        return (
+            after.plan.cutoff - after.plan.ignition,
+            after.mission.abort_burns.count,
+            after.mission.abort_burns.reason,
+        )
+
+    on_time, *record = burn(jnp.asarray(False), jnp.int32(0))
+    assert float(on_time) > 0.0
+    assert [int(each) for each in record] == [1, AbortBurnReason.ABORT]
+    on_time, *record = burn(jnp.asarray(True), jnp.int32(1))
+    assert float(on_time) == 0.0
+    assert [int(each) for each in record] == [1, AbortBurnReason.ABORT]
 
 
 def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_few_frames() -> None:

@@ -15,11 +15,11 @@ from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.optional_packages import require_package
-from rpojax.scenario.command_lines import command_line
 from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.plugins.command_lines import command_line
 from rpojax.scenario.schema import ScenarioFile
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import Final
 
 from rpojax.analysis.statistics.intervals import order_statistics
 from rpojax.metrics import metric_catalogue
-from rpojax.scenario.command_lines import command_line
+from rpojax.scenario.plugins.command_lines import command_line
 
 RARE: Final = 1e-3
 """Probability of failure below which a requirement counts as rare."""

@@ -15,6 +15,8 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
+from rpojax.metrics import metric_catalogue
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.simulation.metrics import team_metrics
 from rpojax.simulation.outcomes import team_outcome
 from rpojax.simulation.outcomes.judgement import JudgedRuns, judge
@@ -60,7 +62,8 @@ class SimulatedBatch:
         of_team = {**coverage.metrics, **self.between}
         metrics = {name: values[rows] for name, values in of_team.items()}
         metrics |= team_metrics.evaluate(1.0 / engine.file.rates.camera_hz, recorded)
-        joined = team_recording.joined_arrays(arrays, metrics, coverage.maps, self.judged, rows)
+        with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(engine.file)):
+            joined = team_recording.joined_arrays(arrays, metrics, coverage.maps, self.judged, rows)
         return joined | team_recording.value_arrays(engine.file, block_recording.value_arrays(self.prepared, rows))
 
 
@@ -214,4 +217,6 @@ def store_blocks(campaign: Campaign, engine: BatchEngine, results: BlockResults)
             if rows.start <= row < rows.stop:
                 history = block_recording.thin_history(batch.history(row, engine), retention, engine.scenario.ticks)
                 campaign.write_history(int(batch.prepared.run_ids[row]), history)
-        campaign.write_block(block, batch.block_arrays(rows, engine), results.timing)
+        arrays = batch.block_arrays(rows, engine)
+        with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(engine.file)):
+            campaign.write_block(block, arrays, results.timing)

@@ -1,6 +1,5 @@
 """Executor that simulates blocks on all devices of this process."""
 
-import contextvars
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -39,9 +38,7 @@ class LocalExecutor:
                 results = block_runner.simulate_blocks(self.campaign, self.engine, batch, on_batch_progress)
                 if storing is not None:
                     storing.result()
-                # With the context of the campaign, in which names of metrics are those of its scenario.
-                store = contextvars.copy_context().run
-                storing = pool.submit(store, block_runner.store_blocks, self.campaign, self.engine, results)
+                storing = pool.submit(block_runner.store_blocks, self.campaign, self.engine, results)
                 done, failed = done + runs, failed + results.failed_runs
             if storing is not None:
                 storing.result()

@@ -84,12 +84,8 @@ def plan_burn(
     passive = is_passively_safe(settings, state)
     drift = _drift_after_burn(settings, tuning, state, predicted, passive, period)
     greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
-    planned_H, may_wait = jnp.where(keeps, planned_H, 0.0), passive & ~after_abort.of_abort
-    # The planned burn is judged as the look-away limit shortens it.
-    planned_N = apply_transposed(predicted.R_CN, planned_H)
-    planned_H = planned_H * burn_planning.share_within_limit(
-        params.pointing, params.vehicle, planned_N, pointing.q_BN, tick_s
-    )
+    planned_H = _within_limit(params, predicted, pointing, jnp.where(keeps, planned_H, 0.0), tick_s)
+    may_wait = passive & ~after_abort.of_abort
     can_burn = (keeps & works) | after_abort.of_abort | after_abort.of_sight
     decided = state.team
     if team is None or decided is None or not settings.keeps_clear:
@@ -109,6 +105,15 @@ def plan_burn(
     )
     burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
     return plan, replace(state, team=decided, abort_burns=burns), whole
+
+
+def _within_limit(
+    params: FlightParams, predicted: Prediction, pointing: TargetPointing, planned_H: Vector, tick_s: float
+) -> Vector:
+    """A planned velocity change [m/s] as the look-away limit shortens it: so it is judged."""
+    planned_N = apply_transposed(predicted.R_CN, planned_H)
+    share = burn_planning.share_within_limit(params.pointing, params.vehicle, planned_N, pointing.q_BN, tick_s)
+    return planned_H * share
 
 
 def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:

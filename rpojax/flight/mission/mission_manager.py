@@ -107,11 +107,15 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
 
 
 def unmet_conditions(until: Until, state: MissionState, time: Scalar) -> Int[Array, ""]:
-    """Conditions of the present phase that do not hold at a time [s], as the bits of `Condition`."""
+    """Conditions of the present phase that do not hold at a time [s], as the bits of `Condition`.
+
+    One that is not given holds from the begin of the phase on, before the first decision in it.
+    """
+    anywhere = jnp.all(jnp.isinf(until.arrival_box), axis=0)
     holds = (
         (Condition.TIME, time - state.entered_at >= until.time),
-        (Condition.ARRIVAL, time - state.arrived_at >= until.arrival_for),
-        (Condition.RANGE_SIGMA, time - state.known_at >= until.range_sigma_for),
+        (Condition.ARRIVAL, anywhere | (time - state.arrived_at >= until.arrival_for)),
+        (Condition.RANGE_SIGMA, jnp.isinf(until.range_sigma) | (time - state.known_at >= until.range_sigma_for)),
         (Condition.GROUND_GO, time >= until.ground_go),
     )
     return sum((jnp.where(met, 0, int(condition)) for condition, met in holds), jnp.zeros((), dtype=jnp.int32))

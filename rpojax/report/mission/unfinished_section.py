@@ -8,7 +8,6 @@ import numpy as np
 from rpojax.flight.mission.mission_state import Condition, Transition
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.mission.phase_visits import PhaseVisits, phase_visits
-from rpojax.report.team.servicer_results import of_servicer
 from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, NO_GOAL
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -23,29 +22,7 @@ _HOLD: Final = BUILT_IN_PHASES[0]
 
 
 def details(campaign: CampaignResults) -> dict[int, str]:
-    """Where each unfinished run stayed and why, by its number; of a team for each servicer that did not finish."""
-    if not campaign.servicer_names:
-        return _details(campaign)
-    found: dict[int, list[str]] = {}
-    for number, name in enumerate(campaign.servicer_names):
-        for run_id, text in _details(of_servicer(campaign, number)).items():
-            found.setdefault(run_id, []).append(f"{name} {text}")
-    # A run has the outcome of its worst servicer.
-    of_team = campaign.run_ids[np.asarray(campaign.outcomes) == Outcome.UNFINISHED].tolist()
-    return {run_id: "; ".join(texts) for run_id, texts in found.items() if run_id in of_team}
-
-
-def goal(scenario: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Phase of the goal of a scenario's tables and which end of it, None where there is none."""
-    given, phases = scenario.get("goal") or {}, scenario.get("phases") or []
-    if not phases or given.get("phase") == NO_GOAL:
-        return None
-    name = given.get("phase") or str(phases[-1]["name"])
-    ends = any(phase["name"] == name and phase.get("until") for phase in phases)
-    return name, given.get("at") or ("end" if ends else "begin")
-
-
-def _details(campaign: CampaignResults) -> dict[int, str]:
+    """Where each unfinished run of one servicer stayed and why, by its number."""
     unfinished = np.flatnonzero(np.asarray(campaign.outcomes) == Outcome.UNFINISHED)
     if not len(unfinished) or not campaign.phases:
         return {}
@@ -56,6 +33,16 @@ def _details(campaign: CampaignResults) -> dict[int, str]:
         int(campaign.run_ids[row]): _detail(visits, names, row, Condition(int(unmet[row])), goal_row)
         for row in unfinished.tolist()
     }
+
+
+def goal(scenario: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Phase of the goal of a scenario's tables and which end of it, None where there is none."""
+    given, phases = scenario.get("goal") or {}, scenario.get("phases") or []
+    if not phases or given.get("phase") == NO_GOAL:
+        return None
+    name = given.get("phase") or str(phases[-1]["name"])
+    ends = any(phase["name"] == name and phase.get("until") for phase in phases)
+    return name, given.get("at") or ("end" if ends else "begin")
 
 
 def _detail(visits: PhaseVisits, names: list[str], row: int, unmet: Condition, goal_row: int) -> str:

@@ -9,9 +9,9 @@ from rpojax.report import run_independence
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import in_display_order
 from rpojax.report.metric_statistics import summary_statistics
-from rpojax.report.mission import unfinished_section
 from rpojax.report.page import mission_warnings
 from rpojax.report.sections import fault_section, requirement_verdict_section
+from rpojax.report.team import servicer_results
 from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
 
 
@@ -48,7 +48,7 @@ def _run_counts(campaign: CampaignResults) -> dict[str, Any]:
 
 
 def _failures(campaign: CampaignResults) -> list[dict[str, Any]]:
-    details = unfinished_section.details(campaign)
+    details = servicer_results.unfinished_details(campaign)
     return [
         {
             "run_id": int(run),

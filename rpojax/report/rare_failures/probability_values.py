@@ -28,7 +28,6 @@ def estimate_values(content: Mapping[str, Any], charts: Sequence[NamedChart]) ->
     """Sentences, charts and rows of one estimate."""
     headline, *sentences = probability_rows.sentences(content)
     return {
-        "title": content["failure"]["words"],
         "trusted": content["trusted"],
         "headline": headline,
         "sentences": sentences,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.mission import unfinished_section
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
 from rpojax.simulation.outcomes.outcome_kinds import REASONS, Outcome
@@ -75,6 +76,19 @@ def of_servicer(campaign: CampaignResults, number: int) -> ServicerResults:
         phases=_of_one(campaign, "phases", number),
         phase_names=campaign.phase_names,
     )
+
+
+def unfinished_details(campaign: CampaignResults) -> dict[int, str]:
+    """Where each unfinished run stayed and why, by its number; of a team for each servicer that did not finish."""
+    if not campaign.servicer_names:
+        return unfinished_section.details(campaign)
+    found: dict[int, list[str]] = {}
+    for number, name in enumerate(campaign.servicer_names):
+        for run_id, text in unfinished_section.details(of_servicer(campaign, number)).items():
+            found.setdefault(run_id, []).append(f"{name} {text}")
+    # A run has the outcome of its worst servicer.
+    of_team = campaign.run_ids[np.asarray(campaign.outcomes) == Outcome.UNFINISHED].tolist()
+    return {run_id: "; ".join(texts) for run_id, texts in found.items() if run_id in of_team}
 
 
 def _with_own_goal(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -12,7 +12,7 @@ from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import mission_manager, mission_state
 from rpojax.flight.mission.mission_manager import Situation
-from rpojax.flight.mission.mission_state import AbortReason, MissionState, Transition
+from rpojax.flight.mission.mission_state import AbortReason, Condition, MissionState, Transition
 from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings, TimeoutAction
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
 
@@ -251,3 +251,26 @@ def test_a_phase_knows_what_began_it() -> None:
     aborted = after(never, situation(20.0), timeout=20.0, static=settings("abort"))
     assert (aborted.entered_by, aborted.abort_reason) == (Transition.ABORT, AbortReason.TIMEOUT)
     assert after(ALWAYS, *held[:2], abort_at=20.0).entered_by == Transition.ABORT
+
+
+@pytest.mark.parametrize(
+    ("conditions", "time", "expected"),
+    [
+        ({}, 0.0, Condition(0)),
+        ({"time": 50.0}, 49.0, Condition.TIME),
+        ({"time": 50.0}, 50.0, Condition(0)),
+        ({"ground_go": 80.0, "time": 50.0}, 60.0, Condition.GROUND_GO),
+        # Since 10 s in the box; the range has never been known so well.
+        ({"arrival_box": [1.0, 1.0, 1.0], "arrival_for": 30.0}, 39.0, Condition.ARRIVAL),
+        ({"arrival_box": [1.0, 1.0, 1.0], "arrival_for": 30.0}, 40.0, Condition(0)),
+        ({"range_sigma": 0.1, "time": 50.0}, 40.0, Condition.RANGE_SIGMA | Condition.TIME),
+    ],
+)
+def test_unmet_conditions_are_those_that_are_given_and_do_not_hold(
+    conditions: dict[str, Any], time: float, expected: Condition
+) -> None:
+    until = replace(ALWAYS, **{name: jnp.asarray(value) for name, value in conditions.items()})
+    state = replace(start(), arrived_at=jnp.float64(10.0))
+    assert mission_manager.unmet_conditions(until, state, jnp.float64(time)) == expected
+    # Before the first decision of a phase nothing is known of its conditions.
+    assert mission_manager.unmet_conditions(ALWAYS, start(), jnp.float64(0.0)) == 0

@@ -11,6 +11,7 @@ from synthetic_campaign_results import SyntheticCampaign, synthetic_team
 from rpojax.flight.mission.mission_state import Condition, Transition
 from rpojax.report.mission import phase_section, unfinished_section
 from rpojax.report.page.campaign_summary import summarise
+from rpojax.report.team import servicer_results
 from rpojax.simulation.metrics.phase_records import MAX_TRANSITIONS
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -132,7 +133,7 @@ def test_of_a_team_the_servicers_that_stayed_are_named(build: Callable[..., Synt
         "servicers": [{"name": "near"}, {"name": "far", "goal": {"phase": "hold"}}],
     }
     campaign.outcomes[1] = "unfinished"
-    assert unfinished_section.details(campaign) == {1: "near stayed in near: range_sigma_m not met"}
+    assert servicer_results.unfinished_details(campaign) == {1: "near stayed in near: range_sigma_m not met"}
     # A run has the outcome of its worst servicer.
     campaign.outcomes[1] = "lost"
-    assert unfinished_section.details(campaign) == {}
+    assert servicer_results.unfinished_details(campaign) == {}

@@ -64,6 +64,14 @@ def test_an_estimate_takes_the_place_of_the_command(campaign: SyntheticCampaign)
         assert part in text
 
 
+def test_the_headline_stands_once_in_the_section_and_on_the_page(campaign: SyntheticCampaign, tmp_path: Path) -> None:
+    with_requirement(campaign, 0.99999)
+    write(campaign)
+    page = probability_page.write_page(ESTIMATE, tmp_path).read_text()
+    for text in (section(probability_results.content(campaign)), page):
+        assert text.count("min_range_m below 10 m, or a run that ended early") == 1
+
+
 def test_a_spoilt_estimate_is_refused_in_one_line(campaign: SyntheticCampaign) -> None:
     path = write(campaign)
     path.write_text(path.read_text().replace("1.2e-05", "1.2e-09"))

@@ -1,12 +1,16 @@
 """Two scenarios of one process whose plugins define metrics and sensors of the same name."""
 
+import inspect
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from empty_campaign_folders import empty_campaign, synthetic_timing
 from isolated_plugins import forgotten_plugins
 from synthetic_campaign_results import synthetic_campaign
 from synthetic_channel_records import perfect_run
@@ -16,6 +20,7 @@ from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability.metric_limit import select_limit
 from rpojax.analysis.reliability.search_settings import LimitChoice
+from rpojax.campaign.execution import block_runner
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.metrics import metric_catalogue
 from rpojax.report.page.html_report import write_report
@@ -47,7 +52,7 @@ def least(range_m):
 LIMIT = {"metric": "score", "bound": "at most", "limit": 40.0, "probability": 0.9, "consumer_risk": 0.1}
 
 
-def scenario(function: object) -> ScenarioFile:
+def scenario(function: Callable[..., Any]) -> ScenarioFile:
     """A scenario with a metric `score`, and a requirement on it."""
     tables = rpojax.load("inspection", ["duration_s=90.0"], plugin=rpojax.Plugin({"score": function})).model_dump()
     return scenario_loader.validate({**tables, "requirements": [LIMIT]})
@@ -173,3 +178,22 @@ def test_sensors_of_one_name_have_the_keys_of_their_own_plugin() -> None:
     assert leaf_path_and_factor("beam.reach_m") == (("additional_sensors", "beam", "reach"), 1.0)
     with pytest.raises(ScenarioError):
         rpojax.load("inspection", overrides[Far], plugin=rpojax.Plugin(sensors={"beam": Near}))
+
+
+class SyntheticBlock:
+    """What a device has simulated of two runs."""
+
+    def block_arrays(self, rows: slice, engine: Any) -> dict[str, np.ndarray]:
+        status = {"status/failure": np.zeros(2, np.int8), "status/failed_at_s": np.full(2, np.nan)}
+        return status | {"metrics/score": np.arange(2.0), "traces/range_m": np.zeros((2, 9), np.float32)}
+
+
+def test_a_stored_metric_has_the_unit_of_its_own_campaign(tmp_path: Path) -> None:
+    files = {"m": scenario(largest), "km": scenario(least)}
+    for unit, file in files.items():
+        campaign = empty_campaign(tmp_path / unit, file, 0, 2, 0, 2)
+        results: Any = SimpleNamespace(blocks=(0,), batch=SyntheticBlock(), history_rows=(), timing=synthetic_timing())
+        engine: Any = SimpleNamespace(runs_per_device=2, file=file)
+        inspect.unwrap(block_runner.store_blocks)(campaign, engine, results)  # without its check of types
+        stored = json.loads((tmp_path / unit / "results.zarr" / "metrics" / "score" / "zarr.json").read_text())
+        assert stored["attributes"]["units"] == unit

@@ -6,6 +6,7 @@ from typing import Any
 from rpojax.analysis.reliability.simulated_failures.estimate_options import Bound, FailureChoice
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
+from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
@@ -59,7 +60,7 @@ def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
     if choice.metric is None and choice.bound is not None:
         raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected it with metric only")
     if choice.outcome is not None:
-        return _of_outcome(choice.outcome)
+        return _of_outcome(file, choice.outcome)
     if choice.requirement is not None:
         return _of_requirement(file, choice.requirement)
     assert choice.metric is not None
@@ -74,8 +75,9 @@ def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
     return Failure(choice.metric, bound, choice.limit)
 
 
-def _of_outcome(name: str) -> Failure:
-    known = [str(each) for each in Outcome if each.is_failure]
+def _of_outcome(file: ScenarioFile, name: str) -> Failure:
+    has_goal = bool(file.phases) and file.goal.phase != NO_GOAL
+    known = [str(each) for each in Outcome if each.is_failure and (has_goal or each is not Outcome.UNFINISHED)]
     if name not in known:
         raise RpojaxError.of_argument("outcome", f"found {name!r}, expected one of {', '.join(known)}")
     return Failure(outcome=Outcome(name))

@@ -45,7 +45,7 @@ def calibrate_camera_model(
     file = scenarios.load(scenario, overrides)
     target_checks.check_field(file)
     from rpojax.analysis.calibration import view_sampling
-    from rpojax.scenario.command_lines import command_line
+    from rpojax.scenario.plugins.command_lines import command_line
     from rpojax.scenario.trained import fitted_camera
     from rpojax.sensors import statistical_camera_file
 

@@ -153,7 +153,7 @@ def train(
     prepare_jax(cache=True)
     import numpy as np
 
-    from rpojax.scenario.command_lines import command_line
+    from rpojax.scenario.plugins.command_lines import command_line
     from rpojax.training.detector import train_detector
     from rpojax.training.detector.evaluation import evaluate_detector
     from rpojax.training.detector.initial_weights import initial_weights
@@ -181,11 +181,10 @@ def train(
     params = round_to_half_precision(calibrate_score(params, unseen))
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
     limit = () if minutes is None else ("--minutes", f"{minutes:g}")
-    before_it = ("--start", start.name) if start else ()
+    limit += ("--start", start.name) if start else ()
     passes = ("--epochs", epochs, "--second-epochs", second_epochs, "--rate", f"{rate:g}", "--seed", seed)
     # The record in the weights file holds no path of this machine.
-    names = [folder.name for folder in datasets]
-    words = (*names, "--out", out.name, *passes, *limit, *before_it)
+    words = (*(folder.name for folder in datasets), "--out", out.name, *passes, *limit)
     command = command_line("detector train", *words, plugin=None)
     card = train_detector.model_card(known, recipes, history, figures, command)
     card["start"] = before.get("command")

@@ -83,7 +83,7 @@ def train(
     _check_training(kind, views, steps, minutes)
     _check_seed(seed)
     claim(out, force)
-    from rpojax.scenario.command_lines import command_line
+    from rpojax.scenario.plugins.command_lines import command_line
     from rpojax.training.radiance_field import train_field
     from rpojax.training.synthetic_data import random_views, ray_traced_views
     from rpojax.training.synthetic_data.meshes import mesh_files, target_mesh

@@ -37,7 +37,7 @@ const Charts = (() => {
     if (wait(value)) return "\u2013";
     if (value === 0) return "0";
     const size = Math.abs(value);
-    if (size < 1e-4 || size >= 1e7) return value.toExponential(Math.max(0, digits - 2)).replace("e+", "e");
+    if (size < 1e-4 || size >= 1e7) return value.toExponential(Math.max(0, digits - 2)).replace(/\.?0*e\+?/, "e");
     return String(Number(value.toPrecision(size >= 1e4 ? Math.max(digits, 7) : digits)));
   }
 

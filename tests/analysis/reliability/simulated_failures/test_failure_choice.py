@@ -84,6 +84,7 @@ def test_the_command_of_a_failing_run_allows_its_plugin_and_is_quoted(
         (FailureChoice(metric="nothing", limit=1.0), "metric"),
         (FailureChoice(outcome="completed"), "outcome"),
         (FailureChoice(outcome="not_judged"), "outcome"),
+        (FailureChoice(outcome="unfinished"), "outcome"),  # of a mission without phases
     ],
 )
 def test_options_that_name_no_failure_are_refused(mission: ScenarioFile, choice: FailureChoice, named: str) -> None:

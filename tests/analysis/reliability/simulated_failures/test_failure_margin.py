@@ -1,5 +1,6 @@
 """Margins are at or below zero exactly for failures, and continuous where what decides the failure is."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,17 @@ def test_a_lost_target_has_the_time_since_its_last_box_as_margin() -> None:
     )
     found = failure_margin.margins(runs, Failure(outcome=Outcome.LOST))
     np.testing.assert_allclose(found, [600.0 - 49.0, 600.0, 600.0 - 200.0])
+
+
+def test_a_missed_goal_has_the_time_left_when_it_is_reached_as_margin() -> None:
+    phase = np.zeros((3, 100), np.int8)
+    phase[0, 30:], phase[1, 90:] = 2, 2
+    runs = simulated(
+        [0, 0, Outcome.UNFINISHED.code], rho_H=np.zeros((3, 100, 3)), phase=phase, running=np.ones((3, 100), bool)
+    )
+    runs = replace(runs, file=scenario_loader.load("rbar_approach"))
+    found = failure_margin.margins(runs, Failure(outcome=Outcome.UNFINISHED))
+    np.testing.assert_allclose(found, [70.0, 10.0, -failure_margin.LEAST])
 
 
 def test_a_metric_has_its_distance_from_the_limit_as_margin() -> None:

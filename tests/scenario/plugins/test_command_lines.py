@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rpojax.scenario.command_lines import command_line
+from rpojax.scenario.plugins.command_lines import command_line
 
 
 @pytest.mark.parametrize("name", ["plain", "two words", "Anna's", "$HOME", "a;b", "-x", "*", "ä"])
