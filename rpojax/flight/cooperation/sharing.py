@@ -231,8 +231,7 @@ def _sent(
     time: Scalar,
 ) -> SharingMemory:
     """Memory of a servicer after the message of a tick."""
-    assert records.innovation is not None
-    accepted, own = records.innovation.accepted, records.orbit.relative
+    accepted, own = records.accepted, records.orbit.relative
     correlated = own.covariance
     box = _gated(records.box, accepted)
     estimates = memory.estimates
@@ -263,8 +262,7 @@ def _received(
 ) -> tuple[RelativeEstimate, SharingMemory]:
     """Estimate of the target and memory of a servicer after the messages of a tick."""
     if memory.joint is not None:
-        assert records.innovation is not None
-        box = _gated(records.box, records.innovation.accepted)
+        box = _gated(records.box, records.accepted)
         joint, is_used = box_sharing.update(
             tuning,
             baseline,
