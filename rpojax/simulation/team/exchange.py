@@ -1,6 +1,5 @@
 """Exchange of messages in a tick of a team: what is measured for it, what arrives, and what is made of it."""
 
-from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
@@ -13,6 +12,7 @@ from rpojax.core.random_streams import Stream
 from rpojax.core.vectors import apply
 from rpojax.flight import computer
 from rpojax.flight.cooperation import sharing
+from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory
@@ -293,9 +293,8 @@ def _carrier_normals(keys: Array, number: Array) -> Array:
     return random_streams.normal(random_streams.fold_in(keys[Stream.GPS_DIFFERENCES], number), 6)
 
 
-def _baseline(loop: TeamLoop) -> Any:
-    baseline = loop.params.member(0).baseline
-    return baseline
+def _baseline(loop: TeamLoop) -> BaselineTuning:
+    return loop.params.member(0).baseline
 
 
 def _tuning(params: TeamParams) -> OrbitFilterTuning:
