@@ -120,7 +120,7 @@ def start(case: Case, tuning, baseline: BaselineTuning, key: Array) -> World:
         memory=None,
         key=keys[6],
     )
-    records = records_of(world, blank(N), zero_gps(N), None, None)
+    records = records_of(world, blank(N), zero_gps(N), jnp.zeros(N, dtype=bool), None)
     if case.link.ranging:
         records = replaced(records, ranges=jnp.zeros((N - 1, N)))
     memory = sharing.initial(case.link, baseline, each(tuning, N), records)
@@ -151,12 +151,12 @@ def blank(N: int) -> BoxMeasurement:
     )
 
 
-def records_of(world: World, box, gps, innovation, q_KN) -> TeamRecords:
+def records_of(world: World, box, gps, accepted, q_KN) -> TeamRecords:
     N = world.d.shape[1]
     return TeamRecords(
         orbit=world.orbit,
         gate=world.gate,
-        innovation=innovation,
+        accepted=accepted,
         box=box,
         gps=gps,
         q_KN=jnp.zeros((4, N)) if q_KN is None else q_KN,
@@ -207,7 +207,7 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
         world.orbit, world.gate, GpsMeasurement(position_N=code, present=present), q_KN, box
     )
     world = replaced(world, orbit=orbit, gate=gate)
-    records = records_of(world, box, GpsMeasurement(position_N=carrier, present=present), innovation, q_KN)
+    records = records_of(world, box, GpsMeasurement(position_N=carrier, present=present), innovation.accepted, q_KN)
     if case.link.ranging:
         records = replaced(records, ranges=ranges_of(case, baseline, world, normal(13, (N, N))))
     due = (tick - case.link.delay_ticks) % case.link.period_ticks == 0

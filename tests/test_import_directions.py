@@ -98,6 +98,15 @@ def entries(folder: str) -> dict[str, set[str]]:
     return graph
 
 
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Entries that import each other, in order from one back to itself; none if there is no circle."""
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return error.args[1]
+    return []
+
+
 def test_everything_at_the_top_has_a_floor() -> None:
     assert {name.partition(".")[0] for name in MODULES if name} == set(FLOORS)
 
@@ -109,12 +118,11 @@ def test_a_module_imports_only_from_its_own_folder_or_lower_floors(module: str) 
 
 @pytest.mark.parametrize("folder", sorted(name for name, path in MODULES.items() if path.name == "__init__.py"))
 def test_the_entries_of_a_folder_import_each_other_without_circles(folder: str) -> None:
-    list(graphlib.TopologicalSorter(entries(folder)).static_order())  # raises CycleError
+    assert circle(entries(folder)) == []
 
 
 def test_a_circle_is_found() -> None:
-    with pytest.raises(graphlib.CycleError):
-        list(graphlib.TopologicalSorter({"a": {"b"}, "b": {"a"}}).static_order())
+    assert set(circle({"a": {"b"}, "b": {"a"}, "c": {"a"}})) == {"a", "b"}
     assert "control" in entries("flight")["guidance"]
 
 

@@ -170,19 +170,25 @@ _BELIEF_IN_DIFFERENCES = "navigation.difference_"
 """Begin of the keys of what flight software believes of differences of GPS positions and of ranges over links."""
 _HANDOVER = "initial.handover"
 """Section that a scenario may leave out."""
+_DETECTOR_CENTER = "imaging.center_sigma"
+"""Key without unit of what flight software believes of a detector's boxes, declared beside the detector."""
+_NOT_KEYS = frozenset({"detector_center_sigma", "detector_boxes", "burn_scale_as_new"})
+"""Fields of the filter's tuning that are no keys of its section."""
+_BURNS_WITH_THE_SAME_ERROR = 2.0
+"""Factor on the sigma of a lasting error that counts as new in each burn: errors of several burns in one direction add
+up, and do not average out."""
 
 
 def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Parameters from the sections of a scenario; the flight software is configured with the nominal vehicle."""
-    records = {section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items()}
+    records = {
+        section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items() if section != "navigation"
+    }
+    records["navigation"] = _navigation(tables)
     plant = PlantParams(
         gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH_GRAVITY),
         **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
     )
-    if tables["camera"]["model"] != "geometric":
-        records["navigation"] = _with_detector_center_error(records["navigation"], records["imaging"])
-    if tables["navigation"]["sharing"] != "none":
-        records["navigation"] = _with_lasting_burn_error_as_new(records["navigation"])
     flight = FlightParams(
         vehicle=_nominal_vehicle(plant, records["camera"], width_px, height_px),
         **{
@@ -249,20 +255,17 @@ def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
     return {name: jnp.asarray(table[key], dtype=jnp.float64) * factor for key, (name, factor) in units.items()}
 
 
-def _with_detector_center_error(navigation: OrbitFilterTuning, imaging: Imaging) -> OrbitFilterTuning:
-    """Filter tuning for detected boxes, whose centres also vary with attitude and light."""
-    return replace(navigation, center_sigma=jnp.hypot(navigation.center_sigma, imaging.center_sigma))
+def _navigation(tables: Mapping[str, Any]) -> OrbitFilterTuning:
+    """Filter tuning, with what it knows of detected boxes, and of burns where it has no state for their lasting error.
 
-
-def _with_lasting_burn_error_as_new(navigation: OrbitFilterTuning) -> OrbitFilterTuning:
-    """Filter tuning for filters that are shared, which have no state for the lasting error of burns."""
-    whole = jnp.hypot(navigation.burn_magnitude_sigma, _BURNS_WITH_THE_SAME_ERROR * navigation.burn_scale_sigma)
-    return replace(navigation, burn_magnitude_sigma=whole, burn_scale_sigma=jnp.zeros_like(whole))
-
-
-_BURNS_WITH_THE_SAME_ERROR = 2.0
-"""Factor on the sigma of a lasting error that counts as new in each burn: errors of several burns in one direction add
-up, and do not average out."""
+    What beliefs make together is worked out where they are used: each has a leaf of its own, which may be dispersed.
+    """
+    others = {
+        "detector_center_sigma_m": tables["imaging"]["center_sigma_m"],
+        "detector_boxes": float(tables["camera"]["model"] != "geometric"),
+        "burn_scale_as_new": 0.0 if tables["navigation"]["sharing"] == "none" else _BURNS_WITH_THE_SAME_ERROR,
+    }
+    return _record(OrbitFilterTuning, {**tables["navigation"], **others})
 
 
 def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_px: int) -> VehicleModel:
@@ -291,9 +294,11 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
     """
     section, _, name = key.rpartition(".")
     leaf, factor = key_units.split_unit(name)
+    if f"{section}.{leaf}" == _DETECTOR_CENTER:
+        return ("flight", "navigation", "detector_center_sigma"), factor
     if section in _SECTIONS or section == _HANDOVER:
         path, cls = _SECTIONS.get(section, (("handover",), HandoverErrors))
-        if leaf in {field.name for field in fields(cls)}:
+        if leaf in {field.name for field in fields(cls)} - _NOT_KEYS:
             return (*path, leaf), factor
     if section in _TEAM_SECTIONS and leaf in {field.name for field in fields(_TEAM_SECTIONS[section])}:
         return (section, leaf), factor

@@ -304,6 +304,7 @@ class NavigationSection(Section):
     target_size_m: Positive
     target_size_sigma: NonNegative = 0.0
     outline_time_constant_s: Positive = 33.0
+    largest_side_log: PositivePair = Field(default=[0.204, 0.124])
     scale_sigma: PositivePair
     scale_time_constant_s: PositivePair
     bearing_bias_sigma_deg: Positive

@@ -34,8 +34,6 @@ class Imaging:
         read_noise: 1 sigma [electrons]
         blur: sigma of the point spread [px]
         score_threshold: boxes with a lower score are not accepted [-]
-        center_sigma: 1 sigma of the offset of the box centre from that of the outline as attitude and light change,
-            as flight software knows it [m]
     """
 
     exposure: Array
@@ -43,7 +41,6 @@ class Imaging:
     read_noise: Array
     blur: Array
     score_threshold: Array
-    center_sigma: Array
 
 
 @pytree

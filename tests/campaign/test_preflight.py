@@ -28,6 +28,8 @@ def test_numbers_out_of_range_are_named(numbers: tuple[int, int, int, int | None
 def test_numbers_at_the_limits_are_accepted() -> None:
     preflight.check_numbers(1, 0, 0, None)
     preflight.check_numbers(5, 2**31 - 6, 2**63 - 1, 1)
+    with pytest.raises(RpojaxError, match=f"first_run: found {2**31 - 5}"):
+        preflight.check_numbers(5, 2**31 - 5, 2**63 - 1, 1)
 
 
 def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:

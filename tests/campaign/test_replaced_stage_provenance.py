@@ -78,5 +78,9 @@ def test_values_without_content_are_never_the_same() -> None:
 
 def test_a_record_of_an_earlier_version_is_compared_by_name_and_source() -> None:
     recorded = replaced_stages(Stages(formation_law=closure(1.0)))
+    with pytest.raises(RpojaxError, match="stages: found"):
+        check_same_stages(recorded, Stages(formation_law=closure(2.0)))
     del recorded["formation_law"]["values_sha256"]
-    check_same_stages(recorded, Stages(formation_law=closure(1.0)))
+    check_same_stages(recorded, Stages(formation_law=closure(2.0)))
+    with pytest.raises(RpojaxError, match="stages: found"):
+        check_same_stages(recorded, Stages(formation_law=Scaled(1.0)))

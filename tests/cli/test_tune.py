@@ -20,8 +20,6 @@ from rpojax.cli import main
 from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.schema import ScenarioFile
 
-RNG = np.random.default_rng(0)
-
 
 def call(*words: object) -> int:
     """Exit status of a command line."""
@@ -48,7 +46,7 @@ def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
     def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: Any, stages: Any) -> RunMetrics:
         assert (seed, stages) == (8, STAGES[0])
-        base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
+        base = np.random.default_rng(runs).lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
         metrics = dict.fromkeys(UNITS, base)
         if file.navigation.edge_noise_px == 2.0:
             metrics["pointing_error_p95_deg"] = np.where(np.arange(runs) < 3, np.nan, base)

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -96,7 +97,11 @@ def test_a_scenario_without_a_name_of_its_own_is_accepted(page: Path, tmp_path: 
             path = tmp_path / "fragment.toml"
             path.write_text(("" if "extends" in block.text else 'extends = "inspection"\n') + block.text)
             (tmp_path / "out").mkdir(exist_ok=True)
-            scenario_loader.load(path)
+            loaded = scenario_loader.load(path).model_dump()
+            for section, table in tomllib.loads(block.text).items():
+                for key, value in table.items() if isinstance(table, dict) else []:
+                    if isinstance(value, bool | int | float):
+                        assert loaded[section][key] == value, f"{section}.{key}"
 
 
 @pytest.fixture(scope="session")

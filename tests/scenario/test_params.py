@@ -1,12 +1,23 @@
 """Parameters of a run: every number of a scenario in its leaf, in SI units."""
 
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from pydantic import BaseModel
 
+import rpojax
+from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
+from rpojax.flight.navigation import shape_errors
+from rpojax.flight.navigation.burn_errors import burn_scale
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params as parameters
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 
@@ -40,7 +51,7 @@ def numeric_keys() -> list[str]:
     for name, field in ScenarioFile.model_fields.items():
         section = field.annotation
         if (
-            name not in ("rates", "effects", "safety", "coverage", "mission", "tuning")
+            name not in ("rates", "effects", "safety", "coverage", "mission", "tuning", "goal")
             and isinstance(section, type)
             and issubclass(section, BaseModel)
         ):
@@ -106,3 +117,120 @@ def test_the_vehicle_model_of_the_flight_software_is_nominal(
     np.testing.assert_allclose(np.linalg.norm(vehicle.thrust_direction), 1.0, rtol=1e-15)
     half_angle = np.deg2rad(0.5 * camera.field_of_view_deg)
     np.testing.assert_allclose(vehicle.focal_px, 0.5 * camera.width_px / np.tan(half_angle), rtol=1e-14)
+
+
+FLIGHT = {
+    *("navigation", "attitude_filter", "formation", "pointing", "attitude_control", "health", "mission", "phases"),
+    *("team", "tuning"),
+}
+"""Sections of the flight software, of the ground and of users."""
+VEHICLE = "flight software is configured with the nominal vehicle, as its builder declares it; a dispersion is truth"
+ON_PURPOSE = {
+    "servicer.mass_kg": (".vehicle.mass", VEHICLE),
+    "servicer.inertia_kg_m2": (".vehicle.inertia", VEHICLE),
+    "thruster.force_n": (".vehicle.thrust", VEHICLE),
+    "thruster.minimum_on_time_s": (".vehicle.minimum_on_time", VEHICLE),
+    "thruster.direction": (".vehicle.thrust_direction", VEHICLE),
+    "wheels.axes": (".vehicle.wheel_axes", VEHICLE),
+    "wheels.inertia_kg_m2": (".vehicle.wheel_inertia", VEHICLE),
+    "wheels.torque_limit_n_m": (".vehicle.wheel_torque_limit", VEHICLE),
+    "camera.field_of_view_deg": (".vehicle.focal_px", VEHICLE),
+    "camera.mounting": (".vehicle.camera_mounting", VEHICLE),
+    "camera.phase_limit_deg": (".vehicle.phase_limit", VEHICLE),
+    "camera.sun_exclusion_deg": (".vehicle.sun_exclusion", VEHICLE),
+    "imaging.center_sigma_m": (".navigation.detector_center_sigma", "a belief alone, declared beside the detector"),
+    "limits.keep_out_m": (".mission.keep_out", "the rule that outcomes judge is the one that flight software keeps"),
+}
+"""Key of a section of the truth -> leaf of the flight software that it sets, and why."""
+
+
+def of_flight(tables: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Leaves of the flight software, without those of single phases."""
+    flight = parameters.build_params(tables, 512, 512).flight
+    leaves = {
+        jax.tree_util.keystr(path): np.asarray(leaf) for path, leaf in jax.tree_util.tree_leaves_with_path(flight)
+    }
+    return {name: leaf for name, leaf in leaves.items() if ".phases[" not in name}
+
+
+def changed(value: Any) -> Any:
+    """Another value of the same kind: of a switch, a number, or each number of a list."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int | float):
+        return 1.07 * value + 0.013
+    return [changed(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def test_no_key_of_the_truth_sets_a_belief_but_those_that_both_read_on_purpose() -> None:
+    tables = rpojax.load("rendezvous").model_dump()
+    before, found, tried = of_flight(tables), {}, 0
+    for section, table in tables.items():
+        if section in FLIGHT or not isinstance(table, dict):
+            continue
+        for key, value in table.items():
+            if changed(value) != value and key != "outages_s":
+                tried += 1
+                after = of_flight({**tables, section: {**table, key: changed(value)}})
+                assert after.keys() == before.keys()
+                names = [name for name in before if not np.array_equal(before[name], after[name])]
+                if names:
+                    found[f"{section}.{key}"] = names
+    assert tried > 100
+    assert found == {key: [leaf] for key, (leaf, _) in ON_PURPOSE.items()}
+
+
+def test_a_dispersed_key_of_the_truth_changes_no_belief() -> None:
+    of_truth = [
+        key for key in numeric_keys() if key.partition(".")[0] not in FLIGHT and key != "imaging.center_sigma_m"
+    ]
+    assert len(of_truth) > 80
+    assert {parameters.leaf_path_and_factor(key)[0][0] for key in of_truth} & {"flight", "baseline"} == set()
+
+
+def tuning_of(overrides: list[str], **values: float) -> OrbitFilterTuning:
+    """Tuning of the filter of `inspection` with dispersed values; keys have `__` for a dot."""
+    file = rpojax.load("inspection", overrides)
+    params = parameters.build_params(file.model_dump(), 512, 512)
+    drawn = {key.replace("__", "."): jnp.asarray(value) for key, value in values.items()}
+    return dispersed_values.apply_to_params(params, drawn).flight.navigation
+
+
+@pytest.mark.parametrize(("model", "of_detector"), [("geometric", 0.0), ("rendered", 0.03), ("statistical", 0.03)])
+def test_both_dispersed_sigmas_of_the_centre_count_where_a_detector_finds_boxes(model: str, of_detector: float) -> None:
+    tuning = tuning_of(
+        [f"camera.model={model}", "navigation.center_perspective=0"],
+        navigation__center_sigma_m=0.04,
+        imaging__center_sigma_m=0.03,
+    )
+    found = shape_errors.center_variance(tuning, jnp.zeros(()), jnp.array([30.0, 0.0, 0.0]))
+    assert float(found) == pytest.approx(0.04**2 + of_detector**2, rel=1e-14)
+
+
+def test_both_dispersed_errors_of_burns_count_with_and_without_sharing() -> None:
+    values = {"navigation__burn_magnitude_sigma": 0.03, "navigation__burn_scale_sigma": 0.02}
+    alone = tuning_of([], **values)
+    # Filters that are shared have no state for what lasts: twice of it counts as new in each burn.
+    shared = replace(alone, burn_scale_as_new=team_tuning().burn_scale_as_new)
+    assert (float(burn_scale.new_sigma(alone)), float(burn_scale.lasting_sigma(alone))) == (0.03, 0.02)
+    assert float(burn_scale.new_sigma(shared)) == pytest.approx(0.05, rel=1e-14)
+    assert float(burn_scale.initial(shared).variance) == 0.0
+    assert float(burn_scale.new_magnitude_sigma(shared, jnp.asarray(2.0))) == pytest.approx(0.1, rel=1e-14)
+
+
+def team_tuning() -> OrbitFilterTuning:
+    """Tuning of the filter of a servicer whose boxes are shared."""
+    tables = rpojax.load("cooperative_inspection").model_dump()
+    return parameters.build_params(tables, 512, 512).flight.navigation
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.016, 0.032, 0.1, 1e-9])
+@pytest.mark.parametrize("precision", [jnp.float32, jnp.float64])
+def test_a_sigma_that_stands_alone_keeps_its_bits(sigma: float, precision: Any) -> None:
+    tuning = jax.tree.map(lambda leaf: leaf.astype(precision), team_tuning())
+    one = jnp.asarray(sigma, dtype=precision)
+    tuning = replace(tuning, burn_magnitude_sigma=one, burn_scale_sigma=0.0 * one, center_sigma=one)
+    tuning = replace(tuning, center_perspective=0.0 * one)
+    assert float(jax.jit(burn_scale.new_sigma)(tuning)) == float(one)
+    found = jax.jit(shape_errors.center_variance)(tuning, 0.0 * one, jnp.ones(3, dtype=precision))
+    assert float(found) == float(one * one)

@@ -49,7 +49,14 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     del content["target"]["scale"]
     for key in ("thrust_sigma", "thrust_walk_sqrt_s", "pressure_noise"):
         del content["navigation"][key]
-    for key in ("minimum_size_px", "miss_probability", "center_perspective", "target_size_sigma", "sharing"):
+    for key in (
+        "minimum_size_px",
+        "miss_probability",
+        "center_perspective",
+        "target_size_sigma",
+        "largest_side_log",
+        "sharing",
+    ):
         del content["navigation"][key]
     for key in ("outline_time_constant_s", *(key for key in content["navigation"] if key.startswith("difference_"))):
         del content["navigation"][key]

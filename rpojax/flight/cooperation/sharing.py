@@ -28,7 +28,7 @@ from rpojax.flight.cooperation.link_settings import BaselineTuning, LinkSettings
 from rpojax.flight.cooperation.message import Message
 from rpojax.flight.cooperation.peer_news import Heard, News
 from rpojax.flight.cooperation.team_records import TeamRecords, for_receivers
-from rpojax.flight.navigation.burn_errors import burn_execution_error
+from rpojax.flight.navigation.burn_errors import burn_execution_error, burn_scale
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
@@ -231,8 +231,7 @@ def _sent(
     time: Scalar,
 ) -> SharingMemory:
     """Memory of a servicer after the message of a tick."""
-    assert records.innovation is not None
-    accepted, own = records.innovation.accepted, records.orbit.relative
+    accepted, own = records.accepted, records.orbit.relative
     correlated = own.covariance
     box = _gated(records.box, accepted)
     estimates = memory.estimates
@@ -263,8 +262,7 @@ def _received(
 ) -> tuple[RelativeEstimate, SharingMemory]:
     """Estimate of the target and memory of a servicer after the messages of a tick."""
     if memory.joint is not None:
-        assert records.innovation is not None
-        box = _gated(records.box, records.innovation.accepted)
+        box = _gated(records.box, records.accepted)
         joint, is_used = box_sharing.update(
             tuning,
             baseline,
@@ -322,7 +320,7 @@ def predict(
         reopened: Bool[Array, ""],
     ) -> SharingMemory:
         covariance = burn_execution_error.burn_covariance(
-            delta_v_N, burn_delta_v, inflation * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma
+            delta_v_N, burn_delta_v, inflation * burn_scale.new_sigma(tuning), tuning.burn_direction_sigma
         )
         motion = before, after, delta_v_N, covariance, reopened, tick_s
         joint, estimates = memory.joint, memory.estimates

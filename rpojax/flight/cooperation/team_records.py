@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
-from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 
 T = TypeVar("T")
@@ -21,7 +21,7 @@ class TeamRecords:
     Attributes:
         orbit: estimates after each servicer's own update
         gate: states of the outlier gates
-        innovation: diagnostics of these updates, None at hand-over
+        accepted: (N,) bool, boxes that passed the gates in these updates; none at hand-over
         box: boxes as the orbit filters got them
         gps: positions, by code or carrier phase, whose differences are the baselines
         q_KN: (4, N) attitudes of the cameras by the attitude filters
@@ -31,7 +31,7 @@ class TeamRecords:
 
     orbit: OrbitEstimate
     gate: GateState
-    innovation: Innovation | None
+    accepted: Array
     box: BoxMeasurement
     gps: GpsMeasurement
     q_KN: Array

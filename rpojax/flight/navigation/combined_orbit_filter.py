@@ -110,7 +110,7 @@ def predict(
     whole = burn_execution_error.burn_covariance(
         delta_v_N,
         burn_delta_v,
-        gradient_safe.sqrt(magnitude_sigma**2 + tuning.burn_scale_sigma**2),
+        gradient_safe.sqrt(magnitude_sigma**2 + burn_scale.lasting_sigma(tuning) ** 2),
         tuning.burn_direction_sigma,
     )
     return OrbitEstimate(

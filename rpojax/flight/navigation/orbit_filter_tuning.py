@@ -17,11 +17,16 @@ class OrbitFilterTuning:
         minimum_size: () largest side of a target below which the camera finds no box [px]
         miss_probability: () of a frame without a box of a larger target [-]
         center_sigma: () offset of the box centre from the centre of mass, per axis, 1 sigma [m]
-        center_perspective: () the same by perspective, times the range and over the square of the size, 1 sigma [-]
+        detector_center_sigma: () offset of a detector's box centre from that of the outline, as attitude and light
+            change, per axis, 1 sigma [m]
+        detector_boxes: () 1 where a detector finds the boxes, so that they have that offset, else 0 [-]
+        center_perspective: () offset of the centre by perspective, times the range and over the square of the size, per
+            axis, 1 sigma [-]
         center_time_constant: () of that offset: a sixth of a tumble [s]
         target_size: () expected sqrt(width height) of the target's outline [m]
         target_size_sigma: () error of its log, 1 sigma [-]
         outline_time_constant: () correlation time of the log aspect ratio at which the other time constants hold [s]
+        largest_side_log: (2,) log of the outline's largest side over sqrt(width height), mean and 1 sigma [-]
         scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
         scale_time_constant: (2,) [s]
         bearing_bias_sigma: () per axis, 1 sigma [rad]
@@ -30,6 +35,8 @@ class OrbitFilterTuning:
         relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
         burn_magnitude_sigma: () fraction of a burn's velocity change along it, new in each burn, 1 sigma [-]
         burn_scale_sigma: () the same, lasting from burn to burn: thrust and mass, 1 sigma [-]
+        burn_scale_as_new: () factor on `burn_scale_sigma` of what counts as new in each burn, where the filter has no
+            state for it; 0 where it has one [-]
         burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
         thrust_sigma: () relative error of the thrust before any pressure is measured, new and lasting, 1 sigma [-]
         thrust_walk: () random walk of the relative thrust while burning [1/s^0.5]
@@ -54,11 +61,14 @@ class OrbitFilterTuning:
     minimum_size: Array
     miss_probability: Array
     center_sigma: Array
+    detector_center_sigma: Array
+    detector_boxes: Array
     center_perspective: Array
     center_time_constant: Array
     target_size: Array
     target_size_sigma: Array
     outline_time_constant: Array
+    largest_side_log: Array
     scale_sigma: Array
     scale_time_constant: Array
     bearing_bias_sigma: Array
@@ -67,6 +77,7 @@ class OrbitFilterTuning:
     relative_acceleration_noise: Array
     burn_magnitude_sigma: Array
     burn_scale_sigma: Array
+    burn_scale_as_new: Array
     burn_direction_sigma: Array
     thrust_sigma: Array
     thrust_walk: Array

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import cross
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -13,11 +14,9 @@ Scalar = Float[Array, ""]
 _CONSTANT_CENTER_SHARE = 0.33
 """Part of the offset by perspective that a tumble does not average out; 0.4 of compact bodies, less what the bearing
 bias covers."""
-_LARGEST_SCALE_TEMPO = 20.0
-"""Longest correlation of the fast part of the size, over that at the nominal outline: then it is like the slow part
-of a low orbit."""
 _NOMINAL_TURN_RATE = 1.1e-3
-"""Rate of a line of sight that turns once in 95 minutes [rad/s]: that of a station on a low orbit."""
+"""Rate of a line of sight that turns once in 95 minutes [rad/s]: that at which `navigation.scale_time_constant_s` is
+declared, whatever the true orbit. The rate itself is that of the estimate."""
 _TURN_TIMES = (0.25, 40.0)
 """Limits of the correlation time of the slow part of the size, by that at the nominal rate."""
 
@@ -58,7 +57,9 @@ def shape_errors(
     # The size itself stays: it adds to the variance, but not to its growth.
     constancy = 1.0 + tuning.target_size_sigma**2 / tuning.scale_sigma[0] ** 2
     slow = _turn_time(r_TS_N, v_TS_N)
-    factors = jnp.stack([constancy * slow, jnp.minimum(tempo, _LARGEST_SCALE_TEMPO)])
+    # The outline of a target that hardly tumbles changes no slower than the size of one seen from a low orbit.
+    longest = tuning.scale_time_constant[0] / tuning.scale_time_constant[1]
+    factors = jnp.stack([constancy * slow, jnp.minimum(tempo, longest)])
     return ShapeErrors(
         scale_variance=scale_variance(tuning),
         scale_time_constant=tuning.scale_time_constant * factors,
@@ -87,8 +88,11 @@ def scale_variance(tuning: OrbitFilterTuning) -> Float[Array, "2"]:
 
 
 def center_variance(tuning: OrbitFilterTuning, slow_scale: Scalar, r_TS_N: Vector) -> Scalar:
-    """Variance of the offset of the box centre, per axis [m^2]: of the shape, and by perspective."""
-    return tuning.center_sigma**2 + perspective_variance(tuning, slow_scale, r_TS_N)
+    """Variance of the offset of the box centre, per axis [m^2]: of the shape, of a detector, and by perspective."""
+    of_detector = tuning.detector_boxes * tuning.detector_center_sigma
+    return gradient_safe.sqrt(tuning.center_sigma**2 + of_detector**2) ** 2 + perspective_variance(
+        tuning, slow_scale, r_TS_N
+    )
 
 
 def perspective_variance(tuning: OrbitFilterTuning, slow_scale: Scalar, r_TS_N: Vector) -> Scalar:

@@ -1,6 +1,5 @@
 """Exchange of messages in a tick of a team: what is measured for it, what arrives, and what is made of it."""
 
-from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
@@ -13,6 +12,7 @@ from rpojax.core.random_streams import Stream
 from rpojax.core.vectors import apply
 from rpojax.flight import computer
 from rpojax.flight.cooperation import sharing
+from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory
@@ -50,7 +50,7 @@ def initial(loop: TeamLoop, servicers: State) -> TeamState:
     records = TeamRecords(
         orbit=servicers.flight.orbit,
         gate=servicers.flight.gate,
-        innovation=None,
+        accepted=jnp.zeros(count, dtype=bool),
         box=_no_box(zero),
         gps=_no_position(servicers),
         q_KN=jnp.zeros((4, count), dtype=zero.dtype),
@@ -199,6 +199,7 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
 
 def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamRecords:
     """What a servicer brings to the exchange, after its own navigation."""
+    assert tick.innovation is not None
     memory, position = tick.flight, tick.measurements.gps
     if carrier_error_N is not None:
         normals = _carrier_normals(tick.state.keys, tick.state.tick)[3:]
@@ -207,7 +208,7 @@ def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamR
     return TeamRecords(
         orbit=memory.orbit,
         gate=memory.gate,
-        innovation=tick.innovation,
+        accepted=tick.innovation.accepted,
         box=computer.filtered_box(
             params.flight, tick.state.flight, memory.attitude_variance, tick.measurements.box, tick.sky.sun_N
         ),
@@ -221,7 +222,6 @@ def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkS
     """Links after a tick, and which messages (receiver, sender) that are due arrive."""
     settings, count = loop.settings.link, loop.settings.servicers
     radio = loop.params.member(0).link
-    assert radio is not None
     time = _time(ticks)
     key = random_streams.fold_in(ticks.state.keys[Stream.LINK, :, 0], ticks.state.tick)
     uniforms = random_streams.uniform(key, 2 * count * count).reshape(2, count, count)
@@ -280,7 +280,6 @@ def _time(ticks: Tick) -> Array:
 def _carrier_receiver(params: Params) -> Gps:
     """Errors of a receiver's position by carrier phase that are not common: half the variance of a difference."""
     differences = params.gps_differences
-    assert differences is not None
     return Gps(
         noise=differences.noise / jnp.sqrt(2.0),
         bias_sigma=differences.slow_error / jnp.sqrt(2.0),
@@ -294,10 +293,8 @@ def _carrier_normals(keys: Array, number: Array) -> Array:
     return random_streams.normal(random_streams.fold_in(keys[Stream.GPS_DIFFERENCES], number), 6)
 
 
-def _baseline(loop: TeamLoop) -> Any:
-    baseline = loop.params.member(0).baseline
-    assert baseline is not None
-    return baseline
+def _baseline(loop: TeamLoop) -> BaselineTuning:
+    return loop.params.member(0).baseline
 
 
 def _tuning(params: TeamParams) -> OrbitFilterTuning:

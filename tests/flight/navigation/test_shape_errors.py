@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rpojax.core.pytree import replace
 from rpojax.flight.navigation import shape_errors
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.team.members import member_params
@@ -30,6 +31,22 @@ def test_slow_part_lasts_for_the_same_turn_of_the_line_of_sight_on_any_orbit(per
 def test_slow_part_lasts_neither_for_ever_nor_for_seconds_only() -> None:
     assert float(slow_time(jnp.zeros(3))) == pytest.approx(40.0 * 600.0)
     assert float(slow_time(jnp.array([5.0, 0.0, 0.0]))) == pytest.approx(150.0)
+
+
+@pytest.mark.parametrize(("declared", "longest"), [((600.0, 30.0), 600.0), ((900.0, 30.0), 900.0)])
+def test_the_fast_part_is_no_slower_than_the_slow_one_as_declared(
+    declared: tuple[float, float], longest: float
+) -> None:
+    tuning = replace(TUNING, scale_time_constant=jnp.array(declared))
+    times = [
+        float(
+            shape_errors.shape_errors(
+                tuning, tempo * tuning.outline_time_constant, jnp.zeros(()), R, R
+            ).scale_time_constant[1]
+        )
+        for tempo in (2.0, 25.0, 150.0)
+    ]
+    assert times == pytest.approx([60.0, min(25.0 * 30.0, longest), longest])
 
 
 def test_derivative_is_defined_without_motion() -> None:

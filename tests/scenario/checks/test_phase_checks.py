@@ -160,7 +160,12 @@ def test_places_of_a_relative_orbit_are_those_of_its_reference(tables: dict[str,
 
 def test_a_drift_that_does_not_reach_the_target_within_the_run_is_accepted(tables: dict[str, Any]) -> None:
     walk = {"kind": "relative_orbit", "radial_m": 20.0, "along_track_m": -500.0, "drift_per_orbit_m": 50.0}
-    scenario_loader.validate(tables | {"phases": [LAST | {"reference": walk}]})
+    file = scenario_loader.validate(tables | {"phases": [LAST | {"reference": walk}]})
+    assert file.phases[0].reference.model_dump(exclude_defaults=True) == walk
+    # It comes 50 m nearer in each orbit: in ten of them it is there.
+    with pytest.raises(ScenarioError) as caught:
+        scenario_loader.validate(tables | {"duration_s": 60000.0, "phases": [LAST | {"reference": walk}]})
+    assert_one_line(caught.value, "phases.near.reference", "keep-out zone")
 
 
 @pytest.mark.parametrize("along_track_m", np.arange(-160.0, -150.0, 0.5).tolist())

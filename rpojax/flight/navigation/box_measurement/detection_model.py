@@ -16,8 +16,6 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 Flag = Bool[Array, ""]
 
-_LOG_LARGEST_SIDE = (0.204, 0.124)
-"""Mean and 1 sigma of the log of the largest side over the geometric mean of both, of a compact target with panels."""
 _LOGISTIC_SLOPE = 1.702
 """Slope of the logistic function that is nearest to the normal distribution function."""
 
@@ -31,7 +29,7 @@ def may_be_too_small(tuning: OrbitFilterTuning, focal_px: Scalar, r_TS_N: Vector
 
     `log_scale` [-] is the estimated log of its size over the expected one.
     """
-    offset, spread = _LOG_LARGEST_SIDE
+    offset, spread = tuning.largest_side_log[0], tuning.largest_side_log[1]
     variation = jnp.sqrt(spread**2 + tuning.scale_sigma[0] ** 2 + tuning.scale_sigma[1] ** 2)
     log_size_px = jnp.log(focal_px * tuning.target_size) + log_scale - 0.5 * jnp.log(jnp.sum(r_TS_N**2, axis=0))
     return log_size_px + offset - _SURE_SIGMAS * variation < jnp.log(tuning.minimum_size)
@@ -61,7 +59,7 @@ def detection_information(
 
     `log_size_px` is the log of the predicted size [px], with that variance.
     """
-    offset, spread = _LOG_LARGEST_SIDE
+    offset, spread = tuning.largest_side_log[0], tuning.largest_side_log[1]
     total = variance + spread**2
     z = (log_size_px + offset - jnp.log(tuning.minimum_size)) / jnp.sqrt(total)
     seen = jax.nn.sigmoid(_LOGISTIC_SLOPE * z)

@@ -35,7 +35,7 @@ class BurnScale:
 
 def initial(tuning: OrbitFilterTuning) -> BurnScale:
     """Belief before any burn."""
-    variance = tuning.burn_scale_sigma**2
+    variance = lasting_sigma(tuning) ** 2
     return BurnScale(
         mean=jnp.zeros_like(variance), variance=variance, covariance=jnp.zeros(12, dtype=tuning.scale_sigma.dtype)
     )
@@ -78,10 +78,21 @@ def updated(scale: BurnScale, rows: MeasurementRows, gains: SequentialGains) -> 
     return BurnScale(mean=mean, variance=variance, covariance=covariance)
 
 
-def new_magnitude_sigma(tuning: OrbitFilterTuning, inflation: Scalar) -> Scalar:
-    """1-sigma of the part of a burn's relative magnitude error that is new [-].
+def lasting_sigma(tuning: OrbitFilterTuning) -> Scalar:
+    """1 sigma of the lasting error that is a state of the filter [-]; 0 where all of it counts as new."""
+    return jnp.where(tuning.burn_scale_as_new > 0.0, 0.0, tuning.burn_scale_sigma)
 
-    Of a thruster that is not as calibrated, with an `inflation` [-] of the sigma above 1, the whole error is new.
+
+def new_sigma(tuning: OrbitFilterTuning) -> Scalar:
+    """1 sigma of the part of a burn's relative magnitude error that is new, or counts as new [-]."""
+    as_new = tuning.burn_scale_as_new * tuning.burn_scale_sigma
+    return gradient_safe.sqrt(tuning.burn_magnitude_sigma**2 + as_new**2)
+
+
+def new_magnitude_sigma(tuning: OrbitFilterTuning, inflation: Scalar) -> Scalar:
+    """1-sigma of that part for a burn with an `inflation` [-] of the sigma.
+
+    Of a thruster that is not as calibrated, with an inflation above 1, the whole error is new.
     """
-    lasting, new = tuning.burn_scale_sigma**2, tuning.burn_magnitude_sigma**2
+    lasting, new = lasting_sigma(tuning) ** 2, new_sigma(tuning) ** 2
     return gradient_safe.sqrt(new + (inflation**2 - 1.0) * (new + lasting))

@@ -9,8 +9,6 @@ from rpojax.analysis.gradients.tuning.tuning_objective import PART_METRICS, Obje
 from rpojax.errors import ScenarioError
 from rpojax.metrics.metric_catalogue import DIFFERENTIABLE
 
-RNG = np.random.default_rng(2)
-
 
 def objective(**weights: float) -> Objective:
     every = [f"tuning.{name}={weights.get(name, 0.0)}" for name in PART_METRICS]
@@ -95,7 +93,7 @@ def with_weight(name: str, weight: float) -> Objective:
 )
 def test_no_objective_improves_when_a_run_loses_a_value(name: str, weight: float, others: float) -> None:
     made = with_weight(name, weight)
-    rows = others * (1.0 + RNG.random((4, len(made.metric_names))))
+    rows = others * (1.0 + np.random.default_rng(2).random((4, len(made.metric_names))))
     if name == "consistency":
         rows = rows[:, :1] * [2.0, 1.0]
     without = np.concatenate([rows, np.full_like(rows[:1], np.nan)])
@@ -118,7 +116,7 @@ def test_a_batch_without_any_nees_is_as_inconsistent_as_one_of_a_million(metrics
 
 def test_padding_does_not_count() -> None:
     made = objective(**dict.fromkeys(PART_METRICS, 1.0))
-    metrics = 1.0 + RNG.random((5, len(made.metric_names)))
+    metrics = 1.0 + np.random.default_rng(2).random((5, len(made.metric_names)))
     padded = np.concatenate([metrics, metrics[-1:], metrics[-1:]])
     mask = np.array([1.0] * 5 + [0.0] * 2)
     np.testing.assert_allclose(gradient(made, padded, mask)[:5], gradient(made, metrics), rtol=1e-12)
@@ -127,8 +125,9 @@ def test_padding_does_not_count() -> None:
 
 def test_the_gradient_is_that_of_the_value() -> None:
     made = objective(**dict.fromkeys(PART_METRICS, 0.7))
-    metrics = 1.0 + RNG.random((6, len(made.metric_names)))
-    direction = RNG.standard_normal(metrics.shape)
+    rng = np.random.default_rng(2)
+    metrics = 1.0 + rng.random((6, len(made.metric_names)))
+    direction = rng.standard_normal(metrics.shape)
     up, down = (made(metrics + sign * 1e-6 * direction)[0] for sign in (1.0, -1.0))
     assert np.sum(gradient(made, metrics) * direction) == pytest.approx((up - down) / 2e-6, rel=1e-6)
 

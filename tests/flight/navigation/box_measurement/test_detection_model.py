@@ -9,14 +9,19 @@ from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.box_measurement import detection_model
 
 GRID = np.linspace(-6.0, 8.0, 20_001)
-OFFSET, SPREAD = detection_model._LOG_LARGEST_SIDE
+OFFSET, SPREAD = 0.3, 0.2
 SLOPE = detection_model._LOGISTIC_SLOPE
 MISSES = 0.1
 
 
 def information(flight: FlightParams, mean: float, variance: float, present: bool, looked_for: bool) -> tuple:
     """Precision and residual for a threshold of 4 px; `mean` is the log of the size over it."""
-    tuning = replace(flight.navigation, minimum_size=jnp.float64(4.0), miss_probability=jnp.float64(MISSES))
+    tuning = replace(
+        flight.navigation,
+        minimum_size=jnp.float64(4.0),
+        miss_probability=jnp.float64(MISSES),
+        largest_side_log=jnp.array([OFFSET, SPREAD]),
+    )
     found = detection_model.detection_information(
         tuning, jnp.float64(mean + np.log(4.0)), jnp.float64(variance), jnp.asarray(present), jnp.asarray(looked_for)
     )
@@ -59,6 +64,18 @@ def test_a_frame_in_which_the_target_is_not_expected_tells_nothing(flight: Fligh
 def test_no_box_makes_the_target_smaller_and_a_box_makes_it_greater(flight: FlightParams) -> None:
     assert information(flight, -0.2, 0.02, present=False, looked_for=True)[1] < 0.0
     assert information(flight, -0.2, 0.02, present=True, looked_for=True)[1] > 0.0
+
+
+def test_a_rod_is_found_at_a_size_at_which_a_cube_is_not(flight: FlightParams) -> None:
+    # Logs of the largest side over the mean one: 0.05 and 0.03 of a cube, 0.29 and 0.20 of a rod of six by one.
+    def surely_found(largest_side_log: list[float]) -> bool:
+        scales = replace(flight.navigation, scale_sigma=jnp.full(2, 1e-3), target_size=jnp.float64(1.0))
+        tuning = replace(scales, minimum_size=jnp.float64(4.0), largest_side_log=jnp.array(largest_side_log))
+        place = jnp.array([float(flight.vehicle.focal_px) / 4.0 / 1.03, 0.0, 0.0])
+        return not detection_model.may_be_too_small(tuning, flight.vehicle.focal_px, place, jnp.zeros(()))
+
+    assert not surely_found([0.05, 0.05])
+    assert surely_found([0.29, 0.05])
 
 
 def test_a_small_target_may_be_missed_and_a_large_one_may_not(flight: FlightParams) -> None:

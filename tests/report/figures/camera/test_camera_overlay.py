@@ -33,9 +33,12 @@ def test_no_gate_is_drawn_for_a_target_behind_the_camera() -> None:
 
 
 def test_negative_box_width_and_very_large_gate_are_drawn() -> None:
-    camera_overlay.annotated_frame(
+    drawn = camera_overlay.annotated_frame(
         camera_frame(box_px=np.array([168.0, 188.0, -3.0, 40.0]), gate_px=np.array([1e6, 1e6]))
     )
+    # From 165 to 168 px across the frame, 55.5 to 60 of the drawing; the cross alone of a gate with its line outside.
+    assert area_of(FILM_GREEN, drawn) == (55, 90, 60, 150)
+    np.testing.assert_allclose(area_of(FILM_BLUE, drawn), [252, 252, 264, 264], atol=1)
 
 
 def test_cameras_of_a_team_stand_side_by_side_with_their_names() -> None:
