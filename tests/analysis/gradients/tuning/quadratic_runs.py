@@ -26,7 +26,9 @@ class QuadraticRuns(RolloutEvaluator):
 
     best = np.array([0.5, -1.0, 0.3, 0.2, 0.1, 10.2, 10.1, 10.0])
 
-    def __init__(self, file: ScenarioFile, input_function: Any, count: int, names: tuple[str, ...], *rest: Any) -> None:
+    def __init__(
+        self, file: ScenarioFile, input_function: Any, count: int, names: tuple[str, ...], *rest: Any, **further: Any
+    ) -> None:
         self.input_count, self.metric_names, self.compile_s = count, names, 0.0
         self.program_memory_bytes, self.runs_per_device = 0, 64
         self._mesh = DeviceMesh(jax.devices()[:1])

@@ -35,8 +35,8 @@ def test_a_descent_ends_at_the_optimum_in_spite_of_noise_and_jumps(file: Scenari
 class SteepStart(QuadraticRuns):
     """The same, with derivatives that are a million times longer at the first steps."""
 
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
+    def __init__(self, *arguments: Any, **further: Any) -> None:
+        super().__init__(*arguments, **further)
         self.calls = 0
 
     def gradient(self, inputs: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> RolloutResult:
