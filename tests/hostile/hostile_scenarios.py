@@ -105,6 +105,10 @@ def table_cases(folder: Path) -> st.SearchStrategy[Case]:
         damage, content = damaged_bytes("\n".join(rows).encode("utf-8", "replace"), draw)
         if draw(st.booleans()):
             damage, content = "cells", "\n".join(rows).encode("utf-8", "replace")
+        if draw(st.integers(0, 9)) == 0:
+            key, nominal = draw(st.sampled_from(NUMBERS_OF_INSPECTION))
+            keys, damage = [key], "near nominal"
+            content = f"{key}\n{nominal * draw(st.floats(0.99, 1.01))}\n".encode()
         file = folder / "table.csv"
         text = 'extends = "inspection"\n[design]\nkind = "table"\nfile = "table.csv"\n'
         return Case("case table", damage, keys[0][:40], lambda: _load(folder, text, (file, content)))

@@ -1,6 +1,5 @@
 """Exchange of messages in a tick of a team: what is measured for it, what arrives, and what is made of it."""
 
-
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 

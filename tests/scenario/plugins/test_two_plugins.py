@@ -183,6 +183,8 @@ def test_sensors_of_one_name_have_the_keys_of_their_own_plugin() -> None:
 class SyntheticBlock:
     """What a device has simulated of two runs."""
 
+    prepared = SimpleNamespace(run_ids=np.arange(2))
+
     def block_arrays(self, rows: slice, engine: Any) -> dict[str, np.ndarray]:
         status = {"status/failure": np.zeros(2, np.int8), "status/failed_at_s": np.full(2, np.nan)}
         return status | {"metrics/score": np.arange(2.0), "traces/range_m": np.zeros((2, 9), np.float32)}
@@ -192,7 +194,7 @@ def test_a_stored_metric_has_the_unit_of_its_own_campaign(tmp_path: Path) -> Non
     files = {"m": scenario(largest), "km": scenario(least)}
     for unit, file in files.items():
         campaign = empty_campaign(tmp_path / unit, file, 0, 2, 0, 2)
-        results: Any = SimpleNamespace(blocks=(0,), batch=SyntheticBlock(), history_rows=(), timing=synthetic_timing())
+        results: Any = SimpleNamespace(blocks=(0,), batch=SyntheticBlock(), timing=synthetic_timing())
         engine: Any = SimpleNamespace(runs_per_device=2, file=file)
         inspect.unwrap(block_runner.store_blocks)(campaign, engine, results)  # without its check of types
         stored = json.loads((tmp_path / unit / "results.zarr" / "metrics" / "score" / "zarr.json").read_text())
