@@ -4,8 +4,10 @@ PowerShell writes UTF-16 where another shell writes UTF-8, and older editors wri
 """
 
 import codecs
+from pathlib import Path
 
 from rpojax.errors import RpojaxError
+from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
 _MARKS = (
     (codecs.BOM_UTF32_LE, "UTF-32"),
@@ -28,6 +30,18 @@ class EncodingError(RpojaxError):
     def __init__(self, found: str) -> None:
         super().__init__(f"found {found}, expected UTF-8")
         self.found = found
+
+
+def read_text(path: Path, kind: FileKind) -> str:
+    """Text of a regular file of a kind, in UTF-8 with or without a byte order mark.
+
+    Raises:
+        FileError: it is missing, unreadable, too large, no regular file, or no text in UTF-8.
+    """
+    try:
+        return decode_text(read_bytes(path, kind))
+    except EncodingError as error:
+        raise FileError(path, error.found, f"{kind.words} in UTF-8") from None
 
 
 def decode_text(content: bytes) -> str:

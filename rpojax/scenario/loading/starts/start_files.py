@@ -11,6 +11,7 @@ from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.starts import ephemeris_message, mean_elements
 from rpojax.scenario.loading.starts.orbit_states import OrbitState, orbit_section, relative_state
 from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
+from rpojax.untrusted.text_reading import EncodingError, decode_text
 
 _LARGEST_XML_BYTES: Final = 1_000_000
 
@@ -70,10 +71,9 @@ def _read(path: Path, epoch: datetime | None, key: str) -> tuple[OrbitState, str
     """State of a file at an epoch, by default its own, and the file's SHA-256."""
     try:
         content = read_bytes(path, FileKind.ORBIT_MESSAGE)
-        text = content.decode("utf-8-sig")
-    except (FileError, UnicodeDecodeError) as error:
-        found = error.found if isinstance(error, FileError) else "no text in UTF-8"
-        raise ScenarioError(key, f"{path} ({found})", "a readable OEM, OMM or element set") from None
+        text = decode_text(content)
+    except (FileError, EncodingError) as error:
+        raise ScenarioError(key, f"{path} ({error.found})", "a readable OEM, OMM or element set") from None
     try:
         found = _state(text, epoch, key, path)
         if not all(map(math.isfinite, orbit_section(found).values())):
