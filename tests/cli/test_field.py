@@ -79,7 +79,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
     assert sorted(folder.rglob("*")) == before
 
 
-@pytest.mark.parametrize("name", ["mitsuba", "trimesh"])
+@pytest.mark.parametrize("name", ["mitsuba"])
 def test_a_missing_ray_tracer_is_one_line_and_writes_nothing(
     folder: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,8 @@ from rpojax.campaign.storage import atomic_files, campaign_configuration, safe_p
 from rpojax.campaign.storage.campaign_configuration import FORMAT_VERSION, CampaignConfiguration
 from rpojax.campaign.storage.seal import record_seal
 from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
-from rpojax.untrusted.file_reading import FileKind, read_bytes
+from rpojax.untrusted.file_reading import FileKind
+from rpojax.untrusted.text_reading import read_text
 from rpojax.untrusted.toml_reading import parse_toml
 
 _SCENARIO_NAME = "scenario.toml"
@@ -57,8 +58,8 @@ def check_scenario_copy(directory: Path, configuration: CampaignConfiguration) -
     if not path.exists():
         return
     try:
-        found = parse_toml(read_bytes(path, FileKind.SCENARIO).decode())
-    except (RpojaxError, UnicodeDecodeError) as error:
+        found = parse_toml(read_text(path, FileKind.SCENARIO))
+    except RpojaxError as error:
         raise ResultError(f"{path}: found no readable scenario ({error}), expected that of campaign.json") from None
     if found != tomllib.loads(tomli_w.dumps(configuration.scenario)):
         raise ResultError(f"{path}: found another scenario, expected that of campaign.json")

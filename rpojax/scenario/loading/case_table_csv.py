@@ -7,7 +7,8 @@ import re
 from pathlib import Path
 
 from rpojax.errors import ScenarioError
-from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
+from rpojax.untrusted.file_reading import FileError, FileKind
+from rpojax.untrusted.text_reading import read_text
 
 MAX_CELLS = 1_000_000
 MAX_COLUMNS = 1000
@@ -41,10 +42,9 @@ def read_columns(path: Path) -> Columns:
 
 def _text(path: Path) -> str:
     try:
-        return read_bytes(path, FileKind.CASE_TABLE).decode("utf-8-sig")
-    except (FileError, UnicodeDecodeError) as error:
-        reason = f"{path} ({error.found if isinstance(error, FileError) else 'no text in UTF-8'})"
-        raise ScenarioError("design.file", reason, "a readable CSV file in UTF-8") from None
+        return read_text(path, FileKind.CASE_TABLE)
+    except FileError as error:
+        raise ScenarioError("design.file", f"{path} ({error.found})", "a readable CSV file in UTF-8") from None
 
 
 def _rows(path: Path, text: str) -> list[list[str]]:

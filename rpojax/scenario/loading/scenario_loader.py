@@ -24,8 +24,9 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.team_checks import check_team
 from rpojax.scenario.trained import trained_files
 from rpojax.scenario.trained.coverage_surface import SURFACES
-from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, is_folder, read_bytes
+from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, is_folder
 from rpojax.untrusted.structure_limits import StructureError
+from rpojax.untrusted.text_reading import read_text
 from rpojax.untrusted.toml_reading import parse_toml
 
 _MAX_EXTENDS_DEPTH = 8
@@ -160,10 +161,9 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
         return (resources.files("rpojax.scenario") / "packaged" / f"{source}.toml").read_text(), Path()
     path = Path(source)
     try:
-        # Some Windows editors write a byte order mark first.
-        text = read_bytes(path, FileKind.SCENARIO).decode("utf-8-sig")
-    except (FileError, UnicodeDecodeError) as error:
-        if isinstance(error, FileError) and error.is_there and (path.suffix == ".toml" or not is_folder(path)):
+        text = read_text(path, FileKind.SCENARIO)
+    except FileError as error:
+        if error.is_there and (path.suffix == ".toml" or not is_folder(path)):
             raise ScenarioError("scenario", f"{source} ({error.found})", error.expected) from None
         raise ScenarioError("scenario", str(source), _instead_of(path)) from None
     return text.replace("\r\n", "\n").replace("\r", "\n"), path.parent
@@ -176,7 +176,7 @@ def _instead_of(missing: Path) -> str:
     except (OSError, ValueError):  # a name with a zero byte is a ValueError
         beside = []
     # Names alone are compared: two files of one long folder are always alike.
-    near = did_you_mean(missing.name, [*packaged_names(), *beside])
+    near = did_you_mean(missing.name, [*packaged_names(), *(name for name in beside if name != missing.name)])
     return f"{', '.join(packaged_names())} or a readable TOML file{near}"
 
 

@@ -8,6 +8,7 @@ from types import ModuleType
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
+from rpojax.untrusted.text_reading import EncodingError, decode_text
 
 
 def absolute_reference(reference: str, folder: Path) -> str:
@@ -46,9 +47,14 @@ def load(reference: str) -> tuple[str, Plugin]:
 
 def _read(path: Path) -> bytes:
     try:
-        return read_bytes(path, FileKind.PLUGIN)
+        content = read_bytes(path, FileKind.PLUGIN)
+        if not any(b"coding" in line for line in content.splitlines()[:2]):  # Python reads what a file declares
+            decode_text(content)
     except FileError as error:
         raise ScenarioError("plugin", f"{path} ({error.found})", error.expected) from None
+    except EncodingError as error:
+        raise ScenarioError("plugin", f"{path} ({error.found})", "a Python file in UTF-8") from None
+    return content
 
 
 def _execute(path: Path, source: bytes, name: str) -> ModuleType:

@@ -1,14 +1,18 @@
 """Surface of the target of which inspection coverage is judged: packaged, hull of the scenario, or a mesh file."""
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.errors import ScenarioError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.trained.trained_files import PACKAGED, file_digest
 from rpojax.untrusted.file_reading import is_regular
+
+if TYPE_CHECKING:
+    from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 
 HULL = "hull"
 """Value of `coverage.surface` that selects the convex hull of `target.hull_m`."""
@@ -59,16 +63,34 @@ def surface_triangles(tables: Mapping[str, Any]) -> np.ndarray:
     return triangles
 
 
+def surface_warnings(tables: Mapping[str, Any]) -> list[str]:
+    """What of the mesh file of a scenario is not used, a line for each kind; empty if it cannot be read, or is none."""
+    try:
+        path = mesh_path(tables)
+        notes = () if path is None else _mesh(path, tables["coverage"]["mesh_units"]).notes
+    except RpojaxError:  # raised when the surface is needed
+        return []
+    return [f"coverage.surface: {path}: {note}" for note in notes]
+
+
 def _triangles(tables: Mapping[str, Any]) -> np.ndarray:
     coverage = tables["coverage"]
     if coverage["surface"] == HULL:
         return _hull_triangles(np.array(tables["target"]["hull_m"]))
-    from rpojax.training.synthetic_data.meshes import mesh_files
-    from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
+    from rpojax.training.synthetic_data.meshes.packaged_target import packaged_target
 
     path = mesh_path(tables)
-    mesh = mesh_files.load_mesh(PACKAGED_TARGET) if path is None else mesh_files.load_mesh(path, coverage["mesh_units"])
+    mesh = packaged_target() if path is None else _mesh(path, coverage["mesh_units"])
     return np.concatenate([part.vertices[part.faces] for part in mesh.parts])
+
+
+def _mesh(path: Path, units: str) -> "TargetMesh":
+    """Mesh of a file, whose notes are among the warnings about the scenario."""
+    from rpojax.training.synthetic_data.meshes import mesh_files
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mesh_files.MeshWarning)
+        return mesh_files.load_mesh(path, units)
 
 
 def _hull_triangles(points: np.ndarray) -> np.ndarray:

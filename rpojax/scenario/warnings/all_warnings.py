@@ -1,6 +1,7 @@
 """All warnings about a mission before it is simulated."""
 
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.trained.coverage_surface import surface_warnings
 from rpojax.scenario.warnings.control_authority import control_warnings
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.filter_beliefs import belief_warnings
@@ -23,6 +24,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
         *phase_warnings(file, reach),
         *belief_warnings(file, reach),
         *leap_second_warnings(file),
+        *surface_warnings(file.model_dump()),
     ]
     # With phases the station of `formation` is not used.
     return [each for each in found if not (file.phases and "formation.desired_position_m" in each)]

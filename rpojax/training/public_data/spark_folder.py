@@ -16,7 +16,8 @@ import numpy as np
 from rpojax.errors import RpojaxError
 from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
 from rpojax.training.synthetic_data.detection_dataset import DatasetError
-from rpojax.untrusted.file_reading import FileKind, is_regular, read_bytes
+from rpojax.untrusted.file_reading import FileKind, is_regular
+from rpojax.untrusted.text_reading import read_text
 
 _SPLITS = ("val", "validation", "validate", "test", "train")
 """Parts of an edition, of which the first one that is there counts: pictures that are not meant for training first."""
@@ -57,10 +58,10 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     if labels is None:
         raise DatasetError(f"{folder}: found no table such as val.csv or train.csv, expected one, as in SPARK")
     try:
-        text = read_bytes(labels, FileKind.CASE_TABLE).decode("utf-8-sig")
+        text = read_text(labels, FileKind.CASE_TABLE)
         reader = csv.DictReader(io.StringIO(text, newline=""))
         names, rows = reader.fieldnames or (), list(reader)
-    except (RpojaxError, UnicodeDecodeError, csv.Error) as error:
+    except (RpojaxError, csv.Error) as error:
         raise DatasetError(
             f"{labels}: cannot be read ({reason_in_short(error)}), expected a table as in SPARK"
         ) from None

@@ -7,7 +7,8 @@ import numpy as np
 from rpojax.errors import RpojaxError
 from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
 from rpojax.training.synthetic_data.detection_dataset import DatasetError
-from rpojax.untrusted.file_reading import FileKind, read_bytes
+from rpojax.untrusted.file_reading import FileKind
+from rpojax.untrusted.text_reading import read_text
 
 _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
 
@@ -46,7 +47,7 @@ def _boxes(path: Path, classes: set[int]) -> np.ndarray:
     if not path.exists():
         return np.zeros((0, 4))
     try:
-        lines = read_bytes(path, FileKind.ANNOTATIONS).decode("utf-8-sig").split("\n")
+        lines = read_text(path, FileKind.ANNOTATIONS).split("\n")
         found = []
         for words in filter(None, map(str.split, lines)):
             x, y, width, height = map(float, words[1:])

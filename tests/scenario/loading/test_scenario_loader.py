@@ -81,7 +81,7 @@ def test_a_binary_file_is_refused(tmp_path: Path) -> None:
     path.write_bytes(b"\x89PNG\xff\xfe\x00")
     with pytest.raises(ScenarioError) as caught:
         scenario_loader.load(path)
-    assert_one_line(caught.value, "scenario", "readable TOML")
+    assert_one_line(caught.value, "scenario", "a TOML file in UTF-8")
 
 
 @pytest.mark.parametrize("extends", ['"self.toml"', "3", '"nowhere"'], ids=["itself", "a number", "nothing"])

@@ -13,7 +13,7 @@ from rpojax.training.synthetic_data import (
 
 def test_sprites_are_stored_and_inside_silhouettes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mitsuba")
-    pytest.importorskip("trimesh")
+    pytest.importorskip("mitsuba")
     first = spacecraft_sprites.trace_sprites(tmp_path, 1, 2, 0, held_out=False)
     assert len(first) == 3
     assert sum(sprite.craft == "target" for sprite in first) == 1

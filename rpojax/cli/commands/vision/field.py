@@ -13,6 +13,7 @@ from tyro.conf import Positional, arg
 
 from rpojax.cli.arguments import FLAT
 from rpojax.cli.command_parsing import add_command
+from rpojax.cli.console import show_lines
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
@@ -90,6 +91,7 @@ def train(
     from rpojax.vision.radiance_field.field_file import save_field
 
     target = mesh_files.load_mesh(mesh, placement.units, placement.center)
+    show_lines(f"{mesh}: {note}" for note in target.notes)
     work = out.with_name(out.name + ".work")
     shell = random_views.ViewSampling(views, range_scale=(0.9, 1.15), seed=seed)
     recipe = train_field.FieldTrainingOptions(
@@ -116,7 +118,7 @@ def train(
     hull = target_mesh.outline_vertices(target)
     files = {"field": str(out), "bytes": out.stat().st_size, "first_views": str(preview)}
     scenario = {"hull_m": hull.tolist(), "target_size_m": round(target_mesh.apparent_size(hull), 3)}
-    _print_result({**files, **card, **scenario}, as_json)
+    _print_result({**files, **card, **scenario, **_mesh_notes(target)}, as_json)
     return 0
 
 
@@ -141,7 +143,7 @@ def evaluate(
         shown = evaluate_field.render_views(network, traced, watch)
     if sheet:
         _compare(sheet, shown, traced)
-    _print_result(evaluate_field.field_metrics(shown, traced), as_json)
+    _print_result({**evaluate_field.field_metrics(shown, traced), **_mesh_notes(target)}, as_json)
     return 0
 
 
@@ -209,8 +211,14 @@ def _mesh_and_field(
     if mesh is None and trained_on != packaged_target.PACKAGED_TARGET:
         raise RpojaxError.of_argument("mesh", f"missing, expected the mesh that {field} was trained on, {trained_on!r}")
     target = mesh_files.load_mesh(mesh or packaged_target.PACKAGED_TARGET, placement.units, placement.center)
+    show_lines(f"{mesh}: {note}" for note in target.notes)
     _check_same(target, network)
     return target, network
+
+
+def _mesh_notes(mesh: "TargetMesh") -> dict[str, Any]:
+    """What of a mesh file is not used, if there is anything."""
+    return {"mesh_notes": list(mesh.notes)} if mesh.notes else {}
 
 
 def _check_same(mesh: "TargetMesh", field: "RadianceField") -> None:

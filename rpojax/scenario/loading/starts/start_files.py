@@ -13,6 +13,7 @@ from rpojax.scenario.loading.starts import ephemeris_message, mean_elements, mes
 from rpojax.scenario.loading.starts.orbit_states import OrbitState, orbit_section, relative_state
 from rpojax.time_scales import Instant, instant
 from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
+from rpojax.untrusted.text_reading import EncodingError, decode_text
 
 
 def resolve_start(tables: dict[str, Any]) -> dict[str, Any]:
@@ -73,10 +74,9 @@ def _read(path: Path, epoch: Instant | None, key: str) -> tuple[OrbitState, str]
     """State of a file at an epoch, by default its own, and the file's SHA-256."""
     try:
         content = read_bytes(path, FileKind.ORBIT_MESSAGE)
-        text = content.decode("utf-8-sig")
-    except (FileError, UnicodeDecodeError) as error:
-        found = error.found if isinstance(error, FileError) else "no text in UTF-8"
-        raise ScenarioError(key, f"{path} ({found})", "a readable OEM, OMM, OPM or element set") from None
+        text = decode_text(content)
+    except (FileError, EncodingError) as error:
+        raise ScenarioError(key, f"{path} ({error.found})", "a readable OEM, OMM, OPM or element set") from None
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused
             found = _state(text, epoch, key, path)

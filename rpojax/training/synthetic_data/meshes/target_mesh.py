@@ -28,10 +28,17 @@ class MeshPart:
 
 @dataclasses.dataclass(frozen=True)
 class TargetMesh:
-    """Mesh of a target in body axes T, in parts by material."""
+    """Mesh of a target in body axes T, in parts by material.
+
+    Attributes:
+        name: that of its file
+        parts: triangles of one material each
+        notes: what of its file is not used, or is read in another way than it says: a line for each kind
+    """
 
     name: str
     parts: tuple[MeshPart, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def vertices(self) -> np.ndarray:

@@ -38,7 +38,7 @@ def test_outline_and_size_of_packaged_target_match_scenario(inspection_file: Sce
 
 
 def test_packaged_target_needs_no_optional_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "trimesh", None)
+    monkeypatch.setitem(sys.modules, "mitsuba", None)
     mesh = mesh_files.load_mesh("target")
     triangles = np.concatenate([part.vertices[part.faces] for part in mesh.parts])
     # Bus, five plates, panels and cells, cylinders, ring, and the shells of two paraboloids: all face outwards.
