@@ -53,7 +53,7 @@ def migrate(tables: dict[str, Any], base: Mapping[str, Any], source: str) -> Non
 def migrate_recorded(tables: dict[str, Any]) -> bool:
     """Brings the scenario of a stored campaign to the present format, in place; whether it was of an older one."""
     found = tables.get("format_version")
-    if found not in range(1, FORMAT_VERSION) or isinstance(found, bool | float):
+    if not isinstance(found, int) or isinstance(found, bool) or not 1 <= found < FORMAT_VERSION:
         return False
     _changes(tables, {}, found)
     tables["format_version"] = FORMAT_VERSION
