@@ -32,7 +32,9 @@ def change_requirements(campaign: Campaign, file: Path, reason: str) -> Campaign
     tables = parse_toml(read_text(file, FileKind.SCENARIO))
     if others := sorted(set(tables) - {"requirements"}):
         raise ScenarioError(others[0], "it beside requirements", "a file of [[requirements]] alone")
-    changed = scenario_loader.validate({**campaign.configuration.scenario, "requirements": tables.get("requirements")})
+    changed = scenario_loader.validate_recorded(
+        {**campaign.configuration.scenario, "requirements": tables.get("requirements")}
+    )
     for index, requirement in enumerate(changed.requirements):
         if requirement.metric_name not in campaign.metrics:
             expected = "a metric that the campaign recorded"

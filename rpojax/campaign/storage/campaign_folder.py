@@ -130,12 +130,12 @@ class Campaign:
     @cached_property
     def judged_file(self) -> ScenarioFile:
         """The scenario of the runs with the requirements that hold now."""
-        return scenario_loader.validate(self.info["scenario"]) if self.requirement_changes else self.file
+        return scenario_loader.validate_recorded(self.info["scenario"]) if self.requirement_changes else self.file
 
     @cached_property
     def file(self) -> ScenarioFile:
         """The scenario of the runs."""
-        return scenario_loader.validate(self.configuration.scenario)
+        return scenario_loader.validate_recorded(self.configuration.scenario)
 
     @property
     def block_count(self) -> int:

@@ -9,7 +9,7 @@ from rpojax.scenario.team import team_warnings
 def known_before(campaign: CampaignResults) -> list[str]:
     """Warnings about a campaign's scenario, none if this version does not accept it."""
     try:
-        file = scenario_loader.validate(campaign.info.get("scenario", {}))
+        file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
     except ScenarioError:
         return []
     return team_warnings.mission_warnings(file)

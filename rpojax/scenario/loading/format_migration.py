@@ -42,14 +42,30 @@ def migrate(tables: dict[str, Any], base: Mapping[str, Any], source: str) -> Non
     if not isinstance(found, int) or isinstance(found, bool) or not 1 <= found <= FORMAT_VERSION:
         expected = f"a version from 1 to {FORMAT_VERSION}, the one that this version of rpojax writes"
         raise ScenarioError("format_version", found, expected)
-    changes = _seconds_for_frames(tables, base) if found < 2 else []
-    changes += _pressure_with_faults(tables, base) if found < 3 else []
-    changes += _angle_for_pixels(tables, base) if found < 3 else []
+    changes = _changes(tables, base, found)
     if changes:
         warnings.warn(
             f"{source}: format {found} read as {FORMAT_VERSION}: {'; '.join(changes)}", FormatChangeWarning, 2
         )
     tables["format_version"] = FORMAT_VERSION
+
+
+def migrate_recorded(tables: dict[str, Any]) -> bool:
+    """Brings the scenario of a stored campaign to the present format, in place; whether it was of an older one."""
+    found = tables.get("format_version")
+    if not isinstance(found, int) or isinstance(found, bool) or not 1 <= found < FORMAT_VERSION:
+        return False
+    _changes(tables, {}, found)
+    tables["format_version"] = FORMAT_VERSION
+    return True
+
+
+def _changes(tables: dict[str, Any], base: Mapping[str, Any], found: int) -> list[str]:
+    """Migrates tables of the format `found`, in place; what was changed."""
+    changes = _seconds_for_frames(tables, base) if found < 2 else []
+    changes += _pressure_with_faults(tables, base) if found < 3 else []
+    changes += _angle_for_pixels(tables, base) if found < 3 else []
+    return changes
 
 
 def _seconds_for_frames(tables: dict[str, Any], base: Mapping[str, Any]) -> list[str]:

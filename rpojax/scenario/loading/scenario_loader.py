@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.checks.consistency_checks import check_consistency
+from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.validation_errors import did_you_mean, first_error
 from rpojax.scenario.loading import case_table_csv, format_migration
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
@@ -81,15 +82,37 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
     Raises:
         ScenarioError: naming the key's path, what was found and what was expected.
     """
-    schema = plugin_registry.schema_for(tables)
     with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_for(tables)):
-        try:
-            file = schema.model_validate(tables)
-        except ValidationError as error:
-            raise first_error(error) from None
-        plugin_registry.check_metrics(file)
+        file = _of_schema(tables)
         check_consistency(file)
         check_team(file)
+    return file
+
+
+def validate_recorded(tables: Mapping[str, Any]) -> ScenarioFile:
+    """Scenario of a stored campaign, for reading what was simulated.
+
+    One of an older format is brought to the present one. It passed the checks of its own version; those of this one
+    are for what is simulated, but for the checks of its requirements.
+
+    Raises:
+        ScenarioError: naming the key's path, what was found and what was expected.
+    """
+    present = copy.deepcopy(dict(tables))
+    if not format_migration.migrate_recorded(present):
+        return validate(tables)
+    with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_for(present)):
+        file = _of_schema(present)
+        check_requirements(file)
+    return file
+
+
+def _of_schema(tables: Mapping[str, Any]) -> ScenarioFile:
+    try:
+        file = plugin_registry.schema_for(tables).model_validate(tables)
+    except ValidationError as error:
+        raise first_error(error) from None
+    plugin_registry.check_metrics(file)
     return file
 
 

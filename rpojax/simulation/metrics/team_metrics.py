@@ -7,6 +7,7 @@ import numpy as np
 
 from rpojax.metrics import passive_safety, team
 from rpojax.metrics.metric_definition import Floats, Metric
+from rpojax.metrics.time_windows import DURATION, EVENT_TIME, split_name
 
 TEAM_CHANNELS = ("news_used", "burn_changed_for")
 """Channels that only teams have, and that are recorded of every run."""
@@ -16,8 +17,14 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
     """Metric of the team (runs,) from those of its servicers (runs, servicers).
 
     Least values of a run give the least one, greatest values and unsafe fractions the greatest; others their mean.
-    Servicers of which it is undefined do not count.
+    Servicers of which it is undefined do not count. How long, or when, a team was in a phase is said by the last of
+    them to come there: a team was there if all its servicers were.
     """
+    window = None if metric is None else split_name(metric.name)[0]
+    if window == DURATION.name:
+        return np.min(each, axis=1)
+    if window == EVENT_TIME.name:
+        return np.max(each, axis=1)
     defined = np.isfinite(each)
     some = defined.any(axis=1)
     if metric is not None and (metric.reduction == "min" or (metric.source == "drifts" and metric.low_is_bad)):

@@ -1,5 +1,6 @@
 """Campaign folders: blocks are written with their manifest last, and read back."""
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_ti
 from rpojax.campaign.status import status
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.errors import ResultError, UnfinishedError
+from rpojax.errors import ResultError, ScenarioError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import REASONS, Outcome
@@ -26,6 +27,31 @@ def test_new_folder_holds_the_configuration_and_no_runs(empty: Campaign, mission
     assert empty.run_ids.tolist() == []
     assert empty.metrics == {}
     assert empty.history_ids == []
+
+
+def test_the_scenario_of_an_older_format_is_read_though_it_may_not_be_simulated_anew(empty: Campaign) -> None:
+    tables = empty.configuration.scenario
+    navigation = {key: value for key, value in tables["navigation"].items() if key != "confirm_tolerance_deg_s"}
+    own_hull = [[2.0 * value for value in point] for point in tables["target"]["hull_m"]]
+    older = {
+        **tables,
+        "format_version": 2,
+        "navigation": {**navigation, "confirm_tolerance_px_s": 20.0},
+        "target": {**tables["target"], "hull_m": own_hull},
+        "camera": {**tables["camera"], "model": "rendered", "width_px": 1000, "field_of_view_deg": 90.0},
+        "effects": {**tables["effects"], "faults": True},
+        "chamber_pressure": {},
+    }
+    empty.configuration = dataclasses.replace(empty.configuration, scenario=older)
+    found = empty.file
+    assert found.target.hull_m == pytest.approx(np.array(own_hull))
+    assert found.chamber_pressure.enabled
+    # The middle pixel of 1000 on 90 deg is 2 / 1000 wide at a distance of 1.
+    assert found.navigation.confirm_tolerance_deg_s == pytest.approx(np.degrees(20.0 * 2.0 / 1000.0))
+    assert empty.requirements == found.requirements
+    assert empty.configuration.scenario["format_version"] == 2
+    with pytest.raises(ScenarioError):
+        scenario_loader.validate({**older, "format_version": found.format_version})
 
 
 def test_last_block_is_padded_to_full_size(empty: Campaign) -> None:

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from rpojax.analysis.statistics.tolerance_verdicts import required_values, violates
 from rpojax.metrics import metric_catalogue
+from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.metrics import team_metrics
 
 EACH = np.array([[1.0, 3.0], [np.nan, 5.0], [np.nan, np.nan]])
@@ -17,6 +19,22 @@ def test_errors_are_means_and_ranges_least_and_peaks_greatest() -> None:
     assert joined("passive_range_24_h_m")[:2] == [1.0, 5.0]
     assert joined("passive_unsafe_fraction")[:2] == [3.0, 5.0]
     assert np.isnan(joined("formation_error_rms_m")[2])
+
+
+def test_a_team_was_in_a_phase_if_all_its_servicers_were() -> None:
+    def joined(name: str, each: list[list[float]]) -> np.ndarray:
+        return team_metrics.joined(metric_catalogue.find(name), np.array(each))
+
+    error = joined("formation_error_rms_m@hold_20", [[0.1, np.nan], [0.1, 0.3]])
+    duration = joined("duration_s@hold_20", [[300.0, 0.0], [300.0, 200.0]])
+    np.testing.assert_array_equal(duration, [0.0, 200.0])
+    time = joined("event_time_s@hold_20.begin", [[300.0, np.nan], [300.0, 500.0]])
+    np.testing.assert_array_equal(time, [np.nan, 500.0])
+    requirement = RequirementSection(
+        metric="formation_error_rms_m", bound="at most", limit=1.0, probability=0.9, consumer_risk=0.1, phase="hold_20"
+    )
+    metrics = {requirement.metric_name: error, requirement.window.presence_name: duration}
+    assert violates(requirement, required_values(requirement, metrics)).tolist() == [True, False]
 
 
 def test_separation_and_the_time_without_any_box() -> None:

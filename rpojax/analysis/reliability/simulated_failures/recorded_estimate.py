@@ -46,7 +46,7 @@ def read_estimate(directory: Path) -> RecordedEstimate:
     if record["method"] not in _METHODS:
         raise ResultError(f"{path}: found method {record['method']!r:.60}, expected one of {', '.join(_METHODS)}")
     return RecordedEstimate(
-        file=scenario_loader.validate(record["scenario"]),
+        file=scenario_loader.validate_recorded(record["scenario"]),
         choice=_choice(path, record["failure"]),
         settings=EstimateSettings(budget=record["budget"], method=record["method"]),
         seed=record["seed"],

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from rpojax.core.constants import MU_EARTH
+from rpojax.core.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.starts.inertial_frames import to_inertial
 from rpojax.scenario.loading.starts.message_text import Segment, number_in
@@ -20,6 +20,12 @@ _NODES: Final = 6
 """Lines around an epoch through which a Hermite polynomial of degree 11 goes."""
 _LARGEST_ERROR_M: Final = 1.0
 """Estimate of an interpolation's error beyond which it is refused."""
+_LARGEST_UNMODELLED_M_S2: Final = 5e-4
+"""More than the attraction beyond the Earth's flattening, the air, Sun and Moon accelerate a spacecraft by."""
+_OFF_AT_BURN: Final = 0.25
+"""Interpolation's largest error at a burn over the product of the burn and the spacing of rows."""
+_LONGEST_FLIGHT_S: Final = 21600.0
+"""Longest time between rows over which the attraction is integrated."""
 _ROUNDED_S: Final = 1.0
 """Rounding of START_TIME and STOP_TIME that writers allow themselves."""
 _UNITS: Final = 3 * ("km",) + 3 * ("km/s",)
@@ -121,11 +127,45 @@ def _state(part: _Ephemeris, epoch: Instant, key: str) -> OrbitState:
         if not error <= _LARGEST_ERROR_M:
             found = f"states too far apart about {epoch.utc()}: interpolated with an error of {error:.3g} m"
             raise ScenarioError(key, found, f"states with which it is at most {_LARGEST_ERROR_M:g} m")
+        _check_without_burn(part, epoch, key)
     fields = part.segment.fields
     frame, fixed = part.segment.needed("REF_FRAME"), bool(fields.get("REF_FRAME_EPOCH"))
     R = to_inertial(frame, part.segment.time("REF_FRAME_EPOCH") if fixed else epoch, key)
     name = fields.get("OBJECT_NAME", "UNKNOWN")
     return OrbitState(epoch, R @ state[:3], R @ state[3:], "OEM", frame, name, error)
+
+
+def _check_without_burn(part: _Ephemeris, epoch: Instant, key: str) -> None:
+    """Refuses to interpolate over a burn, which no polynomial follows, and whose error no estimate sees."""
+    rows = _nodes(part, epoch)
+    for (begin, first), (end, second) in pairwise(zip(part.times[rows], part.states[rows], strict=True)):
+        span = end - begin
+        if span > _LONGEST_FLIGHT_S:
+            continue
+        gained = min(float(np.linalg.norm(second[3:] - _flown(first, span, j2)[3:])) for j2 in (0.0, J2_EARTH))
+        if gained > _LARGEST_UNMODELLED_M_S2 * span and gained * span * _OFF_AT_BURN > _LARGEST_ERROR_M:
+            found = f"a change of {gained:.3g} m/s beside gravity from {begin.utc()} to {end.utc()}"
+            raise ScenarioError(key, found, "rows without a burn to interpolate, or segments that meet at it")
+
+
+def _flown(state: np.ndarray, span_s: float, j2: float) -> np.ndarray:
+    """State (6,) some time after another one, by the Earth's attraction; the axis of each known frame is its own."""
+    from scipy.integrate import solve_ivp
+
+    def rates(_: float, values: np.ndarray) -> np.ndarray:
+        r, distance = values[:3], float(np.linalg.norm(values[:3]))
+        flattening = 1.5 * j2 * (RADIUS_EARTH / distance) ** 2
+        factors = 1.0 + flattening * (np.array([1.0, 1.0, 3.0]) - 5.0 * (r[2] / distance) ** 2)
+        return np.concatenate([values[3:], -MU_EARTH / distance**3 * factors * r])
+
+    found = solve_ivp(rates, (0.0, span_s), state, method="DOP853", rtol=1e-10, atol=1e-5)
+    return np.asarray(found.y[:, -1])
+
+
+def _nodes(part: _Ephemeris, epoch: Instant) -> slice:
+    """Lines through which the polynomial about an epoch goes."""
+    first = min(max(0, bisect_left(part.times, epoch) - _NODES // 2), max(0, len(part.times) - _NODES))
+    return slice(first, first + _NODES)
 
 
 def _interpolated(part: _Ephemeris, epoch: Instant) -> tuple[np.ndarray, float]:
@@ -134,9 +174,7 @@ def _interpolated(part: _Ephemeris, epoch: Instant) -> tuple[np.ndarray, float]:
     The estimate is the difference to the polynomial without the node farthest from the epoch; of two nodes, the
     remainder of the cubic polynomial with the fourth derivative of two-body motion.
     """
-    after = bisect_left(part.times, epoch)
-    first = min(max(0, after - _NODES // 2), max(0, len(part.times) - _NODES))
-    rows = slice(first, first + _NODES)
+    rows = _nodes(part, epoch)
     times, states = np.array([time - epoch for time in part.times[rows]]), part.states[rows]
     state = _hermite(times, states)
     if len(times) > 2:

@@ -441,6 +441,21 @@ def test_two_rows_a_minute_apart_have_the_error_of_a_cubic_polynomial(tmp_path: 
     assert off == pytest.approx(found["target_interpolation_error_m"], rel=0.01)
 
 
+@pytest.mark.parametrize(("first", "count"), [(0, 2), (-2, 4), (-2, 6)])
+def test_no_state_is_interpolated_over_a_burn(tmp_path: Path, first: int, count: int) -> None:
+    seconds = 60.0 * np.arange(first, first + count)
+    states = position(seconds)
+    # A burn of 1 m/s at 12:00:30, with what it moves the spacecraft by without gravity, to a millimetre.
+    late = np.maximum(seconds - 30.0, 0.0)
+    states[:, 2] += late
+    states[:, 5] += late > 0.0
+    rows = [row(label, state) for label, state in zip(labels(Time(NOON, scale="utc"), seconds), states, strict=True)]
+    assert "a change of 1 m/s beside gravity from 2026-03-20T12:00:00" in refusal(
+        tmp_path, oem(segment(rows)), "2026-03-20T12:00:20"
+    )
+    assert start_of(tmp_path, oem(segment(rows)), "2026-03-20T12:01:00")["target_object"] == "SAT"
+
+
 MINUTES = 60.0 * np.arange(10)
 
 
