@@ -2,13 +2,16 @@
 
 import dataclasses
 import json
+import warnings
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import Notice, OutputError, RpojaxError
+from rpojax.training.synthetic_data.box_plausibility import implausible_boxes
 from rpojax.training.synthetic_data.composites import GENERATORS, SIZE_PX, Composite, CompositeMix, random_composite
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
@@ -36,6 +39,7 @@ class DetectionDataset:
         craft: 'target' for images of the packaged target, else 'other'
         known: for every image (m, 4) whether the image shows each edge; without it all count as known
         masks: (n, p, p) fraction 0..255 of each pixel that visible spacecraft cover, or None if nobody knows
+        notes: what is unlikely about the boxes as they were read
     """
 
     images: np.ndarray
@@ -44,6 +48,7 @@ class DetectionDataset:
     craft: tuple[str, ...] = ()
     known: tuple[np.ndarray, ...] = ()
     masks: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.images)
@@ -57,6 +62,7 @@ class DetectionDataset:
             tuple(self.craft[i] for i in indices) if self.craft else (),
             tuple(self.known[i] for i in indices) if self.known else (),
             None if self.masks is None else self.masks[indices],
+            self.notes,
         )
 
     def known_edges(self, index: int) -> np.ndarray:
@@ -77,6 +83,7 @@ def concatenate(datasets: list[DetectionDataset]) -> DetectionDataset:
         tuple(name for part in datasets for name in part.craft or ("other",) * len(part)),
         tuple(part.known_edges(index) for part in datasets for index in range(len(part))),
         np.concatenate(masks) if len(masks) == len(datasets) else None,
+        tuple(note for part in datasets for note in part.notes),
     )
 
 
@@ -171,11 +178,15 @@ def summary(folder: Path) -> dict[str, int]:
 def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> DetectionDataset:
     """Data set of a folder with `annotations.json` in COCO format; images are resized and padded to squares.
 
-    With `limit` only so many images are read. Raises `DatasetError` if the folder, its annotations or an image cannot
-    be used.
+    With `limit` only so many images are read. What is unlikely about the boxes is in `notes`, and each note is a
+    `Notice`. Raises `DatasetError` if the folder, its annotations or an image cannot be used.
     """
     path = folder / ANNOTATIONS
     images, boxes, known = _parse(path)
+    sizes = [(entry["width"], entry["height"]) for entry in images]
+    notes = tuple(f"{path}: {note}" for note in implausible_boxes(boxes, sizes))
+    for note in notes:
+        warnings.warn(f"warning: {note}", Notice, stacklevel=2)
     images, boxes, known = images[:limit], boxes[:limit], known[:limit]
     arrays, scaled, masks = [], [], []
     for entry, found in zip(images, boxes, strict=True):
@@ -189,7 +200,7 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
     craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
     covered = np.stack(masks) if len(masks) == len(images) else None
-    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft, tuple(known), covered)
+    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft, tuple(known), covered, notes)
 
 
 def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.ndarray]]:
@@ -212,10 +223,15 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.
         by_image: dict[Any, list[list[float]]] = {entry["id"]: [] for entry in images}
         known: dict[Any, list[list[bool]]] = {entry["id"]: [] for entry in images}
         by_number = {entry["id"]: entry for entry in images}
+        if len(by_number) < len(images):
+            counted = Counter(entry["id"] for entry in images)
+            raise ValueError(f"two images of id {next(number for number, times in counted.items() if times > 1)}")
         kinds = {note.get("category_id") for note in content["annotations"]}
         if len(kinds) > 1:
             raise ValueError(f"categories {sorted(map(str, kinds))}, of which one is meant to be a spacecraft")
         for note in content["annotations"]:
+            if note["image_id"] not in by_number:
+                raise ValueError(f"an annotation of image {note['image_id']}, which is not listed")
             if note.get("iscrowd"):
                 raise ValueError(f"a crowd in image {note['image_id']}, where each spacecraft has its box")
             left, top, width, height = _box(note["bbox"], by_number[note["image_id"]])

@@ -130,6 +130,7 @@ def evaluation_report(found: ImageDetections, data: DetectionDataset) -> dict[st
     """Overall metrics with intervals, and by apparent size, contrast, background, neighbours, and craft."""
     return {
         "images": len(data),
+        "warnings": list(data.notes),
         "threshold": SCORE_THRESHOLD,
         "least_side_px": MIN_SIDE_PX,
         **detection_metrics(found, data, intervals=True),
