@@ -311,11 +311,13 @@ def _with_base_color(file: GltfFile, look: _Look, texture: dict[str, Any]) -> _L
     found = dataclasses.replace(look, picture=picture[..., :3], alpha=alpha, uv_set=uv_set)
     if not extension:
         return found
-    angle = float(extension.get("rotation", 0.0))
+    if extension.get("rotation", 0.0) != 0.0:  # the sign differs between readers
+        raise file.source.fault(
+            "a picture that is turned by KHR_texture_transform", "one that is scaled and moved alone"
+        )
     scale = np.array(extension.get("scale", [1.0, 1.0]), float).reshape(2)
     offset = np.array(extension.get("offset", [0.0, 0.0]), float).reshape(2)
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    return dataclasses.replace(found, transform=np.column_stack([turn * scale, offset]))
+    return dataclasses.replace(found, transform=np.column_stack([np.diag(scale), offset]))
 
 
 def _texture_picture(file: GltfFile, texture: dict[str, Any]) -> np.ndarray | None:
