@@ -204,7 +204,10 @@ def resume_campaign(
             chosen = executor(campaign)
         with _progress_display(on_progress, progress, campaign.file.duration_s) as report_progress:
             simulate_missing_blocks(campaign, chosen, report_progress, shard, stages)
-    elif not campaign.missing_blocks() and selected_histories.pending_histories(campaign):
+    elif not campaign.missing_blocks():
+        selected_histories.remove_displaced_histories(campaign)
+        if not selected_histories.pending_histories(campaign):
+            return campaign
         with _progress_display(on_progress, progress, campaign.file.duration_s) as report_progress:
             _simulate_selected_histories(campaign, report_progress, stages)
     return campaign

@@ -73,7 +73,7 @@ class MetricSensitivity:
         shares: of all inputs, those with the greatest trend first, and of those without one the greatest sigma
         sigma: standard deviation by all of them, were the metric linear
         values: (runs,) of the metric in the runs with random dispersions that reached their end and have it
-        undefined: runs that reached their end without a value of it
+        undefined: runs that reached their end without a value or a finite derivative of it
         kink: why the derivative jumps; None where it does not
     """
 
@@ -245,9 +245,9 @@ def _metric_sensitivity(space: StandardNormalSpace, name: str, found: RolloutRes
     metric = plugin_registry.catalogue_of(space.file)[name]
     values, jacobian = found.metrics[:, index], found.jacobian[:, index]
     usable = ~found.failed & np.isfinite(values) & np.isfinite(jacobian).all(axis=1)
-    rows, undefined = np.flatnonzero(usable[1:]) + 1, int((~found.failed & np.isnan(values))[1:].sum())
+    rows, undefined = np.flatnonzero(usable[1:]) + 1, int((~found.failed & ~usable)[1:].sum())
     if len(rows) < MIN_RUNS:
-        without = f", and {undefined} more without {name}" if undefined else ""
+        without = f", and {undefined} more without a value or derivative of {name}" if undefined else ""
         raise RpojaxError.of_argument(
             "runs", f"found {len(rows)} that reached their end{without}, expected at least {MIN_RUNS}"
         )

@@ -4,6 +4,7 @@
 """
 
 import math
+import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
 from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.resource_estimates import HISTORY_MEMORY_BYTES
-from rpojax.campaign.storage import campaign_folder
+from rpojax.campaign.storage import atomic_files, campaign_folder
 from rpojax.metrics.time_windows import split_name
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
@@ -110,9 +111,14 @@ class ChannelRecorder:
         if self._spool is None or size <= HISTORY_MEMORY_BYTES:
             return {name: np.empty(shape, channels[name].dtype) for name, shape in shapes.items()}
         arrays = {}
-        for name, shape in shapes.items():
-            with tempfile.TemporaryFile(dir=self._spool) as file:  # the array keeps it open
-                arrays[name] = np.memmap(file, channels[name].dtype, "w+", shape=shape)
+        try:
+            for name, shape in shapes.items():
+                with tempfile.TemporaryFile(dir=self._spool) as file:  # the array keeps it open
+                    if hasattr(os, "posix_fallocate"):  # a disk that fills up later would kill the process
+                        os.posix_fallocate(file.fileno(), 0, channels[name].dtype.itemsize * math.prod(shape))
+                    arrays[name] = np.memmap(file, channels[name].dtype, "w+", shape=shape)
+        except OSError as error:
+            raise atomic_files.write_error(self._spool, error) from None
         return arrays
 
     def records_of_runs(self, rows: slice = slice(None)) -> dict[str, np.ndarray]:

@@ -293,7 +293,9 @@ def simulate_histories(
             on_progress(first + fraction * count)
 
         batch = simulate_batch(
-            engine, options.seed, padded_ids, rows.tolist(), rows, options.histories, on_batch_progress, drifts=False
+            *(engine, options.seed, padded_ids, rows.tolist(), rows, options.histories, on_batch_progress),
+            drifts=False,
+            spool=campaign.directory,
         )
         for row, run_id in enumerate(batch_ids):
             history = block_recording.thin_history(batch.history(row, engine), options.histories, engine.scenario.ticks)

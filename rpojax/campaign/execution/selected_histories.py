@@ -1,7 +1,7 @@
 """Histories of runs that are selected by their results, such as failures.
 
-A process that simulates the blocks one after the other stores the histories of the runs selected so far, and removes
-those that later runs displace. Where several processes share the blocks, selected runs are simulated again at the end.
+A process that simulates blocks on its own devices stores the histories of the runs selected so far, and removes those
+that its later runs displace. Runs that are selected among blocks of other processes are simulated again at the end.
 """
 
 from collections.abc import Mapping, Sequence

@@ -93,7 +93,7 @@ def test_too_few_runs_with_a_metric_are_refused(space: StandardNormalSpace) -> N
     evaluator = SometimesUndefined(space)
     evaluator.lost = tuple(range(8))
     with pytest.raises(
-        RpojaxError, match=r"^runs: found 1 that reached their end, and 6 more without formation_error_rms_m, expected"
+        RpojaxError, match=r"^runs: found 1 that reached their end, and 6 more without a value or derivative"
     ):
         derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, evaluator)
 

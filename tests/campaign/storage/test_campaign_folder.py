@@ -130,6 +130,11 @@ def test_history_is_read_back_and_can_be_rewritten(empty: Campaign) -> None:
         assert read[name].dtype == values.dtype
     with pytest.raises(ResultError, match=r"run 11: found no history, expected one of \[10\]"):
         empty.history(11)
+    for _ in range(2):  # another process may have removed it
+        empty.remove_history(10)
+    assert empty.history_ids == []
+    empty.write_history(10, channels)
+    np.testing.assert_array_equal(empty.history(10)["time_s"], channels["time_s"])
 
 
 def test_writer_stops_if_its_campaign_was_replaced(mission: ScenarioFile, tmp_path: Path) -> None:

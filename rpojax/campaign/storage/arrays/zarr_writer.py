@@ -1,5 +1,6 @@
 """Writing of `results.zarr`: rows of finished blocks and histories, each file whole, with groups and array metadata."""
 
+import contextlib
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -57,7 +58,7 @@ class ZarrWriter:
         safe_paths.check_no_links(self.directory, folder)
         try:
             (folder / "zarr.json").unlink(missing_ok=True)
-            if folder.is_dir():
+            with contextlib.suppress(FileNotFoundError):  # another process that shares the campaign removes it, too
                 shutil.rmtree(folder)
         except OSError as error:
             raise atomic_files.write_error(folder, error) from None
