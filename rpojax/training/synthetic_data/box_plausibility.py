@@ -9,8 +9,8 @@ _SLACK = 0.02
 """Share of a picture by which a box may reach beyond it: labels are rounded, and of pictures that were cropped."""
 _MANY = 0.05
 """Share of boxes beyond their pictures that is no accident."""
-_LEAST_BOXES = 4
-"""Of fewer boxes nothing is said but what all of them show."""
+_LEAST_BOXES = 20
+"""Fewer boxes may lie in one part of their pictures by chance, such as those of one sequence."""
 
 
 def implausible_boxes(boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, int]]) -> tuple[str, ...]:

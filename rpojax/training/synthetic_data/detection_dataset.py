@@ -229,6 +229,9 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.
         kinds = {note.get("category_id") for note in content["annotations"]}
         if len(kinds) > 1:
             raise ValueError(f"categories {sorted(map(str, kinds))}, of which one is meant to be a spacecraft")
+        listed = {entry.get("id") for entry in content.get("categories", [])}
+        if listed and (unlisted := kinds - listed - {None}):
+            raise ValueError(f"category {min(map(str, unlisted))}, which is not listed")
         for note in content["annotations"]:
             if note["image_id"] not in by_number:
                 raise ValueError(f"an annotation of image {note['image_id']}, which is not listed")

@@ -41,7 +41,8 @@ WIDTH, HEIGHT = RIGHT_EDGE - LEFT, BOTTOM - TOP
         (as_read(LEFT + WIDTH / 2, TOP + HEIGHT / 2, WIDTH, HEIGHT), "are left and top those of the centre"),
         (as_read(TOP, LEFT, HEIGHT, WIDTH), "are x and y, or width and height, exchanged"),
         (RIGHT * 2.56, "were the pictures scaled after labelling"),
-        (RIGHT * 0.3, "all 4 boxes lie in the upper left quarter of their pictures: were these scaled"),
+        (RIGHT * 0.3, None),  # few
+        (np.tile(RIGHT * 0.3, (5, 1)), "all 20 boxes lie in the upper left quarter of their pictures: were these"),
     ],
 )
 def test_boxes_in_other_units_are_noticed_with_the_likely_cause(boxes: np.ndarray, expected: str | None) -> None:
@@ -81,6 +82,7 @@ def test_a_data_set_carries_what_is_unlikely_about_it(tmp_path: Path) -> None:
         ({"images": [{"id": 0, "file_name": "images/0.png", "width": 400, "height": 300}] * 2}, "two images of id 0"),
         ({"annotations": [{"image_id": 7, "bbox": [1, 1, 9, 9]}]}, "an annotation of image 7, which is not listed"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, -9, 9]}]}, "bbox"),
+        ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "category_id": 9}]}, "category 9, which is not listed"),
     ],
 )
 def test_faults_of_annotations_are_refused_in_one_line(tmp_path: Path, changed: dict[str, Any], reason: str) -> None:

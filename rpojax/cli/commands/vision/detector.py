@@ -190,7 +190,8 @@ def train(
     card["start"] = before.get("command")
     save_detector(params, out, card)
     train_detector.remove_checkpoints(checkpoint)
-    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card}, as_json)
+    notes = list(dict.fromkeys((*known.notes, *unseen.notes)))
+    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": notes}, as_json)
     return 0
 
 
