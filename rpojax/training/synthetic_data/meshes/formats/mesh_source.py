@@ -10,6 +10,7 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.printable_text import cut, printable
+from rpojax.training.synthetic_data.meshes.formats.ear_clipping import PolygonError, Triangles, triangulate
 from rpojax.training.synthetic_data.meshes.target_mesh import Material
 from rpojax.untrusted.file_reading import FileKind, absolute_path, is_regular, read_bytes
 from rpojax.untrusted.text_reading import EncodingError, decode_text
@@ -94,6 +95,22 @@ class MeshSource:
     def fault(self, found: str, expected: str) -> MeshError:
         """Error about the content of the file."""
         return MeshError(f"{self.path}: found {found}, expected {expected}")
+
+    def triangles(self, points: np.ndarray, sizes: np.ndarray) -> Triangles:
+        """Triangles of polygons of so many corners (p,), with `points` (c, 3) of all corners; notes what is unusual.
+
+        Raises:
+            MeshError: the outline of a polygon crosses itself, or it has too many corners.
+        """
+        try:
+            found = triangulate(points, sizes)
+        except PolygonError as error:
+            raise self.fault(str(error), "faces with simple outlines") from None
+        if found.bent:
+            self.notes.add("faces that are not flat, divided in one of several ways", "", found.bent)
+        if found.too_small:
+            self.notes.add("faces of fewer than three corners, not used", "", found.too_small)
+        return found
 
     def text(self) -> str:
         """Text of the file with line ends of one kind; other bytes than UTF-8, as in names, are read as Latin-1.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rpojax.training.synthetic_data.meshes.formats.ear_clipping import PolygonError, Triangles, triangulate
+from rpojax.training.synthetic_data.meshes.formats.ear_clipping import Triangles
 from rpojax.training.synthetic_data.meshes.formats.mesh_source import MeshSource, Surface, linear_colors
 from rpojax.training.synthetic_data.meshes.formats.ply_elements import Element, Lists, read_elements, read_header
 from rpojax.training.synthetic_data.meshes.target_mesh import Material
@@ -40,14 +40,7 @@ def read_surfaces(source: MeshSource) -> Iterator[Surface]:
         raise source.fault("vertices without x, y or z", "three coordinates")
     vertices = source.finite(np.stack([vertex.columns[axis] for axis in "xyz"], axis=1))
     corners, sizes = _corners(source, face, vertex.count)
-    try:
-        triangles = triangulate(vertices[corners], sizes)
-    except PolygonError as error:
-        raise source.fault(str(error), "faces with simple outlines") from None
-    if triangles.bent:
-        source.notes.add("faces that are not flat, divided in one of several ways", "", triangles.bent)
-    if triangles.too_small:
-        source.notes.add("faces of fewer than three corners, not used", "", triangles.too_small)
+    triangles = source.triangles(vertices[corners], sizes)
     yield from _Appearance(source, vertex, face, header.comments).surfaces(vertices, corners, sizes, triangles)
 
 

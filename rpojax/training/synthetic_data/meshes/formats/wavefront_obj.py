@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from rpojax.training.synthetic_data.meshes.formats.ear_clipping import PolygonError, triangulate
 from rpojax.training.synthetic_data.meshes.formats.mesh_source import MeshSource, Surface, linear_colors
 from rpojax.training.synthetic_data.meshes.formats.wavefront_mtl import ObjMaterial, read_library
 
@@ -42,14 +41,7 @@ def read_surfaces(source: MeshSource) -> Iterator[Surface]:
     texture_places = source.finite(np.array(content.uv, float).reshape(-1, 2))
     corners = np.array(content.corners, np.int64).reshape(-1, 2)
     _check_corners(source, corners, len(vertices), len(texture_places))
-    try:
-        triangles = triangulate(vertices[corners[:, 0]], np.array(content.sizes))
-    except PolygonError as error:
-        raise source.fault(str(error), "faces with simple outlines") from None
-    if triangles.bent:
-        source.notes.add("faces that are not flat, divided in one of several ways", "", triangles.bent)
-    if triangles.too_small:
-        source.notes.add("faces of fewer than three corners, not used", "", triangles.too_small)
+    triangles = source.triangles(vertices[corners[:, 0]], np.array(content.sizes))
     materials = _materials(source, content)
     owner, colors = np.array(content.owners)[triangles.polygons], _vertex_colors(source, content)
     for name, number in content.materials.items():
