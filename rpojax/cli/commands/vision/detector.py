@@ -15,6 +15,8 @@ from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress_bar import item_progress
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
     from rpojax.training.synthetic_data.composites import CompositeMix
     from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
@@ -168,23 +170,17 @@ def train(
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
     with resumable(checkpoint), item_progress("training", quiet=as_json) as watch:
-
-        def tell(network: str, step: "NetworkTrainingProgress") -> None:
-            share = epochs / (epochs + second_epochs)
-            begin, span = (0.0, share) if network == "proposal" else (share, 1.0 - share)
-            note = f"{network} network, mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"
-            watch(round(1000 * (begin + span * step.done / step.total)), 1000, note)
-
+        tell = _told(watch, epochs / (epochs + second_epochs))
         params, history = train_detector.train(
             known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
     params = round_to_half_precision(calibrate_score(params, unseen))
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
-    limit = () if minutes is None else ("--minutes", f"{minutes:g}")
-    limit += ("--start", start.name) if start else ()
-    passes = ("--epochs", epochs, "--second-epochs", second_epochs, "--rate", f"{rate:g}", "--seed", seed)
+    words = (*(folder.name for folder in datasets), "--out", out.name)
+    words += ("--epochs", epochs, "--second-epochs", second_epochs, "--rate", f"{rate:g}", "--seed", seed)
+    words += () if minutes is None else ("--minutes", f"{minutes:g}")
+    words += ("--start", start.name) if start else ()
     # The record in the weights file holds no path of this machine.
-    words = (*(folder.name for folder in datasets), "--out", out.name, *passes, *limit)
     command = command_line("detector train", *words, plugin=None)
     card = train_detector.model_card(known, recipes, history, figures, command)
     card["start"] = before.get("command")
@@ -193,6 +189,17 @@ def train(
     notes = list(dict.fromkeys((*known.notes, *unseen.notes)))
     _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": notes}, as_json)
     return 0
+
+
+def _told(watch: "Callable[[int, int, str], None]", share: float) -> "Callable[[str, NetworkTrainingProgress], None]":
+    """Tells `watch` the progress of both networks in thousandths, of which the proposal network has `share`."""
+
+    def tell(network: str, step: "NetworkTrainingProgress") -> None:
+        begin, span = (0.0, share) if network == "proposal" else (share, 1.0 - share)
+        note = f"{network} network, mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"
+        watch(round(1000 * (begin + span * step.done / step.total)), 1000, note)
+
+    return tell
 
 
 def _check_training(epochs: int, second_epochs: int, minutes: float | None, rate: float) -> None:
