@@ -31,7 +31,7 @@ jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 # Before the package is imported.
 check_package(PACKAGE)
 
-pytest_plugins = ["campaign_fixtures"]
+pytest_plugins = ["campaign_fixtures", "time_by_cause"]
 
 settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=True, database=None)
 settings.load_profile("rpojax")
