@@ -104,7 +104,7 @@ class _Watch:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Keeps the causes of a test."""
         if report.when == "teardown":
-            self._tests |= {report.nodeid: value for name, value in report.user_properties if name == "times"}
+            self._tests[report.nodeid] = dict(report.user_properties).get("times", {})
 
     def pytest_testnodedown(self, node: Any, error: Any) -> None:
         """Keeps the time that a worker took to its first test."""

@@ -101,6 +101,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         mission = own.mission and replace(
             own.mission,
             coordinated=team.coordinated,
+            servicers=team.servicers,
             keeps_clear=file.team.keep_out_m > 0.0,
             phasing=file.team.phasing,
         )

@@ -227,7 +227,7 @@ def _known_members(tick: ObservedTick) -> Array:
     team = _mission(tick).team
     assert team is not None
     assert team.shift is not None
-    return team.shift.members.astype(jnp.int8)
+    return jnp.sum(team.shift.present.astype(jnp.int8), axis=0, dtype=jnp.int8)
 
 
 _RELATIVE_POSITION: Final[ChannelFunctions] = {

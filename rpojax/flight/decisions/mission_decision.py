@@ -47,7 +47,7 @@ def initial_state(
     if not settings.coordinated:
         return state
     rate = None if settings.phasing == "fixed" else phase_rate
-    return replace(state, team=team_mission.initial(state.entered_at, rate))
+    return replace(state, team=team_mission.initial(state.entered_at, rate, settings.servicers))
 
 
 def phase_gains(

@@ -117,10 +117,11 @@ def _within_limit(
 
 
 def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:
-    """Whether the latest planned burn gave its velocity change up to `time` [s]."""
+    """Whether the latest planned burn gave its velocity change, or may still give it after `time` [s]."""
     plan, vehicle = memory.plan, params.vehicle
     given = (jnp.minimum(plan.cutoff, time) - jnp.minimum(plan.ignition, time)) * vehicle.thrust / vehicle.mass
-    return abort_burn.is_made(plan.delta_v_N, given, memory.thruster_failed_at >= plan.ignition)
+    has_failed = memory.thruster_failed_at >= plan.ignition
+    return abort_burn.is_made(plan.delta_v_N, given, time >= plan.cutoff, has_failed)
 
 
 def _with_phase_of_team(
@@ -150,19 +151,19 @@ def _with_phase_of_team(
         predicted.orbit,
         of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
         team_knowledge.Own(
-            follows=running, shift=before.wanted, state_H=predicted.state_H, planned=of_phase(row, planned)
+            follows=running,
+            shift=before.wanted,
+            shift_left=before.wanted - team_mission.angle(state.team, time),
+            present=before.present,
+            state_H=predicted.state_H,
+            planned=of_phase(row, planned),
         ),
         team.tuning.keep_out + tuning.abort_margin,
         pointing.sun_N,
         time,
     )
     wanted = stages.call("team_phasing", settings=settings, tuning=team.tuning, team=situation)
-    members = jnp.sum(situation.present.astype(jnp.int32), axis=0, dtype=jnp.int32)
-    if settings.phasing == "viewpoints":
-        # A servicer that is under way arrives first, unless the team has changed.
-        way = jnp.abs(before.wanted - team_mission.angle(state.team, time))
-        wanted = jnp.where((way > 1e-6) & (members == before.members), before.wanted, wanted)
-    return replace(state, team=team_mission.shifted(state.team, wanted, members, time))
+    return replace(state, team=team_mission.shifted(state.team, wanted, situation.present, time))
 
 
 def _safe_burn_among(

@@ -88,12 +88,14 @@ def recorded(burns: AbortBurns, allowed: Permission, is_planned: Flag, was_made:
     )
 
 
-def is_made(delta_v_N: Float[Array, "3"], given: Scalar, has_failed: Flag) -> Flag:
+def is_made(delta_v_N: Float[Array, "3"], given: Scalar, is_over: Flag, has_failed: Flag) -> Flag:
     """Whether a burn was made: `given` is the velocity change of the time of its open valve [m/s].
 
-    It `has_failed` if the chamber pressure showed no thrust. A burn of no size is made.
+    It `has_failed` if the chamber pressure showed no thrust. A burn of no size is made, and one that is not over yet
+    counts as made.
     """
-    return ~has_failed & (given >= _MADE_SHARE * gradient_safe.norm(delta_v_N))
+    size = gradient_safe.norm(delta_v_N)
+    return (size <= 0.0) | ~is_over | (~has_failed & (given >= _MADE_SHARE * size))
 
 
 def _is_due_again(burns: AbortBurns, was_made: Flag) -> Flag:

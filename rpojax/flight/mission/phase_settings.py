@@ -46,6 +46,7 @@ class MissionSettings:
         hold_ticks: ticks between burn decisions while it holds its place or has aborted
         hold_burns_per_orbit: number of LQR gains over an orbit then
         coordinated: whether the servicer decides with others of a team
+        servicers: number of those in the team
         keeps_clear: whether it keeps clear of their free motion
         phasing: how the phases of the relative orbits of a team are chosen
     """
@@ -55,6 +56,7 @@ class MissionSettings:
     hold_ticks: int
     hold_burns_per_orbit: int
     coordinated: bool = False
+    servicers: int = 1
     keeps_clear: bool = False
     phasing: Phasing = "fixed"
 

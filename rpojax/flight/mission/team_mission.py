@@ -16,13 +16,13 @@ class PhaseShift:
         start: () at the latest decision [rad]
         begins_at: () time of that [s]
         wanted: () angle to which it goes [rad]
-        members: () int32, servicers that were in the team then, by what was known on board
+        present: (servicers,) bool, those that were in the team then, by what was known on board
     """
 
     start: Array
     begins_at: Array
     wanted: Array
-    members: Array
+    present: Array
 
 
 @pytree
@@ -42,13 +42,13 @@ class TeamMission:
     rate: Array | None = None
 
 
-def initial(zero: Scalar, rate: Scalar | None = None, members: int = 0) -> TeamMission:
-    """Before the first decision; the phases can shift if there is a `rate` for it [rad/s]."""
+def initial(zero: Scalar, rate: Scalar | None = None, servicers: int = 1) -> TeamMission:
+    """Before the first decision; the phases of so many servicers can shift if there is a `rate` for it [rad/s]."""
     team = TeamMission(changed_at=jnp.full_like(zero, -jnp.inf), changed_for=jnp.full((), -1, dtype=jnp.int32))
     if rate is None:
         return team
     none = 0.0 * zero
-    shift = PhaseShift(start=none, begins_at=none, wanted=none, members=jnp.full((), members, dtype=jnp.int32))
+    shift = PhaseShift(start=none, begins_at=none, wanted=none, present=jnp.zeros(servicers, dtype=bool))
     return replace(team, shift=shift, rate=jnp.asarray(rate))
 
 
@@ -61,7 +61,7 @@ def angle(team: TeamMission, time: Scalar) -> Scalar:
     return team.shift.start + jnp.clip(way, -reach, reach)
 
 
-def shifted(team: TeamMission, wanted: Scalar, members: Array, time: Scalar) -> TeamMission:
-    """Record after the decision at `time` [s] that the shift goes to another angle [rad]."""
-    shift = PhaseShift(start=angle(team, time), begins_at=time, wanted=wanted, members=members.astype(jnp.int32))
+def shifted(team: TeamMission, wanted: Scalar, present: Array, time: Scalar) -> TeamMission:
+    """Record after the decision at `time` [s] that the shift goes to another angle [rad], with those `present`."""
+    shift = PhaseShift(start=angle(team, time), begins_at=time, wanted=wanted, present=present)
     return replace(team, shift=shift)

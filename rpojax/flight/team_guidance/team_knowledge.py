@@ -28,12 +28,16 @@ class Own:
     Attributes:
         follows: () bool, whether it follows the reference of its phase
         shift: () angle by which its relative orbit is, or is to be, ahead of the plan [rad]
+        shift_left: () part of it that is still to come [rad]
+        present: (N,) bool, those that were in the team when it was chosen
         state_H: (6,) relative state [m, m/s]
         planned: (3,) amplitudes of the relative orbit, radial and across [m], and the lead of the latter [rad]
     """
 
     follows: Array
     shift: Array
+    shift_left: Array
+    present: Array
     state_H: Array
     planned: Array
 
@@ -80,6 +84,8 @@ def situation(
         present=_of_all(peers, count, own.follows, heard),
         slots=slots,
         shifts=_of_all(peers, count, own.shift, peers.intents.shift),
+        shift_left=own.shift_left,
+        present_before=own.present,
         believed=_of_all(peers, count, phase(own.state_H), believed),
         radial=own.planned[0],
         cross_track=own.planned[1],

@@ -21,6 +21,8 @@ class TeamSituation:
         present: (N,) bool, those that follow their phase, and were heard of not long ago
         slots: (N,) phases of their relative orbits by the plan [rad]
         shifts: (N,) by which these are, or are to be, ahead of it by their latest messages [rad]
+        shift_left: () part of the own shift that is still to come [rad]
+        present_before: (N,) bool, those that were present when that was chosen
         believed: (N,) phases of their relative orbits by the estimate of their motion [rad]
         radial: () amplitude of the relative orbits [m]
         cross_track: () amplitude across the orbit plane [m]
@@ -37,6 +39,8 @@ class TeamSituation:
     present: Array
     slots: Array
     shifts: Array
+    shift_left: Array
+    present_before: Array
     believed: Array
     radial: Array
     cross_track: Array

@@ -25,12 +25,17 @@ _STEPS: Final = np.deg2rad(np.array([0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0]
 _SAMPLES: Final = 6
 _HORIZON: Final = 0.5 * math.pi
 """Argument of latitude over which viewpoints are chosen, and the number of places in it [rad]."""
+_ARRIVED: Final = 1e-6
+"""Part of a shift still to come at which it is over [rad]."""
 _LEAST_SPACING: Final = math.radians(45.0)
 """Difference in phase below which the bearings of two servicers hardly measure the range [rad]."""
 
 
 def assign(tuning: TeamTuning, team: TeamSituation) -> Scalar:
-    """Angle by which this servicer's relative orbit is to be ahead of the plan [rad]."""
+    """Angle by which this servicer's relative orbit is to be ahead of the plan [rad].
+
+    A servicer that is under way arrives first, unless the team has changed.
+    """
     assert team.last_seen is not None
     count, steps = team.slots.shape[0], jnp.asarray(_STEPS)
     worth = direction_map.worth(tuning, team.last_seen, team.time)
@@ -50,7 +55,8 @@ def assign(tuning: TeamTuning, team: TeamSituation) -> Scalar:
         phases = phases + jnp.where(others, 0.0, step)
         worth = jnp.where(jnp.any(seen & best[None], axis=1), 0.0, worth)
         shift = shift + jnp.where(team.own[number], team.shifts[number] + step, 0.0)
-    return shift
+    under_way = (jnp.abs(team.shift_left) > _ARRIVED) & jnp.all(team.present == team.present_before, axis=0)
+    return jnp.where(under_way, jnp.sum(jnp.where(team.own, team.shifts, 0.0), axis=0), shift)
 
 
 def _delta_v(team: TeamSituation, steps: Float[Array, " k"]) -> Float[Array, " k"]:

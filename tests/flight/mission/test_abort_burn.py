@@ -91,5 +91,9 @@ def test_a_burn_is_made_if_the_valve_was_open_for_it_and_there_was_thrust(
     given: float, failed: bool, expected: bool
 ) -> None:
     size = np.array([0.03, 0.04, 0.0])
-    assert bool(abort_burn.is_made(jnp.asarray(size), jnp.asarray(given), jnp.asarray(failed))) is expected
-    assert bool(abort_burn.is_made(jnp.zeros(3), jnp.asarray(0.0), jnp.asarray(False)))
+    yes, no = jnp.asarray(True), jnp.asarray(False)
+    assert bool(abort_burn.is_made(jnp.asarray(size), jnp.asarray(given), yes, jnp.asarray(failed))) is expected
+    # A burn of which a part is still to come.
+    assert bool(abort_burn.is_made(jnp.asarray(size), jnp.asarray(given), no, jnp.asarray(failed)))
+    # No burn, after one that has failed.
+    assert bool(abort_burn.is_made(jnp.zeros(3), jnp.asarray(0.0), yes, jnp.asarray(failed)))

@@ -37,6 +37,8 @@ def team(
         present=jnp.array([k not in lost for k in range(count)]),
         slots=jnp.asarray(slots),
         shifts=jnp.asarray(shifts),
+        shift_left=jnp.float64(0.0),
+        present_before=jnp.ones(count, dtype=bool),
         believed=jnp.asarray(slots + shifts),
         radial=jnp.float64(RADIAL),
         cross_track=jnp.float64(CROSS_TRACK),
@@ -94,13 +96,13 @@ def test_the_least_angle_keeps_the_relative_orbits_apart() -> None:
 
 
 def test_a_shift_goes_to_its_end_at_the_rate_and_stays_there() -> None:
-    record = team_mission.initial(jnp.float64(0.0), TUNING.phase_rate)
-    record = team_mission.shifted(record, jnp.float64(-0.5), jnp.int32(2), jnp.float64(100.0))
+    record = team_mission.initial(jnp.float64(0.0), TUNING.phase_rate, 3)
+    record = team_mission.shifted(record, jnp.float64(-0.5), jnp.array([True, True, False]), jnp.float64(100.0))
     rate = float(TUNING.phase_rate)
     assert float(team_mission.angle(record, jnp.float64(50.0))) == 0.0
     assert float(team_mission.angle(record, jnp.float64(600.0))) == pytest.approx(-500.0 * rate)
     assert float(team_mission.angle(record, jnp.float64(1e6))) == -0.5
-    record = team_mission.shifted(record, jnp.float64(0.0), jnp.int32(3), jnp.float64(600.0))
+    record = team_mission.shifted(record, jnp.float64(0.0), jnp.ones(3, dtype=bool), jnp.float64(600.0))
     assert float(team_mission.angle(record, jnp.float64(700.0))) == pytest.approx(-400.0 * rate)
 
 
@@ -114,6 +116,21 @@ def test_sides_are_seen_within_the_incidence_of_view_and_sun() -> None:
     # The area of a cap of 60 deg is a quarter of the sphere.
     everywhere = direction_map.is_seen(replace(TUNING, view_sun_incidence=jnp.float64(np.pi)), place, sun)
     assert float(jnp.mean(everywhere)) == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_servicer_under_way_arrives_first_unless_another_one_has_left_or_taken_its_place() -> None:
+    under_way = replace(team(0, [0.0, 120.0, 240.0], {2}, [30.0, 0.0, 0.0]), shift_left=jnp.float64(0.2))
+    # Where it goes to, nothing is new any more.
+    seen = viewpoint_assignment._seen(TUNING, under_way, jnp.deg2rad(jnp.array([30.0])))[:, 0]
+    under_way = replace(under_way, last_seen=jnp.where(seen, under_way.time, under_way.last_seen))
+    chosen = {
+        name: float(assign(TUNING, replace(under_way, present_before=jnp.array(before))))
+        for name, before in (("same", [True, True, False]), ("left", [True] * 3), ("other", [True, False, True]))
+    }
+    assert chosen["same"] == pytest.approx(np.deg2rad(30.0))
+    assert chosen["left"] == chosen["other"] != pytest.approx(np.deg2rad(30.0))
+    arrived = replace(under_way, present_before=under_way.present, shift_left=jnp.float64(0.0))
+    assert float(assign(TUNING, arrived)) == chosen["left"]
 
 
 def test_a_viewpoint_is_chosen_for_what_it_newly_sees_per_delta_v() -> None:
