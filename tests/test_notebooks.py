@@ -1,9 +1,13 @@
 """Notebooks: execution from top to bottom at a small size, and the outputs of the committed files."""
 
+import ast
+import importlib
+import inspect
 import json
 import math
 import os
 import re
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +18,8 @@ import pytest
 from nbclient import NotebookClient
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell
+
+import rpojax
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -140,6 +146,26 @@ def code_of(path: Path) -> list[NotebookNode]:
     return [cell for cell in committed(path).cells if cell.cell_type == "code"]
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_what_a_notebook_takes_from_the_package_exists_with_its_arguments(path: Path) -> None:
+    used = 0
+    for cell in code_of(path):
+        for node in ast.walk(ast.parse(cell.source)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rpojax"):
+                module = importlib.import_module(str(node.module))
+                for name in node.names:
+                    if not hasattr(module, name.name):
+                        importlib.import_module(f"{node.module}.{name.name}")
+                    used += 1
+            elif isinstance(node, ast.Call) and ast.unparse(node.func).startswith("rpojax."):
+                function = attrgetter(ast.unparse(node.func).removeprefix("rpojax."))(rpojax)
+                named = {keyword.arg: None for keyword in node.keywords if keyword.arg}
+                inspect.signature(function).bind_partial(*node.args, **named)
+                used += 1
+    assert used > 1
+
+
+@pytest.mark.slow
 def test_no_run_fails_with_either_controller(answers: dict[str, Any]) -> None:
     assert answers["ticks"] == 600
     assert answers["failed"] == [0, 0]
@@ -149,11 +175,13 @@ def test_no_run_fails_with_either_controller(answers: dict[str, Any]) -> None:
     assert answers["report"] == "report.html"
 
 
+@pytest.mark.slow
 def test_the_relative_error_in_the_small_campaign_is_below_that_of_the_hand_over(answers: dict[str, Any]) -> None:
     # 3 sigma of the hand-over's error of 1.5 m per axis, in three axes.
     assert max(answers["relative_error"]) < 3.0 * 1.5 * 3**0.5
 
 
+@pytest.mark.slow
 def test_the_controllers_have_the_same_dispersions_and_different_delta_v(answers: dict[str, Any]) -> None:
     assert answers["same_draws"]
     lqr, pd = answers["delta_v"]

@@ -74,9 +74,10 @@ def test_statistics_agree_with_those_in_double_precision_within_their_intervals(
         assert np.median(np.abs(pair.single - pair.double)) <= 0.05 * np.std(pair.double) + 1e-12, pair.name
 
 
-def test_short_runs_agree_with_those_in_double_precision() -> None:
-    # As many runs as in the tests of the engine, whose program in double precision is reused.
-    pairs = {pair.name: pair for pair in simulate_both(200.0, 64)}
+def test_short_runs_agree_with_those_in_double_precision(monkeypatch: pytest.MonkeyPatch) -> None:
+    # One after the other: the program in double precision is that of other tests.
+    monkeypatch.setattr(tuning_validation, "share_runs", lambda *_: (jax.devices()[:1], 1))
+    pairs = {pair.name: pair for pair in simulate_both(200.0, 6)}
     for name in ("nav_relative_position_error_rms_m", "nav_servicer_position_error_rms_m", "formation_error_rms_m"):
         np.testing.assert_allclose(pairs[name].single, pairs[name].double, rtol=0.02, err_msg=name)
         assert np.any(pairs[name].single != pairs[name].double)

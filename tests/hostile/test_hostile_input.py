@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from hostile_classes import SHARES, run_all
 
-DEFAULT, ALL = 2_000, 100_000
+DEFAULT, ALL = 800, 100_000
 """Cases of the default run, and of the slow one."""
 
 

@@ -5,6 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from short_run import LIMIT, STAGES, TICKS, Run, assert_close, init, rollout
 
 from rpojax.core.pytree import replace
@@ -64,6 +65,7 @@ def batched(scenario: Scenario, params: Params, states: State) -> Run:
     return jax.vmap(lambda state: rollout(scenario, params, state, TICKS, STAGES))(states)
 
 
+@pytest.mark.slow
 def test_a_batch_of_one_equals_the_single_run(loop: tuple[Scenario, Params], start: State, run: Run) -> None:
     found = batched(*loop, jax.tree.map(lambda leaf: leaf[None], start))
     assert_close(jax.tree.map(lambda leaf: leaf[0], found), run)

@@ -6,6 +6,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from short_run import STAGES, TICKS, Run, assert_close
 
 from rpojax.flight.flight_records import FlightMemory
@@ -25,6 +26,7 @@ def test_telemetry_has_the_state_at_the_beginning_of_the_tick(run: Run, start: S
     np.testing.assert_array_equal(telemetry.truth.q_BN[0], start.truth.q_BN)
 
 
+@pytest.mark.slow
 def test_a_loop_of_steps_equals_the_rollout(loop: tuple[Scenario, Params], start: State, run: Run) -> None:
     scenario, params = loop
     state, telemetries = start, []

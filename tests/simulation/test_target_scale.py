@@ -1,5 +1,6 @@
 """Scale of the target: every camera sees a larger target as the nominal one from nearer by."""
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -11,7 +12,7 @@ from rpojax.core.pytree import replace
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params
 from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.static_settings import static_settings
+from rpojax.scenario.static_settings import Scenario, static_settings
 from rpojax.scenario.trained import fitted_camera
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation import camera_models, initial_state
@@ -21,6 +22,18 @@ from rpojax.simulation.step_stages import sun_and_moon_at
 SMALL = ["camera.width_px=64", "camera.height_px=64", "camera.field_of_view_deg=5.0"]
 NEAR = ["initial.relative_position_m=[0.0, -30.0, 0.0]", "navigation.initial_relative_position_sigma_m=0.2"]
 SCALE = 1.5
+
+
+@partial(jax.jit, static_argnums=0)
+def expose(
+    static: Scenario, scaled: params.Params, truth: Any, command: Any, errors: Any, sky: Any, noise: Any, key: Any, at: Any
+) -> tuple[CameraFrame, jax.Array | None]:
+    health = equipment_faults.healthy()
+    frame = camera_models.expose(static, scaled, truth, command, errors, sky, health, noise, key, at)
+    if static.camera_model != "rendered":
+        return frame, None
+    window = camera_models.commanded_window(static, scaled, command)
+    return frame, camera_models.render_picture(static, scaled, window, truth, sky, key, at)
 
 
 def frame_and_picture(model: str, scale: float, farther: float) -> tuple[CameraFrame, np.ndarray | None]:
@@ -35,17 +48,7 @@ def frame_and_picture(model: str, scale: float, farther: float) -> tuple[CameraF
     command = start.flight.camera
     sky, noise = sun_and_moon_at(static, jnp.zeros(())), draw_tick_noise(static, start.keys, start.tick)
     key, errors = camera_key(start.keys, start.tick), start.sensor_errors.box_edge_errors
-    health = equipment_faults.healthy()
-
-    @jax.jit
-    def expose(scaled: params.Params, truth: Any) -> tuple[CameraFrame, jax.Array | None]:
-        frame = camera_models.expose(static, scaled, truth, command, errors, sky, health, noise, key, start.tick)
-        if model != "rendered":
-            return frame, None
-        window = camera_models.commanded_window(static, scaled, command)
-        return frame, camera_models.render_picture(static, scaled, window, truth, sky, key, start.tick)
-
-    frame, picture = expose(scaled, truth)
+    frame, picture = expose(static, scaled, truth, command, errors, sky, noise, key, start.tick)
     return frame, None if picture is None else np.asarray(picture)
 
 

@@ -38,11 +38,13 @@ def test_estimates_are_cautious_and_tell_the_range() -> None:
     assert error < 0.06
 
 
+@pytest.mark.slow
 def test_estimates_fused_as_if_independent_are_over_confident() -> None:
     nees, _ = late(Case(settings(2, "naive"), ticks=400), runs=4)
     assert nees > 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "least"), [("boxes", 0.75), ("estimates", 0.3)])
 def test_ranges_over_the_link_tell_the_baseline_where_code_does_not(method: str, least: float) -> None:
     """Opposite each other in a relative orbit, whose bearings and the sum of whose ranges the link measures."""

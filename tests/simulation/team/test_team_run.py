@@ -60,13 +60,14 @@ def test_servicers_that_share_nothing_do_as_alone(pair: ScenarioFile) -> None:
 
 
 def test_decisions_of_the_second_servicer_are_staggered(pair: ScenarioFile) -> None:
-    found = simulate(pair.model_copy(update={"duration_s": 400.0}), [4])
+    found = simulate(pair.model_copy(update={"duration_s": 400.0}), [4, 5])
     applied = np.diff(found["delta_v_m_s"][:, 0], axis=0) > 0.0
     first, second = applied.argmax(axis=0)
     assert applied.any(axis=0).all()
     assert 80 < (second - first) % 200 < 120
 
 
+@pytest.mark.slow
 def test_all_servicers_decide_though_their_clocks_coincide(pair: ScenarioFile) -> None:
     changes = {"servicers": [each.model_copy(update={"decision_offset_s": 0.0}) for each in pair.servicers]}
     found = simulate(pair.model_copy(update={"duration_s": 400.0, **changes}), [4])

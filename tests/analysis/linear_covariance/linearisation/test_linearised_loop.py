@@ -125,17 +125,19 @@ def test_directional_derivatives_of_the_tick_are_its_central_differences(
     loop: LinearisedLoop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
 ) -> None:
     step, point = tick
-    value = quick(step)
-    slope = quick(lambda at, along: jax.jvp(step, (at,), (along,))[1])
+    # One program: the values beside the derivatives.
+    with_slope = quick(lambda at, along: jax.jvp(step, (at,), (along,)))
     scale, size = scales(loop), loop.layout.size
     rng = np.random.default_rng(0)
     for _ in range(6):
         along = jnp.asarray(scale * rng.normal(size=len(scale)))
-        found = np.asarray(slope(jnp.asarray(point), along))
-        ahead, behind = (np.asarray(value(jnp.asarray(point) + sign * STEP * along)) for sign in (1.0, -1.0))
+        value, found = map(np.asarray, with_slope(jnp.asarray(point), along))
+        ahead, behind = (
+            np.asarray(with_slope(jnp.asarray(point) + sign * STEP * along, along)[0]) for sign in (1.0, -1.0)
+        )
         difference = (ahead - behind) / (2.0 * STEP)
         # What positions in N are rounded to, over the step; the error of the servicer's is a difference of two.
-        noise = 4e-16 * np.abs(np.asarray(value(jnp.asarray(point)))) / STEP
+        noise = 4e-16 * np.abs(value) / STEP
         noise[size:][OUTPUTS["servicer_error_H"]] = 4e-16 * RADIUS / STEP
         units = np.concatenate([scale[:size], np.full(len(found) - size, 0.1)])
         np.testing.assert_array_less(np.abs(found - difference), 2e-5 * units + 4.0 * noise)
