@@ -145,16 +145,31 @@ def _is_program(mutant: Mutant) -> bool:
 
 
 def importing_tests(file: str) -> list[str]:
-    """Test files that import a module of the project, that of its own name first, or else its nearest users' tests."""
+    """Test files that import a module of the project, or its nearest users, themselves or by helpers of the tests.
+
+    That of the module's own name comes first, then those of its folder, small ones before large ones.
+    """
     wanted = {_module_name(Path(file))}
     imports = {path: _imports(ROOT / path) for path in _python_files()}
     for _ in range(4):
-        tests = [path for path, names in imports.items() if path.startswith("tests/") and names & wanted]
-        if tests:
-            own = f"test_{Path(file).name}"
-            return sorted(tests, key=lambda path: (Path(path).name != own, (ROOT / path).stat().st_size))
+        helpers = set[str]()
+        for _ in range(3):
+            users = [
+                path for path, names in imports.items() if path.startswith("tests/") and names & (wanted | helpers)
+            ]
+            helpers |= {Path(path).stem for path in users if not Path(path).name.startswith(("test_", "conftest"))}
+        if tests := [path for path in users if Path(path).name.startswith("test_")]:
+            return sorted(tests, key=lambda path: _distance(path, file))
         wanted |= {_module_name(Path(path)) for path, names in imports.items() if names & wanted}
     return []
+
+
+def _distance(test: str, file: str) -> tuple[bool, int, int]:
+    """Order of a test file among those of a module's."""
+    folders, own = Path(test).parts[1:-1], Path(file).parts[1:-1]
+    common = next((k for k, pair in enumerate(zip(folders, own, strict=False)) if pair[0] != pair[1]), len(folders))
+    named = Path(test).name == f"test_{Path(file).name}"
+    return not named, -common, (ROOT / test).stat().st_size
 
 
 def _python_files() -> list[str]:
@@ -182,7 +197,7 @@ def outcome(mutant: Mutant, limit_s: float) -> tuple[str, str]:
     text = (ROOT / mutant.file).read_text(encoding="utf-8")
     if text.count(mutant.before) < 1:
         return "gone", ""
-    tests = [each for each in importing_tests(mutant.file) if Path(each).name.startswith("test_")]
+    tests = importing_tests(mutant.file)
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "project"
         shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", ".venv*", "__pycache__", "results", "out"))
