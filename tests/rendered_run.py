@@ -17,10 +17,16 @@ from rpojax.simulation.state import State
 from rpojax.simulation.step import step
 from rpojax.simulation.step_stages import sun_and_moon_at
 
-TICKS = 6
+TICKS = 8
 SEED, RUN = 5, 3
 FRAME = ("camera.width_px=320", "camera.height_px=240", "camera.field_of_view_deg=40.0")
 """Larger than the detector's square, so that the window is a part of the frame and moves with the target."""
+NEAR = (
+    "initial.relative_position_m=[0.0, -30.0, 0.0]",
+    "navigation.initial_relative_position_sigma_m=0.2",
+    "dispersions.initial.relative_position_m=none",
+)
+"""Where the detector finds it at once."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,7 @@ class RenderedRun:
 
 def simulate_rendered_run() -> RenderedRun:
     """Simulates `TICKS` ticks of run `RUN` of `SEED`."""
-    file = scenario_loader.load("inspection", ("camera.model=rendered", f"duration_s={TICKS}", *FRAME))
+    file = scenario_loader.load("inspection", ("camera.model=rendered", f"duration_s={TICKS}", *FRAME, *NEAR))
     scenario, params, start = single_run.initialise_run(file, SEED, RUN)
 
     def tick(state: State, _: None) -> tuple[State, Any]:

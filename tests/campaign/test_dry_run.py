@@ -13,6 +13,7 @@ import pytest
 from rewritten_campaigns import rewrite_campaign
 
 from rpojax.campaign import dry_run, experiment_design, single_run
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -132,6 +133,26 @@ def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
     return campaign
 
 
+@pytest.mark.parametrize("kind", ["latin_hypercube", "sobol"])
+def test_planned_values_are_those_of_the_runs(mission: ScenarioFile, kind: str) -> None:
+    file = case(mission, kind)
+    planned = dry_run.plan_campaign(file, CampaignOptions(RUNS, 5, block_size=1), devices=ONE_DEVICE)
+    assert set(planned.values) == set(dispersion_keys.varied_keys(file))
+    design = experiment_design.make_design(file, 5, RunRange(0, RUNS))
+    engine = BatchEngine(file, RUNS, ONE_DEVICE, design=design)
+    drawn, used, _ = engine._compiled_preparation(*engine._preparation_inputs(5, np.arange(RUNS)))
+    alone = single_run_values(file, 2)
+    for key, values in planned.values.items():
+        for found in (drawn[key], used[key]):
+            np.testing.assert_allclose(found, values, rtol=LAST_DIGITS, atol=1e-15, err_msg=key)
+        np.testing.assert_allclose(alone[key], values[2], rtol=1e-12, atol=1e-15, err_msg=key)
+        assert len(np.unique(values.reshape(RUNS, -1), axis=0)) > 1
+    # One run in each quarter of the anomalies.
+    quarters = np.floor(planned.values["orbit.true_anomaly_deg"] / 360.0 * RUNS)
+    assert sorted(quarters) == [0.0, 1.0, 2.0, 3.0]
+
+
+@pytest.mark.slow
 def test_planned_values_of_a_latin_hypercube_are_drawn_and_used(mission: ScenarioFile, tmp_path: Path) -> None:
     file = case(mission, "latin_hypercube")
     campaign = check_campaign(file, tmp_path / "runs")

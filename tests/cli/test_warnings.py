@@ -28,7 +28,7 @@ def test_a_dry_run_shows_and_lists_warnings(call: Call) -> None:
 
 def test_a_run_warns_on_stderr_first_and_in_its_report(call: Call, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    words = ("run", "inspection", "--no-film", "--set", "duration_s=2", *NOISY)
+    words = ("run", "inspection", "--no-film", "--set", "duration_s=400", *NOISY)
     result = call(*words, "--out", out)
     assert result.err.splitlines()[0].startswith(f"rpojax: warning: {WARNING}")
     assert result.status == 0
