@@ -18,8 +18,9 @@ RATE = np.deg2rad(90.0) / 600.0
 
 def circle(axis: list[float], rate: float, join: float, start: float | None) -> FlyAround:
     """Circle of 40 m."""
-    numbers = {"radius": 40.0, "axis": axis, "rate": rate, "join": join, "start": start}
-    return FlyAround(**{name: None if value is None else jnp.asarray(value) for name, value in numbers.items()})
+    given = None if start is None else jnp.asarray(start)
+    radius, normal, turning, joining = map(jnp.asarray, (40.0, axis, rate, join))
+    return FlyAround(radius=radius, axis=normal, rate=turning, join=joining, start=given)
 
 
 def position(axis: list[float], elapsed: float, start: float | None, *at_entry: float) -> np.ndarray:
