@@ -1,14 +1,16 @@
 """Forced circular motion around the target; a free fly-around is a relative orbit."""
 
+from typing import Final
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.numerics.trigonometric_series import cos_sin
+from rpojax.core.numerics.trigonometric_series import arctan2, cos_sin
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import cross
-from rpojax.flight.guidance.references.phase_entry import PhaseEntry, joined
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry, from_entry, slowing_down, smooth_step
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -22,9 +24,10 @@ class FlyAround:
         radius: () [m]
         axis: (3,) normal of the circle's plane in H, of any length [-]
         rate: () of the angle about the axis, right-handed [rad/s]
-        join: () time in which the servicer reaches the circle from its motion at the entry [s]
+        join: () time in which the servicer reaches the circle from its place at the entry [s]
         start: () angle at the entry, from the along-track direction projected into the plane or, where the axis is
-            along-track, from the radial one [rad]; None for that of the servicer's position at the entry
+            along-track, from the radial one [rad]; None for that of the servicer's position at the entry or, where that
+            is nearer to the axis than a twentieth of the radius and noise decides on its angle, for 0
     """
 
     radius: Array
@@ -35,22 +38,42 @@ class FlyAround:
 
 
 def state(reference: FlyAround, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:
-    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then."""
-    axis = gradient_safe.normalize(reference.axis)
-    zero = _zero_direction(axis)
-    angle = reference.rate * elapsed
+    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then.
+
+    During the join the distance, the elevation above the circle's plane and the angle about the axis go over from those
+    of the entry to those of the circle, each by itself, so that the distance stays between the two. The velocity that
+    the servicer has at the entry besides is slowed down on a way of at most a tenth of the lesser distance.
+    """
+    del orbit
+    axis, place = gradient_safe.normalize(reference.axis), entry.relative_state[:3]
+    zero, in_plane = _zero_direction(axis), _across(axis, place)
+    is_aside = gradient_safe.norm(in_plane) > _ON_AXIS_SHARE * reference.radius
+    # What a servicer on the axis has beside it is closed without a turn.
+    aside, beside = jnp.where(is_aside, in_plane, 0.0), jnp.where(is_aside, 0.0, in_plane)
+    height = jnp.sum(axis * place, axis=0)
+    elevation = arctan2(height, gradient_safe.norm(aside))
+    farther = jnp.where(is_aside, gradient_safe.norm(place), jnp.abs(height)) - reference.radius
+    angle, lead = reference.rate * elapsed, jnp.zeros_like(height)
     if reference.start is None:
-        # A servicer on the axis starts at the angle 0.
-        in_plane = _across(axis, entry.relative_state[:3])
-        off_axis = jnp.sum(in_plane * in_plane, axis=0) > 0.0
-        zero = gradient_safe.normalize(jnp.where(off_axis, in_plane, zero))
+        zero = gradient_safe.normalize(jnp.where(is_aside, in_plane, zero))
     else:
         angle = angle + reference.start
-    ahead = cross(axis, zero)
-    c, s = cos_sin(angle)
-    radial, tangential = c * zero + s * ahead, c * ahead - s * zero
-    wanted = jnp.concatenate([reference.radius * radial, reference.radius * reference.rate * tangential])
-    return joined(entry, elapsed, reference.join, wanted)
+        at_entry = arctan2(jnp.sum(cross(axis, zero) * aside, axis=0), jnp.sum(zero * aside, axis=0))
+        lead = jnp.where(is_aside, _within_half_a_turn(at_entry - reference.start), 0.0)
+    share, slope, _ = smooth_step(elapsed, reference.join)
+    rest = 1.0 - share
+    c, s = cos_sin(angle + rest * lead)
+    rise_c, rise_s = cos_sin(rest * elevation)
+    outward, ahead = c * zero + s * cross(axis, zero), c * cross(axis, zero) - s * zero
+    direction, upward = rise_c * outward + rise_s * axis, rise_c * axis - rise_s * outward
+    distance = reference.radius + rest * farther
+    turned = distance * ((reference.rate - slope * lead) * rise_c * ahead - slope * elevation * upward)
+    velocity = turned - slope * (farther * direction + beside)
+    moving = jnp.concatenate([distance * direction + rest * beside, velocity])
+    excess = entry.relative_state[3:] - reference.rate * cross(axis, aside)
+    lesser = jnp.clip(gradient_safe.norm(place), _ON_AXIS_SHARE * reference.radius, reference.radius)
+    moving = moving + slowing_down(excess, elapsed, reference.join, _SLOWING_SHARE * lesser)
+    return jnp.where(reference.join > 0.0, from_entry(entry, elapsed, moving), moving)
 
 
 def _zero_direction(axis: Vector) -> Vector:
@@ -67,5 +90,14 @@ def _across(axis: Vector, vector: Vector) -> Vector:
     return vector - jnp.sum(axis * vector, axis=0) * axis
 
 
-_ALONG_TRACK_COSINE = 0.999
+def _within_half_a_turn(angle: Scalar) -> Scalar:
+    """The same direction as an angle from -pi to pi [rad]."""
+    return angle - 2.0 * jnp.pi * jnp.round(angle / (2.0 * jnp.pi))
+
+
+_ALONG_TRACK_COSINE: Final = 0.999
 """Component of an axis above which it counts as along-track [-]."""
+_ON_AXIS_SHARE: Final = 0.05
+"""Distance from the axis, over the radius, up to which a servicer counts as on it [-]."""
+_SLOWING_SHARE: Final = 0.1
+"""Longest way on which the velocity at the entry is slowed down, over the lesser of both distances [-]."""

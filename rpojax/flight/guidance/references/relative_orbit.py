@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, constants_of_motion, free_motion, unit_rate
 from rpojax.core.pytree import pytree, select
-from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry, smooth_step
 
 Scalar = Float[Array, ""]
 
@@ -62,8 +62,8 @@ def state(reference: RelativeOrbit, entry: PhaseEntry, orbit: TargetOrbit, elaps
     start = constants_of_motion(at_entry, entry.relative_state)
     before = _with_drift_along(known, start, -1.0)
     change = _with_drift_along(known, _constants(reference, known), -1.0) - before
-    shape_share, shape_slope, _ = _smooth_step(elapsed, _SHAPE_SHARE * reference.join)
-    share, slope, curvature = _smooth_step(elapsed, reference.join)
+    shape_share, shape_slope, _ = smooth_step(elapsed, _SHAPE_SHARE * reference.join)
+    share, slope, curvature = smooth_step(elapsed, reference.join)
     blend, blend_slope = before + shape_share * change, shape_slope * change
     rate = 3.0 * unit_rate(known)
     gap = change[0] + rate * elapsed * change[3]
@@ -86,17 +86,6 @@ def _with_drift_along(orbit: TargetOrbit, constants: Float[Array, "6"], sign: fl
     offset = sign * constants[0]
     ahead = jnp.stack([constants[1] + orbit.ey * offset, constants[2] - orbit.ex * offset])
     return jnp.concatenate([constants[:1], ahead, constants[3:]])
-
-
-def _smooth_step(elapsed: Scalar, duration: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Quintic from 0 to 1 in a duration [s], 1 at once if that is 0; its first [1/s] and second [1/s^2] derivative."""
-    lasts = duration > 0.0
-    length = jnp.where(lasts, duration, 1.0)
-    place = jnp.where(lasts, jnp.clip(elapsed / length, 0.0, 1.0), 1.0)
-    rest = 1.0 - place
-    share = place**3 * (10.0 - 15.0 * place + 6.0 * place * place)
-    slope = 30.0 * (place * rest) ** 2 / length
-    return share, slope, 60.0 * place * rest * (rest - place) / length**2
 
 
 def _constants(reference: RelativeOrbit, orbit: TargetOrbit) -> Float[Array, "6"]:

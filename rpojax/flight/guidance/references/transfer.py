@@ -64,12 +64,14 @@ def end_position(reference: Transfer, entry: PhaseEntry) -> Vector:
 def _waypoint(reference: Transfer, entry: PhaseEntry, share: Scalar) -> Vector:
     """Point of the glide slope [m] after a share of the duration."""
     rate = jnp.log(reference.speed_ratio)
-    constant = jnp.abs(rate) < _CONSTANT_SPEED
-    safe = jnp.where(constant, 1.0, rate)
-    covered = jnp.where(constant, share, jnp.expm1(safe * share) / jnp.expm1(safe))
+    small = jnp.abs(rate) < _SMALL_RATE
+    safe = jnp.where(small, 1.0, rate)
+    # Linear in the small rate, so that a constant speed has the derivative of its neighbours.
+    nearly_even = share + 0.5 * rate * share * (share - 1.0)
+    covered = jnp.where(small, nearly_even, jnp.expm1(safe * share) / jnp.expm1(safe))
     start = entry.relative_state[:3]
     return start + covered * (reference.position - start)
 
 
-_CONSTANT_SPEED = 1e-6
-"""Logarithm of the ratio of speeds below which the speed counts as constant [-]."""
+_SMALL_RATE = 1e-6
+"""Logarithm of the ratio of speeds below which the way is linear in it [-]."""

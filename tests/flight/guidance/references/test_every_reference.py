@@ -120,7 +120,9 @@ def test_derivatives_at_the_target_and_at_rest_are_finite(kind: str) -> None:
     assert bool(jnp.all(jnp.isfinite(slopes.relative_state)))
 
 
-@pytest.mark.parametrize("kind", ["transfer", "glide_slope", "approach", "retreat", "relative_orbit_joined"])
+@pytest.mark.parametrize(
+    "kind", ["transfer", "glide_slope", "approach", "retreat", "relative_orbit_joined", "fly_around"]
+)
 def test_references_from_the_entry_begin_there_and_continue_the_motion_before_it(kind: str) -> None:
     np.testing.assert_allclose(state(kind, 0.0)[:3], ENTRY.relative_state[:3], atol=1e-9)
     np.testing.assert_allclose(state(kind, -1e-9), ENTRY.relative_state, atol=1e-8)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from relative_motion_cases import ECCENTRICITIES, advanced, entry, integrated_free_motion, orbit
 
+from rpojax.core.pytree import replace
 from rpojax.flight.guidance.references import transfer
 from rpojax.flight.guidance.references.transfer import Transfer
 
@@ -59,3 +60,21 @@ def test_a_glide_slope_of_constant_speed_has_equal_steps(speed_ratio: float) -> 
         np.testing.assert_allclose(
             at(0.1, followed, k * DURATION / 4.0)[:3], START + (END - START) * k / 4.0, atol=2e-4
         )
+
+
+@pytest.mark.parametrize("speed_ratio", [1.0, 1.0 - 1e-7])
+def test_the_derivative_to_the_ratio_of_speeds_is_right_at_constant_speed(speed_ratio: float) -> None:
+    """A quarter of the way: of expm1(r s) / expm1(r) the derivative to r is s (s - 1) / 2 at r = 0, and r = ln(1)."""
+
+    even, start = reference(5.0), entry(*START, 0.0, 0.0, 0.0)
+
+    def along(ratio: jax.Array, elapsed: float) -> jax.Array:
+        return transfer.state(replace(even, speed_ratio=ratio), start, start.orbit, jnp.asarray(elapsed))[1]
+
+    value_and_slope = jax.jit(jax.value_and_grad(along))
+    found = value_and_slope(jnp.asarray(speed_ratio), DURATION / 4.0)[1]
+    np.testing.assert_allclose(found, 0.25 * (-0.75) / 2.0 * (END - START)[1], rtol=1e-5)
+    for elapsed in (300.0, 1100.0):
+        above, below = (value_and_slope(jnp.asarray(speed_ratio + step), elapsed)[0] for step in (1e-3, -1e-3))
+        found = value_and_slope(jnp.asarray(speed_ratio), elapsed)[1]
+        np.testing.assert_allclose(found, (above - below) / 2e-3, rtol=1e-4)
