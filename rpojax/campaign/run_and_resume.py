@@ -30,7 +30,7 @@ from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.flight.stages import Stages
 from rpojax.runtime import device_programs
-from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
+from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.plugins.custom_metrics import MetricFunction

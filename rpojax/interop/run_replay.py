@@ -23,7 +23,7 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
-from rpojax.runtime.progress_bar import Progress, ProgressCallback
+from rpojax.runtime.progress import Progress, ProgressCallback
 from rpojax.scenario.params import Params
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile

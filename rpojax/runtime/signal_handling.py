@@ -1,4 +1,4 @@
-"""Signals that end a command: an exception in the main thread, raised again where a library swallowed it."""
+"""Signals that end a command: SIGINT and SIGTERM raise `KeyboardInterrupt`, or end the process where none may pass."""
 
 import os
 import signal
@@ -9,59 +9,45 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-_AGAIN_S: Final = 3.0
-"""Time after which an exception that did not arrive is raised again [s]; cleaning up takes less."""
-_AT_ONCE_S: Final = 0.001
-"""The same where it is known to have been swallowed [s]; zero would be no timer."""
+_AGAIN_S: Final = 0.001
+"""Time after which an exception that was swallowed is raised again [s]; zero would be no timer."""
 
 
-class Received:
-    """The signal that ended a command.
+class Terminated(KeyboardInterrupt):
+    """SIGTERM was received."""
 
-    Attributes:
-        number: of the signal, None if there was none
-    """
 
-    def __init__(self) -> None:
-        self.number: int | None = None
+_INTERRUPTS: Final[dict[int, type[KeyboardInterrupt]]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
-    @property
-    def word(self) -> str:
-        """What happened to the command."""
-        return "terminated" if self.number == signal.SIGTERM else "interrupted"
 
-    @property
-    def status(self) -> int:
-        """Exit status of the command, as a shell gives it."""
-        return 128 + (self.number or signal.SIGINT)
+def exit_status(interrupt: KeyboardInterrupt) -> int:
+    """Exit status of a command, as a shell gives it."""
+    return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
+
+
+def describe(interrupt: KeyboardInterrupt) -> str:
+    """What happened to a command."""
+    return "terminated" if isinstance(interrupt, Terminated) else "interrupted"
 
 
 def end_at_signals() -> None:
     """Ends the process at SIGINT and SIGTERM, while modules are imported, when an exception could be swallowed."""
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _end)
+            signal.signal(number, lambda number, _: _leave(_INTERRUPTS[number](), "; nothing was written"))
 
 
-def _end(number: int, _: FrameType | None) -> None:
-    word = "interrupted" if number == signal.SIGINT else "terminated"
-    os.write(2, f"rpojax: {word}; nothing was written\n".encode())
-    os._exit(128 + number)
-
-
-def _is_importing(frame: FrameType | None) -> bool:
-    """Whether a frame is part of the import of a module."""
-    while frame is not None:
-        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
-            return True
-        frame = frame.f_back
-    return False
+def _leave(interrupt: KeyboardInterrupt, words: str) -> None:
+    clear = "\r\x1b[2K\x1b[?25h" if os.isatty(2) else ""  # a line that is shown live, and the cursor that it hides
+    os.write(2, f"{clear}rpojax: {describe(interrupt)}{words}\n".encode())
+    os._exit(exit_status(interrupt))
 
 
 def leave_if_signalled(status: int) -> int:
     """Ends the process at once if a status is that of a signal, else returns the status.
 
-    Python itself ends by SIGINT if an exception of it passed through a call of `exec`, whatever the status is.
+    Python would wait for threads that compile. It also ends by SIGINT if an exception of it passed through a call of
+    `exec`, whatever the status is.
     """
     if status in (128 + signal.SIGINT, 128 + signal.SIGTERM):
         sys.stdout.flush()
@@ -71,41 +57,48 @@ def leave_if_signalled(status: int) -> int:
 
 
 @contextmanager
-def ending_signals() -> Iterator[Received]:
+def ending_signals() -> Iterator[None]:
     """Raises `KeyboardInterrupt` in the body at SIGINT and SIGTERM; in other threads than the main one nothing."""
-    received = Received()
     if threading.current_thread() is not threading.main_thread():
-        yield received
+        yield
         return
+    swallowed = KeyboardInterrupt
 
-    def note(number: int, frame: FrameType | None) -> None:
-        received.number = number if number != signal.SIGALRM else received.number
+    def end(number: int, frame: FrameType | None) -> None:
+        kind = _INTERRUPTS.get(number, swallowed)
         if _is_importing(frame):
             # An exception there passes through the initialisation of libraries in C++, which abort the process.
-            os.write(2, f"rpojax: {received.word} while modules were imported\n".encode())
-            os._exit(received.status)
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
-        raise KeyboardInterrupt
+            _leave(kind(), " while modules were imported")
+        raise kind
 
-    def silent(unraisable: "sys.UnraisableHookArgs") -> None:
-        # A callback of the garbage collector or a destructor swallowed it: it is raised again at once.
+    def raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
+        # A callback of the garbage collector or a destructor swallows exceptions.
+        nonlocal swallowed
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, _AT_ONCE_S)
+            swallowed = unraisable.exc_type
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
         else:
             hook(unraisable)
 
-    hook = sys.unraisablehook
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
-    before = {number: signal.getsignal(number) for number in numbers}
+    hook, before = sys.unraisablehook, {number: signal.getsignal(number) for number in (*_INTERRUPTS, signal.SIGALRM)}
     try:
-        for number in numbers:
+        for number, handler in before.items():
             # A job in the background of a script ignores SIGINT.
-            if before[number] != signal.SIG_IGN:
-                signal.signal(number, note)
-        sys.unraisablehook = silent
-        yield received
+            if handler != signal.SIG_IGN:
+                signal.signal(number, end)
+        sys.unraisablehook = raise_again
+        yield
     finally:
         sys.unraisablehook = hook
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in before.items():
             signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    """Whether a frame is part of the import of a module."""
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+        frame = frame.f_back
+    return False

@@ -23,7 +23,7 @@ from rpojax.campaign import preflight
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress_bar import Progress, ProgressCallback
+from rpojax.runtime.progress import Progress, ProgressCallback
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.scenario_digest import scenario_digest

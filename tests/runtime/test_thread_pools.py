@@ -1,0 +1,37 @@
+"""A pool of threads lets an interrupt pass at once, and waits for its calls otherwise."""
+
+import threading
+
+import pytest
+
+from rpojax.runtime.thread_pools import thread_pool
+
+
+def test_an_interrupt_leaves_a_call_that_cannot_be_stopped() -> None:
+    end, ended = threading.Event(), threading.Event()
+
+    def compile_for_minutes() -> None:
+        end.wait(60.0)
+        ended.set()
+
+    with pytest.raises(KeyboardInterrupt), thread_pool(1) as pool:
+        pool.submit(compile_for_minutes)
+        waiting = pool.submit(compile_for_minutes)
+        raise KeyboardInterrupt
+    assert not ended.is_set()
+    assert waiting.cancelled()
+    end.set()
+    assert ended.wait(60.0)
+
+
+def test_after_an_error_and_at_the_end_all_calls_have_ended() -> None:
+    ended: list[int] = []
+    with pytest.raises(ValueError, match="too small"), thread_pool(1) as pool:
+        pool.submit(threading.Event().wait, 0.05)
+        pool.submit(ended.append, 1)
+        raise ValueError("too small")
+    assert ended == []
+    with thread_pool(2) as pool:
+        for number in range(10):
+            pool.submit(ended.append, number)
+    assert sorted(ended) == list(range(10))
