@@ -114,13 +114,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"rpojax {__version__}")
         return Status.DONE
     silence_libraries()
-    with signal_handling.ending_signals(), printable_streams():
+    with printable_streams():
         try:
             return _status(arguments, "--json" in arguments)
         except KeyboardInterrupt as interrupt:
-            ended = signal_handling.describe(interrupt)
-            print_problem("", f"{ended}; {str(interrupt) or 'nothing was written'}", "--json" in arguments)
-            return signal_handling.exit_status(interrupt)
+            word, status = signal_handling.ending(type(interrupt))
+            print_problem("", f"{word}; {str(interrupt) or 'nothing was written'}", "--json" in arguments)
+            return status
 
 
 def _status(arguments: Sequence[str], as_json: bool) -> int:

@@ -6,16 +6,14 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from typing import Final, Protocol
+from typing import Final
 
 from rich.console import Console
 
 LINE_EVERY_S: Final = 30.0
 """Least time [s] from one line to the next within a stage, where there is no terminal."""
-_SHORTEST_S = 0.05
-"""No rate is shown before this time."""
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
 _SIMULATING = "simulating"
 _LAST_RUNS = "free drifts and metrics of the last runs"
@@ -41,12 +39,6 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
-
-
-class _Show(Protocol):
-    """Shows the stage, its state in words, and how much is done of how much, where that is known."""
-
-    def __call__(self, stage: str, state: str = "", done: float = 0.0, total: int | None = None) -> None: ...
 
 
 @contextmanager
@@ -80,7 +72,7 @@ def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
             count, failed = (progress.done, progress.total), f"{progress.failed} failed" if progress.done else ""
             show(progress.stage, paces[progress.stage].describe(*count, failed), *count)
             if progress.done >= progress.total and progress.stage == _SIMULATING:
-                show(_LAST_RUNS, failed, *count)
+                show(_LAST_RUNS)
 
         yield watch
 
@@ -101,20 +93,23 @@ class _Pace:
         now = time.monotonic()
         self._begin = self._begin or (done, now)
         new, elapsed = done - self._begin[0], now - self._begin[1]
-        parts = [f"{done:.0f}/{self._counted(total)}"]
-        if new > 0.0 and elapsed >= _SHORTEST_S:
+        words = [f"{done:.0f}/{self._counted(total)}", note]
+        if new > 0.0 and elapsed > 0.0:
             left = datetime.timedelta(seconds=round((total - done) * elapsed / new))
-            parts = [*parts, f"{left} left"] if done < total else [f"{parts[0]} in {elapsed:.1f} s"]
-            return ", ".join(filter(None, [*parts, note, self._speed(new / elapsed)]))
-        return ", ".join(filter(None, [*parts, note]))
+            words[:1] = [words[0], f"{left} left"] if done < total else [f"{words[0]} in {elapsed:.1f} s"]
+            words.append(self._speed(new / elapsed))
+        return ", ".join(filter(None, words))
 
 
 @contextmanager
-def _display(first: str, quiet: bool) -> Iterator[_Show]:
-    """Function that shows progress; in a terminal `first` is shown at once."""
+def _display(first: str, quiet: bool) -> Iterator[Callable[..., None]]:
+    """Function that shows a stage, its state in words, and how much is done of how much.
+
+    In a terminal `first` is shown at once.
+    """
     console = Console(stderr=True, highlight=False)
     if quiet:
-        yield lambda stage, state="", done=0.0, total=None: None
+        yield lambda *_: None
     elif console.is_interactive and console.file.isatty():
         with _live_line(console, first) as show:
             yield show
@@ -123,7 +118,7 @@ def _display(first: str, quiet: bool) -> Iterator[_Show]:
 
 
 @contextmanager
-def _live_line(console: Console, first: str) -> Iterator[_Show]:
+def _live_line(console: Console, first: str) -> Iterator[Callable[..., None]]:
     """A line that rich keeps moving and removes at the end; what else is printed on stderr appears above it."""
     from rich.constrain import Constrain
     from rich.progress import BarColumn, ProgressColumn, SpinnerColumn, Task, TextColumn
@@ -133,10 +128,10 @@ def _live_line(console: Console, first: str) -> Iterator[_Show]:
 
     class State(ProgressColumn):
         def render(self, task: Task) -> Text:
-            words = [str(task.fields["state"])]
-            if task.total is None or not 0.0 < task.completed < task.total:  # no time left is known
-                words.append(str(datetime.timedelta(seconds=int(task.elapsed or 0.0))))
-            text = Text(" ".join(filter(None, words)))
+            words = task.fields["state"]
+            if not 0.0 < task.completed < (task.total or 0.0):  # no time left is known
+                words = f"{words} {datetime.timedelta(seconds=int(task.elapsed or 0.0))}".lstrip()
+            text = Text(words)
             text.truncate(max(8, console.width - len(task.description) - 8), overflow="ellipsis")
             return text
 
@@ -146,37 +141,33 @@ def _live_line(console: Console, first: str) -> Iterator[_Show]:
 
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(bar_width=None))
     state = State(table_column=Column(no_wrap=True))
-    line = LiveLine(
-        *columns, state, console=console, transient=True, expand=True, redirect_stdout=False, refresh_per_second=4
-    )
-    task = line.add_task(first, total=None, state="")
-    shown = line.tasks[0]
+    options = {"transient": True, "expand": True, "redirect_stdout": False, "refresh_per_second": 4}
+    with LiveLine(*columns, state, console=console, **options) as line:
+        task = line.add_task(first, total=None, state="")
+        shown = line.tasks[0]
 
-    def show(stage: str, state: str = "", done: float = 0.0, total: int | None = None) -> None:
-        if stage != shown.description:
-            line.reset(task, description=stage, completed=int(done), total=total, state=state)
-        else:
-            line.update(task, completed=done, total=total, state=state)
+        def show(stage: str, state: str = "", done: float = 0.0, total: int | None = None) -> None:
+            if stage != shown.description:
+                line.reset(task, description=stage)  # its time begins again
+            shown.total = total
+            line.update(task, completed=done, state=state)
 
-    with line:
         yield show
 
 
 @dataclass
 class _Lines:
-    """Lines where there is no terminal: at the begin of a stage, every `LINE_EVERY_S`, and when all is counted."""
+    """Lines where there is no terminal: when a stage begins, every `LINE_EVERY_S`, and when all is counted."""
 
     stage: str = ""
     is_complete: bool = False
-    last: float = field(default_factory=time.monotonic)
+    last: float = 0.0
 
     def show(self, stage: str, state: str = "", done: float = 0.0, total: int | None = None) -> None:
-        now, begins, was_complete = time.monotonic(), stage != self.stage, self.is_complete
-        self.stage, self.is_complete = stage, total is not None and done >= total
-        if begins:
-            state = "" if self.is_complete else state
-        elif not state or (now < self.last + LINE_EVERY_S and self.is_complete <= was_complete):
-            return
-        self.last = now
-        with suppress(OSError, ValueError):  # nobody reads it any more
-            print(f"rpojax: {stage}, {state}" if state else f"rpojax: {stage}", file=sys.stderr, flush=True)
+        now, is_complete = time.monotonic(), total is not None and done >= total
+        is_due = is_complete > self.is_complete or now >= self.last + LINE_EVERY_S
+        if stage != self.stage or (state and is_due):
+            self.last = now
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                print(", ".join(filter(None, (f"rpojax: {stage}", state))), file=sys.stderr, flush=True)
+        self.stage, self.is_complete = stage, is_complete

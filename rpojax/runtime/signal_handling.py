@@ -3,11 +3,9 @@
 import os
 import signal
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
 _AGAIN_S: Final = 0.001
 """Time after which an exception that was swallowed is raised again [s]; zero would be no timer."""
@@ -17,30 +15,18 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM was received."""
 
 
-_INTERRUPTS: Final[dict[int, type[KeyboardInterrupt]]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
+_KINDS: Final[dict[int, type[KeyboardInterrupt]]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
 
-def exit_status(interrupt: KeyboardInterrupt) -> int:
-    """Exit status of a command, as a shell gives it."""
-    return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
+def ending(kind: type[KeyboardInterrupt]) -> tuple[str, int]:
+    """What happened to a command, and its exit status, as a shell gives it."""
+    return ("terminated", 128 + signal.SIGTERM) if kind is Terminated else ("interrupted", 128 + signal.SIGINT)
 
 
-def describe(interrupt: KeyboardInterrupt) -> str:
-    """What happened to a command."""
-    return "terminated" if isinstance(interrupt, Terminated) else "interrupted"
-
-
-def end_at_signals() -> None:
-    """Ends the process at SIGINT and SIGTERM, while modules are imported, when an exception could be swallowed."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, lambda number, _: _leave(_INTERRUPTS[number](), "; nothing was written"))
-
-
-def _leave(interrupt: KeyboardInterrupt, words: str) -> None:
-    clear = "\r\x1b[2K\x1b[?25h" if os.isatty(2) else ""  # a line that is shown live, and the cursor that it hides
-    os.write(2, f"{clear}rpojax: {describe(interrupt)}{words}\n".encode())
-    os._exit(exit_status(interrupt))
+def interrupt_at_signals() -> None:
+    """Has SIGINT and SIGTERM raise an exception in the main thread, and a second one end the process at once."""
+    _handle(lambda number, frame: _interrupt(_KINDS[number], frame))
+    sys.unraisablehook = _raise_again
 
 
 def leave_if_signalled(status: int) -> int:
@@ -49,56 +35,43 @@ def leave_if_signalled(status: int) -> int:
     Python would wait for threads that compile. It also ends by SIGINT if an exception of it passed through a call of
     `exec`, whatever the status is.
     """
-    if status in (128 + signal.SIGINT, 128 + signal.SIGTERM):
+    _handle(signal.SIG_DFL)
+    if status - 128 in _KINDS:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
     return status
 
 
-@contextmanager
-def ending_signals() -> Iterator[None]:
-    """Raises `KeyboardInterrupt` in the body at SIGINT and SIGTERM; in other threads than the main one nothing."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    swallowed = KeyboardInterrupt
-
-    def end(number: int, frame: FrameType | None) -> None:
-        kind = _INTERRUPTS.get(number, swallowed)
-        if _is_importing(frame):
-            # An exception there passes through the initialisation of libraries in C++, which abort the process.
-            _leave(kind(), " while modules were imported")
-        raise kind
-
-    def raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
-        # A callback of the garbage collector or a destructor swallows exceptions.
-        nonlocal swallowed
-        if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            swallowed = unraisable.exc_type
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
-        else:
-            hook(unraisable)
-
-    hook, before = sys.unraisablehook, {number: signal.getsignal(number) for number in (*_INTERRUPTS, signal.SIGALRM)}
-    try:
-        for number, handler in before.items():
-            # A job in the background of a script ignores SIGINT.
-            if handler != signal.SIG_IGN:
-                signal.signal(number, end)
-        sys.unraisablehook = raise_again
-        yield
-    finally:
-        sys.unraisablehook = hook
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in before.items():
-            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+def _handle(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> None:
+    for number in _KINDS:
+        # A job in the background of a script ignores SIGINT.
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
-def _is_importing(frame: FrameType | None) -> bool:
-    """Whether a frame is part of the import of a module."""
+def _interrupt(kind: type[KeyboardInterrupt], frame: FrameType | None) -> None:
+    _handle(lambda number, _: _leave(_KINDS[number], "at once"))
     while frame is not None:
         if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
-            return True
+            # An exception there passes through the initialisation of libraries in C++, which abort the process.
+            _leave(kind, "while modules were imported")
         frame = frame.f_back
-    return False
+    raise kind
+
+
+def _leave(kind: type[KeyboardInterrupt], when: str) -> None:
+    word, status = ending(kind)
+    clear = "\r\x1b[2K\x1b[?25h" if os.isatty(2) else ""  # a line that is shown live, and the cursor that it hides
+    os.write(2, f"{clear}rpojax: {word} {when}\n".encode())
+    os._exit(status)
+
+
+def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
+    """Raises again what a destructor or a callback of the garbage collector has swallowed, once that has ended."""
+    kind = unraisable.exc_type
+    if issubclass(kind, KeyboardInterrupt):
+        signal.signal(signal.SIGALRM, lambda _, frame: _interrupt(kind, frame))
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+    else:
+        sys.__unraisablehook__(unraisable)

@@ -2,13 +2,15 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 
 import pytest
 
 from rpojax.runtime import signal_handling
-from rpojax.runtime.signal_handling import Terminated, ending_signals
+from rpojax.runtime.signal_handling import Terminated, interrupt_at_signals
 
 KINDS = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
@@ -25,24 +27,27 @@ class Swallowing:
 
 
 @pytest.fixture(autouse=True)
-def heard_interrupts() -> Iterator[None]:
-    """SIGINT as in a terminal; in the background of a script it is ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+def restored_handlers() -> Iterator[None]:
+    """SIGINT as in a terminal, since it is ignored in the background of a script; all as it was afterwards."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+    before, hook = {number: signal.getsignal(number) for number in numbers}, sys.unraisablehook
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
-    signal.signal(signal.SIGINT, before)
+    sys.unraisablehook = hook
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.mark.parametrize(
-    ("number", "words"), [(signal.SIGINT, (130, "interrupted")), (signal.SIGTERM, (143, "terminated"))]
+    ("number", "words"), [(signal.SIGINT, ("interrupted", 130)), (signal.SIGTERM, ("terminated", 143))]
 )
-def test_a_signal_is_an_interrupt_with_the_status_of_a_shell(number: signal.Signals, words: tuple[int, str]) -> None:
-    before = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)}
-    with pytest.raises(KeyboardInterrupt) as found, ending_signals():
+def test_a_signal_is_an_interrupt_with_the_status_of_a_shell(number: signal.Signals, words: tuple[str, int]) -> None:
+    interrupt_at_signals()
+    with pytest.raises(KeyboardInterrupt) as found:
         os.kill(os.getpid(), number)
         time.sleep(60.0)
     assert found.type is KINDS[number]
-    assert (signal_handling.exit_status(found.value), signal_handling.describe(found.value)) == words
-    assert {each: signal.getsignal(each) for each in before} == before
+    assert signal_handling.ending(found.type) == words
 
 
 @pytest.mark.parametrize("number", KINDS)
@@ -50,7 +55,8 @@ def test_a_signal_in_a_destructor_arrives_after_it_without_a_traceback(
     number: signal.Signals, capfd: pytest.CaptureFixture[str]
 ) -> None:
     swallowing = [Swallowing(number)]
-    with pytest.raises(KeyboardInterrupt) as found, ending_signals():
+    interrupt_at_signals()
+    with pytest.raises(KeyboardInterrupt) as found:
         swallowing.clear()
         time.sleep(60.0)
     assert found.type is KINDS[number]
@@ -59,6 +65,24 @@ def test_a_signal_in_a_destructor_arrives_after_it_without_a_traceback(
 
 def test_a_signal_that_is_ignored_stays_ignored() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with ending_signals():
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.01)
+    interrupt_at_signals()
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.01)
+
+
+HANGS = """
+import os, signal, time
+from rpojax.runtime.signal_handling import interrupt_at_signals
+interrupt_at_signals()
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(60.0)
+finally:
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(60.0)
+"""
+
+
+def test_a_second_signal_ends_a_process_that_hangs_at_once() -> None:
+    done = subprocess.run([sys.executable, "-c", HANGS], capture_output=True, text=True, timeout=50.0, check=False)
+    assert (done.returncode, done.stderr) == (143, "rpojax: terminated at once\n")
