@@ -7,8 +7,8 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, Final
 
-_AGAIN_S: Final = 0.001
-"""Time after which an exception that was swallowed is raised again [s]; zero would be no timer."""
+_AGAIN_S, _AT_ONCE_S = 3.0, 0.001
+"""Time after which an exception is raised again [s], since it may have been swallowed, and where it is known to be."""
 
 
 class Terminated(KeyboardInterrupt):
@@ -35,6 +35,7 @@ def leave_if_signalled(status: int) -> int:
     Python would wait for threads that compile. It also ends by SIGINT if an exception of it passed through a call of
     `exec`, whatever the status is.
     """
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
     _handle(signal.SIG_DFL)
     if status - 128 in _KINDS:
         sys.stdout.flush()
@@ -52,6 +53,8 @@ def _handle(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -
 
 def _interrupt(kind: type[KeyboardInterrupt], frame: FrameType | None) -> None:
     _handle(lambda number, _: _leave(_KINDS[number], "at once"))
+    signal.signal(signal.SIGALRM, lambda _, frame: _interrupt(kind, frame))
+    signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
     while frame is not None:
         if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
             # An exception there passes through the initialisation of libraries in C++, which abort the process.
@@ -69,9 +72,7 @@ def _leave(kind: type[KeyboardInterrupt], when: str) -> None:
 
 def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
     """Raises again what a destructor or a callback of the garbage collector has swallowed, once that has ended."""
-    kind = unraisable.exc_type
-    if issubclass(kind, KeyboardInterrupt):
-        signal.signal(signal.SIGALRM, lambda _, frame: _interrupt(kind, frame))
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        signal.setitimer(signal.ITIMER_REAL, _AT_ONCE_S)
     else:
         sys.__unraisablehook__(unraisable)

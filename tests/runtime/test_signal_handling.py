@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -34,6 +35,7 @@ def restored_handlers() -> Iterator[None]:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     sys.unraisablehook = hook
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
     for number, handler in before.items():
         signal.signal(number, handler)
 
@@ -61,6 +63,16 @@ def test_a_signal_in_a_destructor_arrives_after_it_without_a_traceback(
         time.sleep(60.0)
     assert found.type is KINDS[number]
     assert capfd.readouterr().err == ""
+
+
+def test_a_signal_that_a_library_swallows_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signal_handling, "_AGAIN_S", 0.05)
+    interrupt_at_signals()
+    with suppress(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(60.0)
+    with pytest.raises(Terminated):
+        time.sleep(60.0)
 
 
 def test_a_signal_that_is_ignored_stays_ignored() -> None:

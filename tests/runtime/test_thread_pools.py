@@ -1,6 +1,7 @@
 """A pool of threads lets an interrupt pass at once, and waits for its calls otherwise."""
 
 import threading
+from concurrent.futures import Future
 
 import pytest
 
@@ -9,17 +10,17 @@ from rpojax.runtime.thread_pools import thread_pool
 
 def test_an_interrupt_leaves_a_call_that_cannot_be_stopped() -> None:
     end, ended = threading.Event(), threading.Event()
+    calls: list[Future[None]] = []
 
     def compile_for_minutes() -> None:
         end.wait(60.0)
         ended.set()
 
     with pytest.raises(KeyboardInterrupt), thread_pool(1) as pool:
-        pool.submit(compile_for_minutes)
-        waiting = pool.submit(compile_for_minutes)
+        calls.extend(pool.submit(compile_for_minutes) for _ in range(2))
         raise KeyboardInterrupt
     assert not ended.is_set()
-    assert waiting.cancelled()
+    assert [call.cancelled() for call in calls] == [False, True]
     end.set()
     assert ended.wait(60.0)
 
