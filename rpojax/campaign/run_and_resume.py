@@ -273,7 +273,7 @@ def _simulate_selected_histories(
         engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
 
     def report_runs(done: float) -> None:
-        on_progress(Progress(done=done, total=total, failed=0, compiled=True))
+        on_progress(Progress(done=done, total=total, failed=0, compiled=True, stage="simulating histories"))
 
     block_runner.simulate_histories(campaign, engine, run_ids, report_runs)
 

@@ -169,7 +169,7 @@ class _Watch:
 
     def show(self, compiled: bool) -> None:
         self._compiled = compiled
-        self._on_progress(Progress(self._done, self._budget, self._failed, self._compiled))
+        self._on_progress(Progress(self._done, self._budget, self._failed, self._compiled, stage="estimating"))
 
     def add_runs(self, runs: float) -> None:
         self._done = min(self._done + runs, float(self._budget))
