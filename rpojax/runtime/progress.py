@@ -53,7 +53,7 @@ def stage(text: str, quiet: bool, announce: bool = True) -> Iterator[None]:
 @contextmanager
 def items(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
     """Shows counted work by calls of the yielded function with `(done, total, note)`."""
-    pace = _Pace(str, lambda rate: f"{rate:.3g}/s")
+    pace = _Pace(str, lambda rate: f"{rate:,.0f}/s" if rate >= 100.0 else f"{rate:.3g}/s")
     with _display(text, quiet) as show:
         show(text)
         yield lambda done, total, note="": show(text, pace.describe(float(done), total, note), float(done), total)
@@ -83,7 +83,7 @@ def count_runs(number: int) -> str:
 
 
 class _Pace:
-    """Speed of counted work since its first count, which may be above zero where work is resumed."""
+    """Speed of counted work since it left its first count, which is above zero where work is resumed."""
 
     def __init__(self, counted: Callable[[int], str], speed: Callable[[float], str]) -> None:
         self._counted, self._speed = counted, speed
@@ -91,7 +91,8 @@ class _Pace:
 
     def describe(self, done: float, total: int, note: str) -> str:
         now = time.monotonic()
-        self._begin = self._begin or (done, now)
+        if self._begin is None or done <= self._begin[0]:
+            self._begin = (done, now)
         new, elapsed = done - self._begin[0], now - self._begin[1]
         words = [f"{done:.0f}/{self._counted(total)}", note]
         if new > 0.0 and elapsed > 0.0:

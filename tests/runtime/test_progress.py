@@ -115,9 +115,9 @@ def test_piped_items_have_their_note(clock: Clock, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err.splitlines() == [
         "rpojax: tuning",
         "rpojax: tuning, 0/80, simulating",
-        "rpojax: tuning, 30/80, 0:01:57 left, objective 70, 0.429/s",
-        "rpojax: tuning, 60/80, 0:00:33 left, objective 40, 0.6/s",
-        "rpojax: tuning, 80/80 in 120.0 s, objective 20, 0.667/s",
+        "rpojax: tuning, 30/80, 0:00:50 left, objective 70, 1/s",
+        "rpojax: tuning, 60/80, 0:00:20 left, objective 40, 1/s",
+        "rpojax: tuning, 80/80 in 80.0 s, objective 20, 1/s",
     ]
 
 
