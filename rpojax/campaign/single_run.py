@@ -107,7 +107,7 @@ def simulate(
         run_id: number of the run
         stages: of the flight software, replaced ones included
         run_range: runs of the campaign, by default this run alone
-        progress: say on stderr every few seconds that it is under way
+        progress: show in a terminal that it is under way
     """
     with stage("compiling and simulating a run", quiet=not progress, announce=False):
         scenario, dispersed, state = initialise_run(file, seed, run_id, run_range)

@@ -47,7 +47,7 @@ def write_report(
         campaign: results
         run_id: run shown beside the worst ones; by default the median one in formation error among those with a history
         film: whether to render the camera images of that run again, which takes some 20 s
-        progress: say on stderr every few seconds that it is under way
+        progress: show in a terminal that it is under way
 
     Raises:
         ResultError: no history of `run_id` is stored.

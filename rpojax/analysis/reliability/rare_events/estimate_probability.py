@@ -43,7 +43,7 @@ def estimate_probability(
         seed: of the random numbers
         method: 'auto', or 'subset', 'importance', 'line' or 'plain'
         noise_dimension: of the noise; without any the limit state is a function of z alone
-        progress: say on stderr every few seconds that it is under way
+        progress: show in a terminal that it is under way
 
     Raises:
         RpojaxError: an argument is out of range, or the limit state does not return one margin a point.
