@@ -51,11 +51,15 @@ def stage(text: str, quiet: bool, announce: bool = True) -> Iterator[None]:
 
 
 @contextmanager
-def items(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
-    """Shows counted work by calls of the yielded function with `(done, total, note)`."""
+def items(text: str, quiet: bool, announce: bool = False) -> Iterator[Callable[..., None]]:
+    """Shows counted work by calls of the yielded function with `(done, total, note)`.
+
+    Where there is no terminal the first line comes with the first count, or with `announce` before it.
+    """
     pace = _Pace(str, lambda rate: f"{rate:,.0f}/s" if rate >= 100.0 else f"{rate:.3g}/s")
     with _display(text, quiet) as show:
-        show(text)
+        if announce:
+            show(text)
         yield lambda done, total, note="": show(text, pace.describe(float(done), total, note), float(done), total)
 
 

@@ -113,12 +113,20 @@ def test_piped_items_have_their_note(clock: Clock, capsys: pytest.CaptureFixture
             clock.now += 1.0
             advance(step, 80, f"objective {100 - step}")
     assert capsys.readouterr().err.splitlines() == [
-        "rpojax: tuning",
+        "rpojax: tuning, 0/80, compiling runs",
         "rpojax: tuning, 0/80, simulating",
         "rpojax: tuning, 30/80, 0:00:50 left, objective 70, 1/s",
         "rpojax: tuning, 60/80, 0:00:20 left, objective 40, 1/s",
         "rpojax: tuning, 80/80 in 80.0 s, objective 20, 1/s",
     ]
+
+
+def test_nothing_is_said_of_counted_work_that_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ValueError, match="steps"), items("tuning", quiet=False):
+        raise ValueError("steps")
+    assert capsys.readouterr().err == ""
+    with items("training", quiet=False, announce=True):
+        assert capsys.readouterr().err == "rpojax: training\n"
 
 
 def test_resumed_work_has_the_pace_of_what_is_new(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:

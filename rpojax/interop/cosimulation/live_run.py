@@ -100,7 +100,7 @@ def simulate_live(
     commands = CommandInput(settings, run.limits, exchange, clock, events)
     wall, cpu, stop_reason = time.perf_counter(), time.process_time(), ""
     try:
-        with garbage_collection.existing_objects_spared(), items("running", quiet=False) as watch:
+        with garbage_collection.existing_objects_spared(), items("running", quiet=False, announce=True) as watch:
             while run.is_running:
                 exchange.count_type_mismatches()
                 run.tick(commands)

@@ -169,7 +169,7 @@ def train(
     judged = unseen.subset(np.unique(np.linspace(0, len(unseen) - 1, _MOST_JUDGED).astype(int)))
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
-    with resumable(checkpoint), items("training", quiet=as_json) as watch:
+    with resumable(checkpoint), items("training", quiet=as_json, announce=True) as watch:
         tell = _told(watch, epochs / (epochs + second_epochs))
         params, history = train_detector.train(
             known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun

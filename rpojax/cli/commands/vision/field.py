@@ -101,7 +101,7 @@ def train(
     with resumable(work):
         with items("ray tracing", quiet=as_json) as watch:
             traced = ray_traced_views.ray_trace_views(target, shell, work, watch, partial(_preview, preview, as_json))
-        with items("training", quiet=as_json) as watch:
+        with items("training", quiet=as_json, announce=True) as watch:
             field, history = train_field.train(
                 target,
                 traced,
