@@ -1,4 +1,4 @@
-"""Outcome of a command line, and its stderr without the lines of a slow machine."""
+"""Outcome of a command line."""
 
 import json
 from collections.abc import Callable
@@ -20,8 +20,3 @@ class Outcome:
 
 
 Call = Callable[..., Outcome]
-
-
-def without_signs_of_life(err: str) -> str:
-    """What a process printed on stderr but for the lines that appear when a machine is slow."""
-    return "".join(line for line in err.splitlines(keepends=True) if not line.rstrip().endswith("s so far"))

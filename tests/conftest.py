@@ -36,8 +36,7 @@ pytest_plugins = ["campaign_fixtures", "time_by_cause"]
 settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=True, database=None)
 settings.load_profile("rpojax")
 
-from rpojax.runtime import sign_of_life  # noqa: E402  (after the hook)
-from rpojax.scenario import params as parameters  # noqa: E402
+from rpojax.scenario import params as parameters  # noqa: E402  (after the hook)
 from rpojax.scenario.loading import scenario_loader as scenarios  # noqa: E402
 from rpojax.scenario.params import Params  # noqa: E402
 from rpojax.scenario.schema import ScenarioFile  # noqa: E402
@@ -63,12 +62,6 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling:
     """Scheduler of pytest-xdist."""
     return GroupScheduling(config, log)
-
-
-@pytest.fixture(autouse=True)
-def silent_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Long works in this process stay silent, so that what is printed does not depend on the speed of the machine."""
-    monkeypatch.setattr(sign_of_life, "INTERVAL_S", 600.0)
 
 
 @pytest.fixture(scope="session")

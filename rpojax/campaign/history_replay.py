@@ -8,7 +8,7 @@ import numpy as np
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress_bar import ProgressCallback
+from rpojax.runtime.progress import ProgressCallback
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 

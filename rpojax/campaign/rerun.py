@@ -16,7 +16,7 @@ from rpojax.campaign.storage import folder_creation, provenance
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.stages import Stages
-from rpojax.runtime.progress_bar import ProgressCallback
+from rpojax.runtime.progress import ProgressCallback
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.flight.stages import Stages
 from rpojax.runtime import device_programs
-from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
+from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.plugins.custom_metrics import MetricFunction
@@ -273,7 +273,7 @@ def _simulate_selected_histories(
         engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
 
     def report_runs(done: float) -> None:
-        on_progress(Progress(done=done, total=total, failed=0, compiled=True))
+        on_progress(Progress(done=done, total=total, failed=0, compiled=True, stage="simulating histories"))
 
     block_runner.simulate_histories(campaign, engine, run_ids, report_runs)
 

@@ -11,7 +11,7 @@ from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.teams import member_values
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.params import Params
@@ -107,9 +107,9 @@ def simulate(
         run_id: number of the run
         stages: of the flight software, replaced ones included
         run_range: runs of the campaign, by default this run alone
-        progress: say on stderr every few seconds that it is under way
+        progress: show in a terminal that it is under way
     """
-    with busy("compiling and simulating a run", quiet=not progress, announce=False):
+    with stage("compiling and simulating a run", quiet=not progress, announce=False):
         scenario, dispersed, state = initialise_run(file, seed, run_id, run_range)
         channels = jax.tree.map(
             np.asarray, _simulate_ticks(scenario, plugin_registry.stages_of(file, stages), dispersed, state)

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from rpojax.cli import console
 from rpojax.cli.exit_status import Status
-from rpojax.cli.interruptible_work import interruptible
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError, UnfinishedError
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign
@@ -21,8 +20,8 @@ def keeping_results(directory: Path) -> Iterator[None]:
     """Adds to an interrupt or a full disk which blocks are stored and the command that continues."""
     try:
         yield
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(_kept_blocks_sentence(directory)) from None
+    except KeyboardInterrupt as interrupt:
+        raise type(interrupt)(_kept_blocks_sentence(directory)) from None
     except UnfinishedError as error:
         raise UnfinishedError(f"{error}; {_kept_blocks_sentence(directory)}") from None
 
@@ -76,7 +75,7 @@ def show_results(
     from rpojax.scenario.plugins import plugin_registry
 
     with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(result.info)):
-        with busy("evaluating the results", quiet=as_json, announce=False):
+        with stage("evaluating the results", quiet=as_json, announce=False):
             summary = Notes().part("The summary", summarise, result)
         if as_json:
             path = report()
@@ -91,16 +90,16 @@ def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id:
     """Writes the report of a campaign, with a message while it lasts, and returns its path."""
     from rpojax.report.page.html_report import write_report
 
-    with busy("writing the report", quiet=as_json):
-        return interruptible(lambda: write_report(result, run_id, film=film, progress=False))
+    with stage("writing the report", quiet=as_json):
+        return write_report(result, run_id, film=film, progress=False)
 
 
 def write_brief_report(result: "Campaign", as_json: bool, run_id: int | None = None) -> Path:
     """Writes the brief report of a campaign, with a message while it lasts, and returns its path."""
     from rpojax.report.page.brief_page import write_brief
 
-    with busy("writing the brief report", quiet=as_json):
-        return interruptible(lambda: write_brief(result, run_id))
+    with stage("writing the brief report", quiet=as_json):
+        return write_brief(result, run_id)
 
 
 def has_whole_report(result: "Campaign") -> bool:

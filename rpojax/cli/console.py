@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from rpojax.runtime.progress_bar import count_runs
+from rpojax.runtime.progress import count_runs
 
 if TYPE_CHECKING:
     from rpojax.scenario.schema import ScenarioFile

@@ -11,7 +11,7 @@ from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.cli.output_paths import claim
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 
 if TYPE_CHECKING:
     from rpojax.campaign.dry_run import Plan
@@ -66,7 +66,7 @@ def show(
 
     if out is not None:
         preflight.check_folder(out, force)
-    with busy("drawing", quiet=as_json):
+    with stage("drawing", quiet=as_json):
         plan = plans.plan_campaign(file, options, speed=dry_run.speed)
     if dry_run.plan is not None:
         write_atomically(dry_run.plan, plans.csv_text(plan).encode())

@@ -16,7 +16,6 @@ each core unless XLA_FLAGS says how many. RPOJAX_BATCHING=jax batches runs by ja
 
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext, suppress
 
 import tyro
 
@@ -48,7 +47,6 @@ from rpojax.cli.commands.vision.detect import detect
 from rpojax.cli.environment_faults import environment_fault
 from rpojax.cli.error_text import error_text
 from rpojax.cli.exit_status import Status
-from rpojax.cli.interruptible_work import abandon_worker
 from rpojax.cli.standard_streams import (
     OutputFailure,
     flush_output,
@@ -58,8 +56,7 @@ from rpojax.cli.standard_streams import (
     silence_output,
 )
 from rpojax.errors import RpojaxError, UnfinishedError
-from rpojax.runtime.sign_of_life import SignOfLife
-from rpojax.runtime.signal_handling import ending_signals
+from rpojax.runtime import signal_handling
 from rpojax.runtime.warning_lines import silence_libraries
 from rpojax.version import __version__
 
@@ -117,21 +114,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"rpojax {__version__}")
         return Status.DONE
     silence_libraries()
-    with ending_signals() as received, printable_streams():
+    with printable_streams():
         try:
             return _status(arguments, "--json" in arguments)
         except KeyboardInterrupt as interrupt:
-            print_problem("", f"{received.word}; {str(interrupt) or 'nothing was written'}", "--json" in arguments)
-            abandon_worker(received.status)
-            return received.status
+            word, status = signal_handling.ending(type(interrupt))
+            print_problem("", f"{word}; {str(interrupt) or 'nothing was written'}", "--json" in arguments)
+            return status
 
 
 def _status(arguments: Sequence[str], as_json: bool) -> int:
     """Exit status of a command line; errors are printed."""
     try:
         words = _repeat_set_flag(_permit_plugin(arguments))
-        with nullcontext() if as_json else SignOfLife(_say, "starting"):
-            status = parse(app, words, _NAMES, __doc__ or "")()
+        status = parse(app, words, _NAMES, __doc__ or "")()
         flush_output()
         return status
     except BrokenPipeError:
@@ -155,11 +151,6 @@ def _status(arguments: Sequence[str], as_json: bool) -> int:
             silence_output()
         print_problem("error", error_text(fault), as_json)
         return Status.BAD_INPUT
-
-
-def _say(text: str) -> None:
-    with suppress(OSError, ValueError):  # nobody reads it any more
-        print(f"rpojax: {text}", file=sys.stderr, flush=True)
 
 
 def _permit_plugin(arguments: Sequence[str]) -> list[str]:

@@ -33,5 +33,5 @@ def resumable(work: Path) -> Iterator[None]:
     """Adds to an interrupt that the same command continues from `work`."""
     try:
         yield
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"the same command goes on from {work}") from None
+    except KeyboardInterrupt as interrupt:
+        raise type(interrupt)(f"the same command goes on from {work}") from None

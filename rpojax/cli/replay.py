@@ -3,8 +3,7 @@
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-from rpojax.cli.interruptible_work import with_progress
-from rpojax.runtime.progress_bar import ProgressCallback
+from rpojax.runtime.progress import run_progress
 
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign
@@ -17,14 +16,8 @@ def replay_servicers(
     """Replay of a campaign's run for each servicer of a team, or for the one servicer."""
     from rpojax.interop import run_replay
 
-    runs: list[ReplayedRun] = []
-
-    def work(watch: ProgressCallback) -> "Campaign":
-        runs.extend(run_replay.replay_servicers(found, run_id, observe, on_progress=watch))
-        return found
-
-    with_progress(work, found.file.duration_s, as_json)
-    return tuple(runs)
+    with run_progress(found.file.duration_s, quiet=as_json) as watch:
+        return run_replay.replay_servicers(found, run_id, observe, on_progress=watch)
 
 
 def content(agreement: "ReplayAgreement | None") -> dict[str, Any] | None:

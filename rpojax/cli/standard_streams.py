@@ -44,9 +44,8 @@ class PrintableStream:
     def write(self, text: str) -> int:
         """Writes a text, of which what a terminal would act on is escaped."""
         parts = _SEQUENCE.split(text) if self._is_terminal else [text]
-        for index, part in enumerate(parts):
-            # Parts of odd index are the sequences.
-            self._stream.write(part if index % 2 else escape_lines(part))
+        # Parts of odd index are the sequences. All at once, so that a line that is drawn again does not flicker.
+        self._stream.write("".join(part if index % 2 else escape_lines(part) for index, part in enumerate(parts)))
         return len(text)
 
     def __getattr__(self, name: str) -> Any:

@@ -16,7 +16,7 @@ from rpojax.interop.spacecraft_states import BothStates
 from rpojax.interop.tables.campaign_tables import TableName
 from rpojax.interop.tables.table_export import export_tables
 from rpojax.interop.tables.table_files import FILE_FORMATS
-from rpojax.runtime.progress_bar import ProgressCallback, busy, run_progress
+from rpojax.runtime.progress import ProgressCallback, run_progress, stage
 
 ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czml"]
 FORMATS: Final[tuple[ExportFormat, ...]] = get_args(ExportFormat)
@@ -74,7 +74,7 @@ def export(
     options = ExportOptions(tuple(what), run_id, force)
     name = form or Path(out).suffix.removeprefix(".")
     if name not in SIMULATED:
-        with busy(f"writing {name}", quiet=not progress):
+        with stage(f"writing {name}", quiet=not progress):
             return export_as(found, Path(out), name, options)
     with run_progress(found.file.duration_s, quiet=not progress) as shown:
         return export_as(found, Path(out), name, options, shown)

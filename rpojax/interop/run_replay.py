@@ -23,7 +23,8 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
-from rpojax.runtime.progress_bar import Progress, ProgressCallback
+from rpojax.runtime.progress import Progress, ProgressCallback
+from rpojax.runtime.thread_pools import thread_pool
 from rpojax.scenario.params import Params
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
@@ -128,6 +129,8 @@ def replay(
     """
     check_run_id(campaign, run_id)
     refuse_team(campaign.file, "a replay of one servicer")
+    if on_progress:
+        on_progress(Progress(0.0, 1, 0, compiled=False))
     file, in_double = _files(campaign, stages)
     options = campaign.configuration.options
     run_range = options.design_range
@@ -160,6 +163,8 @@ def replay_servicers(
     if not campaign.file.servicers:
         return (replay(campaign, run_id, observe_tick, stages, on_progress),)
     check_run_id(campaign, run_id)
+    if on_progress:
+        on_progress(Progress(0.0, 1, 0, compiled=False))
     file, in_double = _files(campaign, stages)
     options = campaign.configuration.options
     run_range = options.design_range
@@ -194,11 +199,12 @@ def _in_segments(
     segments = -(-scenario.ticks // _TICKS_PER_SEGMENT)
     segment_ticks = -(-scenario.ticks // segments)
     records = []
-    for number in range(segments):
-        if on_progress:
-            on_progress(Progress(number / segments, 1, 0, compiled=number > 0))
-        state, record = simulate(state, segment_ticks)
-        records.append(jax.tree.map(np.asarray, record))
+    with thread_pool(1) as pool:
+        for number in range(segments):
+            if on_progress and number > 0:
+                on_progress(Progress(number / segments, 1, 0, compiled=True))
+            state, record = pool.submit(simulate, state, segment_ticks).result()
+            records.append(jax.tree.map(np.asarray, record))
     # The last segment may extend beyond the end of the scenario.
     return state, jax.tree.map(lambda each: each[: scenario.ticks], concatenate(records))
 

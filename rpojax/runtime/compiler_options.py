@@ -2,11 +2,12 @@
 
 import os
 from collections.abc import Collection, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
 import jax
+
+from rpojax.runtime.thread_pools import thread_pool
 
 NO_OPTIONS: Mapping[str, Any] = {}
 
@@ -28,8 +29,8 @@ GPU_OPTIONS: Mapping[str, Any] = {"xla_disable_hlo_passes": "triton-softmax-rewr
 
 
 def compile_in_threads(lowered: Collection[Any], cpu_options: Mapping[str, Any] = NO_OPTIONS) -> list[Any]:
-    """Compiles several programs at the same time, as `compile_with_options`."""
-    with ThreadPoolExecutor(len(lowered)) as pool:
+    """Compiles programs at the same time, as `compile_with_options`; an interrupt is not held back."""
+    with thread_pool(len(lowered)) as pool:
         return list(pool.map(partial(compile_with_options, cpu_options=cpu_options), lowered))
 
 

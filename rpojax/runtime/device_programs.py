@@ -7,7 +7,8 @@ devices. Devices that exchange data during a call share one program of another k
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -17,6 +18,7 @@ from jax.sharding import SingleDeviceSharding
 from jax.stages import Traced
 
 from rpojax.runtime import compiler_options, garbage_collection
+from rpojax.runtime.thread_pools import thread_pool
 
 T = TypeVar("T")
 
@@ -106,20 +108,15 @@ def call_in_threads(functions: Sequence[Callable[[], T]], times: int) -> Generat
 
     A thread waits only when it is `CALLS_AHEAD` calls ahead of the caller.
     """
-    pools = [ThreadPoolExecutor(1) for _ in functions]
     pending: deque[list[Future[T]]] = deque()
-    try:
+    with ExitStack() as stack:
+        pools = [stack.enter_context(thread_pool(1)) for _ in functions]
         for number in range(times + CALLS_AHEAD):
             if number < times:
                 pending.append([pool.submit(function) for pool, function in zip(pools, functions, strict=True)])
             if number >= CALLS_AHEAD:
                 # Yielded without a local reference, so that the caller decides how long results stay in memory.
                 yield [each.result() for each in pending.popleft()]
-    finally:
-        for pool in pools:
-            pool.shutdown(wait=False, cancel_futures=True)
-        for pool in pools:
-            pool.shutdown()
 
 
 def choose_devices(devices: Sequence[Any] | None = None, most: int | None = None) -> list[Any]:

@@ -1,111 +1,78 @@
-"""Signals that end a command: an exception in the main thread, raised again where a library swallowed it."""
+"""Signals that end a command: SIGINT and SIGTERM raise `KeyboardInterrupt`, or end the process where none may pass."""
 
 import os
 import signal
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
-_AGAIN_S: Final = 3.0
-"""Time after which an exception that did not arrive is raised again [s]; cleaning up takes less."""
-_AT_ONCE_S: Final = 0.001
-"""The same where it is known to have been swallowed [s]; zero would be no timer."""
+_AGAIN_S, _AT_ONCE_S = 3.0, 0.001
+"""Time after which an exception is raised again [s], since it may have been swallowed, and where it is known to be."""
 
 
-class Received:
-    """The signal that ended a command.
-
-    Attributes:
-        number: of the signal, None if there was none
-    """
-
-    def __init__(self) -> None:
-        self.number: int | None = None
-
-    @property
-    def word(self) -> str:
-        """What happened to the command."""
-        return "terminated" if self.number == signal.SIGTERM else "interrupted"
-
-    @property
-    def status(self) -> int:
-        """Exit status of the command, as a shell gives it."""
-        return 128 + (self.number or signal.SIGINT)
+class Terminated(KeyboardInterrupt):
+    """SIGTERM was received."""
 
 
-def end_at_signals() -> None:
-    """Ends the process at SIGINT and SIGTERM, while modules are imported, when an exception could be swallowed."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _end)
+_KINDS: Final[dict[int, type[KeyboardInterrupt]]] = {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}
 
 
-def _end(number: int, _: FrameType | None) -> None:
-    word = "interrupted" if number == signal.SIGINT else "terminated"
-    os.write(2, f"rpojax: {word}; nothing was written\n".encode())
-    os._exit(128 + number)
+def ending(kind: type[KeyboardInterrupt]) -> tuple[str, int]:
+    """What happened to a command, and its exit status, as a shell gives it."""
+    return ("terminated", 128 + signal.SIGTERM) if kind is Terminated else ("interrupted", 128 + signal.SIGINT)
 
 
-def _is_importing(frame: FrameType | None) -> bool:
-    """Whether a frame is part of the import of a module."""
-    while frame is not None:
-        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
-            return True
-        frame = frame.f_back
-    return False
+def interrupt_at_signals() -> None:
+    """Has SIGINT and SIGTERM raise an exception in the main thread, and a second one end the process at once."""
+    _handle(lambda number, frame: _interrupt(_KINDS[number], frame))
+    sys.unraisablehook = _raise_again
 
 
 def leave_if_signalled(status: int) -> int:
     """Ends the process at once if a status is that of a signal, else returns the status.
 
-    Python itself ends by SIGINT if an exception of it passed through a call of `exec`, whatever the status is.
+    Python would wait for threads that compile. It also ends by SIGINT if an exception of it passed through a call of
+    `exec`, whatever the status is.
     """
-    if status in (128 + signal.SIGINT, 128 + signal.SIGTERM):
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    _handle(signal.SIG_DFL)
+    if status - 128 in _KINDS:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
     return status
 
 
-@contextmanager
-def ending_signals() -> Iterator[Received]:
-    """Raises `KeyboardInterrupt` in the body at SIGINT and SIGTERM; in other threads than the main one nothing."""
-    received = Received()
-    if threading.current_thread() is not threading.main_thread():
-        yield received
-        return
+def _handle(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> None:
+    for number in _KINDS:
+        # A job in the background of a script ignores SIGINT.
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, handler)
 
-    def note(number: int, frame: FrameType | None) -> None:
-        received.number = number if number != signal.SIGALRM else received.number
-        if _is_importing(frame):
+
+def _interrupt(kind: type[KeyboardInterrupt], frame: FrameType | None) -> None:
+    _handle(lambda number, _: _leave(_KINDS[number], "at once"))
+    signal.signal(signal.SIGALRM, lambda _, frame: _interrupt(kind, frame))
+    signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
             # An exception there passes through the initialisation of libraries in C++, which abort the process.
-            os.write(2, f"rpojax: {received.word} while modules were imported\n".encode())
-            os._exit(received.status)
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
-        raise KeyboardInterrupt
+            _leave(kind, "while modules were imported")
+        frame = frame.f_back
+    raise kind
 
-    def silent(unraisable: "sys.UnraisableHookArgs") -> None:
-        # A callback of the garbage collector or a destructor swallowed it: it is raised again at once.
-        if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, _AT_ONCE_S)
-        else:
-            hook(unraisable)
 
-    hook = sys.unraisablehook
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
-    before = {number: signal.getsignal(number) for number in numbers}
-    try:
-        for number in numbers:
-            # A job in the background of a script ignores SIGINT.
-            if before[number] != signal.SIG_IGN:
-                signal.signal(number, note)
-        sys.unraisablehook = silent
-        yield received
-    finally:
-        sys.unraisablehook = hook
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in before.items():
-            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+def _leave(kind: type[KeyboardInterrupt], when: str) -> None:
+    word, status = ending(kind)
+    clear = "\r\x1b[2K\x1b[?25h" if os.isatty(2) else ""  # a line that is shown live, and the cursor that it hides
+    os.write(2, f"{clear}rpojax: {word} {when}\n".encode())
+    os._exit(status)
+
+
+def _raise_again(unraisable: "sys.UnraisableHookArgs") -> None:
+    """Raises again what a destructor or a callback of the garbage collector has swallowed, once that has ended."""
+    if issubclass(unraisable.exc_type, KeyboardInterrupt):
+        signal.setitimer(signal.ITIMER_REAL, _AT_ONCE_S)
+    else:
+        sys.__unraisablehook__(unraisable)

@@ -22,7 +22,7 @@ from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight.control import formation_law
 from rpojax.flight.stages import Stages
 from rpojax.metrics import metric_catalogue, surface_coverage, team
-from rpojax.runtime.progress_bar import Progress
+from rpojax.runtime.progress import Progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import trace_channels

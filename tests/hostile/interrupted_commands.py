@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from command_line_calls import without_signs_of_life
-
 import rpojax
 
 SHORT = ("--set", "duration_s=200")
@@ -20,7 +18,7 @@ STAGES = {
     "import": 0.12,
     "reading and drawing": 0.6,
     "compiling": "compiling",
-    "simulating": "to do",
+    "simulating": "simulating",
     "storing": "manifest",
     "reporting": "writing the report",
 }
@@ -53,9 +51,7 @@ def ended(process: subprocess.Popen[str], since: float | None = None) -> Ended:
     """Waits for the end of a command."""
     out, err = process.communicate(timeout=300)
     status = process.returncode if process.returncode >= 0 else 128 - process.returncode
-    # With --json a sign of life would be a fault.
-    shown = err if "--json" in process.args else without_signs_of_life(err)
-    return Ended(status, out or "", shown, 0.0 if since is None else time.monotonic() - since)
+    return Ended(status, out or "", err, 0.0 if since is None else time.monotonic() - since)
 
 
 def run_to_end(*words: str, **environment: str | None) -> Ended:
@@ -94,4 +90,4 @@ def signalled(stage: str, number: signal.Signals, words: Sequence[str], folder: 
     watcher.join()
     out = process.stdout.read() if process.stdout is not None else ""
     status = process.returncode if process.returncode >= 0 else 128 - process.returncode
-    return Ended(status, out, without_signs_of_life("".join(lines)), waited)
+    return Ended(status, out, "".join(lines), waited)

@@ -19,7 +19,7 @@ from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.interop import run_replay
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.run_replay import ReplayedRun, TickObserver
-from rpojax.runtime.progress_bar import Progress
+from rpojax.runtime.progress import Progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_digest import scenario_digest

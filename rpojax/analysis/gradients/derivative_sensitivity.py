@@ -24,7 +24,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
 from rpojax.optional_packages import require_package
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import component_columns
@@ -191,7 +191,7 @@ def sensitivity(
         RpojaxError: a metric has no derivative, nothing can be moved, or too few runs complete.
     """
     names, space = select_metrics(file, metrics), standard_normal_space.make_space(file)
-    with busy("compiling runs and their derivatives (a minute or two), then simulating", quiet=not progress):
+    with stage("simulating with derivatives (compiling takes a minute or two)", quiet=not progress):
         found = derivative_sensitivities(space, names, runs, seed)
     agreements = tuple(None if campaign is None else _campaign_agreement(one, space, campaign) for one in found)
     return SensitivityAnalysis(space, seed, runs, found, agreements)

@@ -190,7 +190,7 @@ class RolloutEvaluator:
                 for shape, dtype in zip(shapes, types, strict=False)
             ]
             lowered = jax.jit(self._mesh.by_rows(function, whole=1)).lower(self._nominal, *arguments)
-            program = compiler_options.compile_with_options(lowered, compiler_options.NO_OPTIONS)
+            (program,) = compiler_options.compile_in_threads([lowered])
             self.compile_s += time.perf_counter() - begin
             if needed := program.memory_analysis():
                 self.program_memory_bytes = max(self.program_memory_bytes, needed.temp_size_in_bytes * self._mesh.size)

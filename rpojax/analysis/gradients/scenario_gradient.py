@@ -21,7 +21,7 @@ from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.optional_packages import require_package
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.loading import scenario_loader
@@ -152,7 +152,7 @@ def gradient(
     if mode == "auto":
         mode = "forward" if count <= FORWARD_MODE_MAX_INPUTS * len(names) else "reverse"
     evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages)
-    with busy(f"compiling runs and their derivatives ({mode} mode), then simulating", quiet=not progress):
+    with stage(f"derivatives in {mode} mode: compiling, then simulating", quiet=not progress):
         found, jacobian = _jacobian(evaluator, np.zeros((runs, count)), run_keys(seed, run_ids), mode)
     return Gradient(
         run_ids=run_ids,

@@ -24,7 +24,7 @@ from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.optional_packages import require_package
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 from rpojax.scenario.schema import ScenarioFile
 
 if TYPE_CHECKING:
@@ -175,11 +175,11 @@ def linear_covariance(
         raise RpojaxError.of_argument("members", f"found {members}, expected at least 2")
     preflight.check_numbers(max(runs, 1), 0, seed, None)
     check_scenario(file)
-    with busy("linear covariance: compiling, then propagating", quiet=not progress):
+    with stage("linear covariance: compiling, then propagating", quiet=not progress):
         found = propagate_covariance(file, members, stages=stages)
     sample, agreement = None, ()
     if runs:
-        with busy(f"simulating {runs} runs", quiet=not progress):
+        with stage(f"simulating {runs} runs", quiet=not progress):
             sample = monte_carlo_agreement.simulate_sample(file, runs, seed, stages)
         agreement = tuple(monte_carlo_agreement.compare_with_sample(found, sample))
     return LinearCovarianceAnalysis(file, members, seed, found, error_budget(found), sample, agreement)

@@ -25,7 +25,7 @@ from rpojax.analysis.reliability.simulated_limit_state import (
 from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign import run_and_resume
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.schema import ScenarioFile
@@ -89,9 +89,9 @@ def find_worst_case(
     space = standard_normal_space.make_space(file)
     settings = dataclasses.replace(settings, screening_points=max(settings.screening_points, settings.starts))
     check_settings(settings)
-    with busy("compiling runs and their gradient (minutes; seconds the next time), then searching", not progress):
+    with stage("searching (compiling takes minutes, seconds the next time)", not progress):
         found = search_worst_case(space, chosen, settings, seed)
-    with busy("simulating the worst case", not progress):
+    with stage("simulating the worst case", not progress):
         if run_directory is not None:
             return dataclasses.replace(found, simulated_value=simulate_worst_case(found, Path(run_directory), force))
         with tempfile.TemporaryDirectory() as folder:

@@ -21,7 +21,7 @@ from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import ResultError
 from rpojax.metrics.time_windows import split_name
 from rpojax.optional_packages import require_package
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 from rpojax.scenario.schema import RequirementSection
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
     independent = designs.has_independent_runs(first.file) and designs.has_independent_runs(second.file)
     differing = defined_differently(first.info, second.info)
     runs = [RunMetrics(each.run_ids, each.outcomes, without(each.metrics, differing)) for each in (first, second)]
-    with busy("comparing runs", quiet=not progress):
+    with stage("comparing runs", quiet=not progress):
         compared = compare_paired_runs(runs[0], runs[1], _requirements(first, second, differing), independent)
     changed = changed_keys(first.info["scenario"], second.info["scenario"])
     warnings = comparison_warnings(first, second)

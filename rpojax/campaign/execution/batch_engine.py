@@ -6,7 +6,6 @@ import functools
 import itertools
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +28,7 @@ from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options, device_programs, garbage_collection
 from rpojax.runtime.device_programs import DevicePrograms, DeviceTraces
+from rpojax.runtime.thread_pools import thread_pool
 from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
@@ -205,7 +205,7 @@ class BatchEngine:
             return
         begin = time.perf_counter()
         self.coverage.start()
-        with ThreadPoolExecutor(2) as pool:
+        with thread_pool(2) as pool:
             # The preparation is compiled while the loop, which needs its output shapes, is traced.
             preparation = pool.submit(_compile_preparation, self._preparation_trace)
             traces = self._loop_traces

@@ -1,7 +1,7 @@
 """Executor that simulates blocks on all devices of this process."""
 
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
 
 from rpojax.campaign.execution import block_runner
@@ -9,6 +9,7 @@ from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import ExecutorProgressCallback
 from rpojax.campaign.execution.selected_histories import SelectionSoFar
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.runtime.thread_pools import thread_pool
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class LocalExecutor:
         selection = SelectionSoFar.of_campaign(self.campaign)
         done, failed = 0, 0
         devices = len(self.engine.devices)
-        with ThreadPoolExecutor(1) as pool:
+        with thread_pool(1) as pool:
             storing: Future[None] | None = None
             for first in range(0, len(blocks), devices):
                 batch = blocks[first : first + devices]

@@ -25,7 +25,7 @@ from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSetting
 from rpojax.interop.cosimulation.message_exchange import MessageExchange
 from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.runtime import garbage_collection
-from rpojax.runtime.sign_of_life import SignOfLife
+from rpojax.runtime.progress import items, stage
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
@@ -77,7 +77,7 @@ class LiveRunResult:
 def simulate_live(
     file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings, write_line: LineWriter
 ) -> LiveRunResult:
-    """Simulates one run live; `write_line` gets lines on progress and events.
+    """Simulates one run live; progress is shown on stderr, and `write_line` gets lines on events.
 
     Raises:
         RpojaxError: the scenario is that of a team, its plugin is not allowed, a stage is replaced that is left to
@@ -89,24 +89,22 @@ def simulate_live(
     own = plugin_registry.stages_of(file)
     stage_use.check(own, (stage_use.EXTERNAL[each] for each in sorted(stages)))
     exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)
-    write_line("compiling")
-    with SignOfLife(write_line, "compiling"):
+    with stage("compiling", quiet=False):
         run = _LiveRun(file, own, seed, run_id, settings)
         run.warm_up()
-    write_line("waiting for external nodes")
-    with SignOfLife(write_line, "waiting for external nodes"):
+    with stage("waiting for external nodes", quiet=False):
         exchange.wait_for_nodes(settings.wait_s)
-    write_line("running")
     clock: LockstepClock | RealTimeClock = LockstepClock(settings.timeout_s)
     if settings.real_time_factor is not None:
         clock = RealTimeClock(settings.real_time_factor, nanoseconds(run.scenario.step_s), settings.timeout_s)
     commands = CommandInput(settings, run.limits, exchange, clock, events)
     wall, cpu, stop_reason = time.perf_counter(), time.process_time(), ""
     try:
-        with garbage_collection.existing_objects_spared(), SignOfLife(write_line, "running"):
+        with garbage_collection.existing_objects_spared(), items("running", quiet=False, announce=True) as watch:
             while run.is_running:
                 exchange.count_type_mismatches()
                 run.tick(commands)
+                watch(run.ticks, run.scenario.ticks)
     except UnfinishedError as error:
         stop_reason = str(error)
     return LiveRunResult(

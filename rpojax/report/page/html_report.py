@@ -32,7 +32,7 @@ from rpojax.report.sections import identity_section
 from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_distributions
 from rpojax.report.team import team_section
 from rpojax.report.worked_out import Notes
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 from rpojax.scenario.plugins import plugin_registry
 
 
@@ -47,13 +47,13 @@ def write_report(
         campaign: results
         run_id: run shown beside the worst ones; by default the median one in formation error among those with a history
         film: whether to render the camera images of that run again, which takes some 20 s
-        progress: say on stderr every few seconds that it is under way
+        progress: show in a terminal that it is under way
 
     Raises:
         ResultError: no history of `run_id` is stored.
     """
     own = plugin_registry.recorded_metrics(campaign.info)
-    with busy("writing the report", quiet=not progress, announce=False), metric_catalogue.metrics_of_scenario(own):
+    with stage("writing the report", quiet=not progress, announce=False), metric_catalogue.metrics_of_scenario(own):
         return _write(campaign, run_id, film)
 
 

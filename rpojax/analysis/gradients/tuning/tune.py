@@ -16,7 +16,7 @@ from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atom
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.flight.stages import Stages
 from rpojax.optional_packages import require_package
-from rpojax.runtime.progress_bar import item_progress
+from rpojax.runtime.progress import items
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
@@ -163,7 +163,7 @@ def run_tuning(
     settings = dataclasses.replace(settings, horizon_s=tunable_scenario.horizon(file, settings))
     kept = None if progress_file is None else Path(progress_file)
     begin = time.perf_counter()
-    with item_progress("tuning", quiet=not progress) as watch:
+    with items("tuning", quiet=not progress) as watch:
         result = gradient_descent.descend(
             file,
             settings,
@@ -188,7 +188,7 @@ def _validate(
     file: ScenarioFile, tuned: ScenarioFile, settings: TuningSettings, stages: Stages | None, progress: bool
 ) -> Validation:
     seed, runs = settings.seed + 1, settings.validation_runs
-    with item_progress("validating", quiet=not progress) as watch:
+    with items("validating", quiet=not progress) as watch:
         return tuning_validation.validate(
             file, tuned, seed, runs, lambda fraction: watch(round(100 * fraction), 100), stages
         )

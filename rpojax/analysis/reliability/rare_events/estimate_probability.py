@@ -12,7 +12,7 @@ from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunct
 from rpojax.analysis.reliability.rare_events.probability_estimate import MethodChoice, ProbabilityEstimate
 from rpojax.errors import RpojaxError
 from rpojax.runtime import jax_configuration
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 
 jax_configuration.enable_double_precision()
 
@@ -43,7 +43,7 @@ def estimate_probability(
         seed: of the random numbers
         method: 'auto', or 'subset', 'importance', 'line' or 'plain'
         noise_dimension: of the noise; without any the limit state is a function of z alone
-        progress: say on stderr every few seconds that it is under way
+        progress: show in a terminal that it is under way
 
     Raises:
         RpojaxError: an argument is out of range, or the limit state does not return one margin a point.
@@ -54,7 +54,7 @@ def estimate_probability(
     space = LatentSpace(dimension + moved, blocks)
     calls = LimitStateCalls(_as_limit_function(limit_state, dimension, noise_dimension), space, budget)
     chosen: MethodChoice = method  # pyright: ignore[reportAssignmentType]
-    with busy("estimating the probability", quiet=not progress, announce=False):
+    with stage("estimating the probability", quiet=not progress, announce=False):
         return method_choice.estimate(calls, np.random.default_rng(seed), chosen)
 
 

@@ -23,7 +23,7 @@ from rpojax.campaign import preflight
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress_bar import Progress, ProgressCallback
+from rpojax.runtime.progress import Progress, ProgressCallback
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.scenario_digest import scenario_digest
@@ -169,7 +169,7 @@ class _Watch:
 
     def show(self, compiled: bool) -> None:
         self._compiled = compiled
-        self._on_progress(Progress(self._done, self._budget, self._failed, self._compiled))
+        self._on_progress(Progress(self._done, self._budget, self._failed, self._compiled, stage="estimating"))
 
     def add_runs(self, runs: float) -> None:
         self._done = min(self._done + runs, float(self._budget))

@@ -11,7 +11,7 @@ from rpojax.cli import output_paths
 from rpojax.cli.arguments import AsJson, Force
 from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 
 if TYPE_CHECKING:
     from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
@@ -39,7 +39,7 @@ def compare(
     from rpojax.report.page.comparison import comparison_page
 
     comparison_page.check_count(2 + len(more))
-    with busy("comparing runs", quiet=as_json, announce=False):
+    with stage("comparing runs", quiet=as_json, announce=False):
         campaigns = [Campaign(folder) for folder in (first, second, *more)]
         found = [campaign_comparison.compare(campaigns[0], other, progress=False) for other in campaigns[1:]]
         if out is not None:

@@ -11,7 +11,7 @@ from rpojax.cli.output_paths import claim
 from rpojax.cli.standard_streams import print_json
 from rpojax.runtime import blas_threads
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 
 if TYPE_CHECKING:
     from rpojax.analysis.linear_covariance.linear_covariance import LinearCovarianceAnalysis
@@ -43,7 +43,7 @@ def lincov(
     from rpojax.analysis.linear_covariance import linear_covariance as analysis
 
     found = analysis.linear_covariance(file, members=members, runs=runs, seed=seed, progress=not as_json)
-    with busy("drawing figures", quiet=as_json, announce=False):
+    with stage("drawing figures", quiet=as_json, announce=False):
         _write_figures(found, out)
     found.write(out, force)
     content = found.to_dict()

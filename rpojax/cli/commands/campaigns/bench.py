@@ -13,7 +13,7 @@ from rpojax.cli.exit_status import Status
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import environment_without_loop_fusion, prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress_bar import busy
+from rpojax.runtime.progress import stage
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -61,7 +61,7 @@ def bench(
         filter_speed.check_filter(file)
     found: dict[str, Any] = {}
     for part in parts:
-        with busy(f"measuring {PARTS[part]}", quiet=as_json):
+        with stage(f"measuring {PARTS[part]}", quiet=as_json):
             found |= _vision_in_own_process() if apart and part == "vision" else suite.PARTS[part](file, batches)
     found |= platform_info()
     if as_json:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import arg
 
@@ -14,13 +14,8 @@ from rpojax.cli.console import show_rare_requirements, show_warnings
 from rpojax.cli.dry_run_output import DryRunOptions
 from rpojax.cli.executor_options import ExecutorOptions
 from rpojax.cli.exit_status import Status
-from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress_bar import ProgressCallback
-
-if TYPE_CHECKING:
-    from rpojax.campaign.storage.campaign_folder import Campaign
-
+from rpojax.runtime.progress import run_progress, stage
 
 CampaignFolder = Annotated[
     Path | None, arg(metavar="DIR", help="Folder to create for the results.", help_behavior_hint="(required)")
@@ -51,9 +46,10 @@ def campaign(
     dry_run.check(out, output.force)
     file = load(scenario, overrides)
     executor.check(output.force)
-    prepare_jax(cache=not session.no_cache)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.campaign import run_and_resume
+    with stage("starting", quiet=session.as_json, announce=False):
+        prepare_jax(cache=not session.no_cache)
+        set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+        from rpojax.campaign import run_and_resume
 
     execution = run_and_resume.Execution(shard=executor.parse_shard(), executor=executor.executor_factory())
     if dry_run.dry_run:
@@ -63,11 +59,8 @@ def campaign(
     show_warnings(file, quiet=session.as_json)
     show_rare_requirements(file, out, quiet=session.as_json)
     wanted = replace(options, report=not output.no_report)
-
-    def work(watch: ProgressCallback) -> "Campaign":
-        return run_and_resume.start_campaign(file, wanted, out, execution, force=output.force, on_progress=watch)
-
     with keeping_results(out):
-        result = with_progress(work, file.duration_s, session.as_json)
+        with run_progress(file.duration_s, quiet=session.as_json) as watch:
+            result = run_and_resume.start_campaign(file, wanted, out, execution, force=output.force, on_progress=watch)
         shared = execution.shard is not None
         return conclude(result, report=wanted.report, as_json=session.as_json, film=not output.no_film, shared=shared)

@@ -11,7 +11,7 @@ from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress_bar import run_progress
+from rpojax.runtime.progress import run_progress
 
 if TYPE_CHECKING:
     from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate

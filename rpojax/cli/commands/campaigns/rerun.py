@@ -7,13 +7,11 @@ from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, Folder, Force, NoCache, NoFilm, Out
 from rpojax.cli.campaign_output import conclude, keeping_results
-from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress_bar import ProgressCallback
+from rpojax.runtime.progress import run_progress, stage
 
 if TYPE_CHECKING:
     from rpojax.campaign.rerun import RerunResult
-    from rpojax.campaign.storage.campaign_folder import Campaign
 
 
 def rerun(
@@ -27,25 +25,20 @@ def rerun(
     no_cache: NoCache = False,
 ) -> int:
     """Repeat one run of a campaign with its full history, and compare it with the record."""
-    prepare_jax(cache=not no_cache)
-    from rpojax.campaign import rerun as again
-    from rpojax.campaign.storage.campaign_folder import Campaign
+    with stage("starting", quiet=as_json, announce=False):
+        prepare_jax(cache=not no_cache)
+        from rpojax.campaign import rerun as again
+        from rpojax.campaign.storage.campaign_folder import Campaign
 
     found = Campaign(directory)
     set_loop_fusion_flag(rendered=found.file.camera.model == "rendered")
-    outcomes: list[again.RerunResult] = []
-
-    def work(watch: ProgressCallback) -> "Campaign":
-        outcomes.append(again.rerun(found, run_id, out, force=force, on_progress=watch))
-        return outcomes[0].campaign
-
-    with keeping_results(out):
-        simulated = with_progress(work, float(found.configuration.scenario["duration_s"]), as_json)
-    [outcome] = outcomes
+    duration_s = float(found.configuration.scenario["duration_s"])
+    with keeping_results(out), run_progress(duration_s, quiet=as_json) as watch:
+        outcome = again.rerun(found, run_id, out, force=force, on_progress=watch)
     comparison = {"recorded": outcome.was_recorded, "different": sorted(outcome.differences)}
     if not as_json:
         print(f"rpojax: {_verdict(outcome)}", file=sys.stderr)
-    return conclude(simulated, report=True, as_json=as_json, film=not no_film, more={"rerun": comparison})
+    return conclude(outcome.campaign, report=True, as_json=as_json, film=not no_film, more={"rerun": comparison})
 
 
 def _verdict(outcome: "RerunResult") -> str:

@@ -1,7 +1,7 @@
 """The command `rpojax resume`: completes an interrupted campaign, or estimate of a probability."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
@@ -10,12 +10,8 @@ from rpojax.cli.campaign_output import conclude, has_whole_report, keeping_resul
 from rpojax.cli.commands.campaigns.probability import resume_estimate
 from rpojax.cli.executor_options import ExecutorOptions
 from rpojax.cli.exit_status import Status
-from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress_bar import ProgressCallback
-
-if TYPE_CHECKING:
-    from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.runtime.progress import run_progress, stage
 
 
 def resume(
@@ -30,10 +26,11 @@ def resume(
     if EstimateFolder(directory).is_begun:
         executor.refuse_other_processes()
         return resume_estimate(directory, session)
-    prepare_jax(cache=not session.no_cache)
-    from rpojax.campaign import run_and_resume
-    from rpojax.campaign.storage import stale_files
-    from rpojax.campaign.storage.campaign_folder import Campaign
+    with stage("starting", quiet=session.as_json, announce=False):
+        prepare_jax(cache=not session.no_cache)
+        from rpojax.campaign import run_and_resume
+        from rpojax.campaign.storage import stale_files
+        from rpojax.campaign.storage.campaign_folder import Campaign
 
     shard = executor.parse_shard()
     found = Campaign(directory)
@@ -46,15 +43,9 @@ def resume(
         show_results(found, lambda: report_of(found), session.as_json)
         return Status.DONE
 
-    def work(watch: ProgressCallback) -> "Campaign":
-        return run_and_resume.resume_campaign(
-            directory, on_progress=watch, shard=shard, executor=executor.executor_factory()
-        )
-
     with keeping_results(directory):
-        return conclude(
-            with_progress(work, found.file.duration_s, session.as_json),
-            report=True,
-            as_json=session.as_json,
-            shared=shard is not None,
-        )
+        with run_progress(found.file.duration_s, quiet=session.as_json) as watch:
+            result = run_and_resume.resume_campaign(
+                directory, on_progress=watch, shard=shard, executor=executor.executor_factory()
+            )
+        return conclude(result, report=True, as_json=session.as_json, shared=shard is not None)

@@ -8,12 +8,11 @@ from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.cli.arguments import AsJson, Force, NoCache, NoFilm, Out, Overrides, Seed, Source, load
 from rpojax.cli.campaign_output import conclude, keeping_results
 from rpojax.cli.console import show_warnings
-from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress_bar import ProgressCallback
+from rpojax.runtime.progress import run_progress, stage
 
 if TYPE_CHECKING:
-    from rpojax.campaign.storage.campaign_folder import Campaign
+    pass
 
 
 def run(
@@ -32,14 +31,13 @@ def run(
     """One run with its full history: a campaign of one run, with its report."""
     file = load(scenario, overrides)
     show_warnings(file, quiet=as_json)
-    prepare_jax(cache=not no_cache)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.campaign import run_and_resume
+    with stage("starting", quiet=as_json, announce=False):
+        prepare_jax(cache=not no_cache)
+        set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+        from rpojax.campaign import run_and_resume
 
     options = CampaignOptions(runs=1, seed=seed, first_run=run_id, block_size=block_size, report=True)
-
-    def work(watch: ProgressCallback) -> "Campaign":
-        return run_and_resume.start_campaign(file, options, out, force=force, on_progress=watch)
-
     with keeping_results(out):
-        return conclude(with_progress(work, file.duration_s, as_json), report=True, as_json=as_json, film=not no_film)
+        with run_progress(file.duration_s, quiet=as_json) as watch:
+            result = run_and_resume.start_campaign(file, options, out, force=force, on_progress=watch)
+        return conclude(result, report=True, as_json=as_json, film=not no_film)

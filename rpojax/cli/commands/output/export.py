@@ -1,19 +1,15 @@
 """The command `rpojax export`: results or trajectories of a campaign in files that other tools read."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, Folder, NoCache
 from rpojax.cli.exit_status import Status
-from rpojax.cli.interruptible_work import with_progress
 from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress_bar import ProgressCallback
-
-if TYPE_CHECKING:
-    from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.runtime.progress import run_progress
 
 FormatName = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czml"]
 
@@ -42,15 +38,11 @@ def export(
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.interop import export as exports
 
-    found, paths = Campaign(directory), list[Path]()
+    found = Campaign(directory)
     names = [name.strip() for name in what.split(",") if name.strip()]
-
-    def work(watch: ProgressCallback) -> "Campaign":
-        options = exports.ExportOptions(tables=tuple(names), run_id=run_id, force=force)
-        paths.extend(exports.export_as(found, out, form, options, watch))
-        return found
-
-    with_progress(work, found.file.duration_s, as_json)
+    options = exports.ExportOptions(tables=tuple(names), run_id=run_id, force=force)
+    with run_progress(found.file.duration_s, quiet=as_json) as watch:
+        paths = exports.export_as(found, out, form, options, watch)
     if as_json:
         print_json({"files": list(map(str, paths))})
     else:

@@ -11,7 +11,7 @@ from rpojax.cli.arguments import AsJson, Folder, NoCache
 from rpojax.cli.exit_status import Status
 from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress_bar import item_progress
+from rpojax.runtime.progress import items
 
 if TYPE_CHECKING:
     from rpojax.interop.ros2.message_values import RosTickValues
@@ -49,7 +49,7 @@ def export_bag(
     runs = replay.replay_servicers(found, run_id, message_values.observe_tick, as_json)
     agreement = run_replay.compare_with_campaign(run := runs[0], found)
     replayed, storage = time.perf_counter(), mcap_or_sqlite3_writer.BagFormat(form)
-    with item_progress("writing ticks", quiet=as_json) as watch:
+    with items("writing ticks", quiet=as_json) as watch:
         if found.file.servicers:
             count = run_bag.write_team(runs, out, storage, kind, force, watch)
         else:

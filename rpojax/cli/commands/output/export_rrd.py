@@ -13,7 +13,7 @@ from rpojax.cli.output_paths import claim
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress_bar import item_progress
+from rpojax.runtime.progress import items
 
 if TYPE_CHECKING:
     from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
@@ -43,7 +43,7 @@ def export_rrd(
     found = Campaign(directory)
     runs = replay.replay_servicers(found, run_id, viewer_channels.observe_tick, as_json)
     agreement = run_replay.compare_with_campaign(run := runs[0], found)
-    with item_progress("taking pictures", quiet=as_json) as watch:
+    with items("writing the recording", quiet=as_json) as watch:
         written = rrd_recording.write_servicers(runs, out, [_shots(each, every, watch) for each in runs])
     if as_json:
         told = {"ticks": written.ticks, "pictures": written.images, "size_bytes": written.size_bytes}

@@ -8,10 +8,9 @@ from tyro.conf import arg
 
 from rpojax.cli.arguments import Folder, NoCache
 from rpojax.cli.exit_status import Status
-from rpojax.cli.interruptible_work import with_progress
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress_bar import ProgressCallback, item_progress
+from rpojax.runtime.progress import items, run_progress
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,7 +57,7 @@ def film(
     # The stills of a team are chosen by what its first servicer does.
     ticks = camera_stills.select_stills(of_servicer(history, 0) if file.servicers else history, end)
     ticks = ticks if suffix == ".png" else list(range(0, end, every))
-    with item_progress("taking pictures", quiet=False) as watch:
+    with items("taking pictures", quiet=False) as watch:
         options = found.configuration.options
         pictures = _pictures(
             file,
@@ -87,14 +86,8 @@ def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> 
     check_run_id(found, run)
     if run in kept and rerender.is_renderable(history := found.history(run), file):
         return run, history
-    replayed: list[Mapping[str, np.ndarray]] = []
-
-    def work(watch: ProgressCallback) -> "Campaign":
-        replayed.append(replay_history(file, found.configuration, run, watch))
-        return found
-
-    with_progress(work, file.duration_s, as_json=False)
-    return run, replayed[0]
+    with run_progress(file.duration_s, quiet=False) as watch:
+        return run, replay_history(file, found.configuration, run, watch)
 
 
 def _pictures(

@@ -10,7 +10,7 @@ from rpojax.cli.arguments import AsJson, Overrides, Source
 from rpojax.cli.output_paths import claim
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress_bar import busy, item_progress
+from rpojax.runtime.progress import items, stage
 
 if TYPE_CHECKING:
     from rpojax.analysis.calibration.camera_fit import CameraFit
@@ -84,13 +84,13 @@ def _fit(
     """Fit to rendered views, its camera with the correlation of errors, and a summary of the detector's outcomes."""
     from rpojax.analysis.calibration import camera_fit, detection_outcomes, error_correlation, view_sampling
 
-    with item_progress("rendering", quiet=quiet) as watch:
+    with items("rendering", quiet=quiet) as watch:
         found = detection_outcomes.detect_in_views(file, view_sampling.sample_views(file, samples, seed), seed, watch)
     threshold = file.imaging.score_threshold
-    with item_progress("rendering sequences", quiet=quiet) as watch:
+    with items("rendering sequences", quiet=quiet) as watch:
         turning = error_correlation.sample_tumble_sequences(file, sequences, seed + 1)
         seen = detection_outcomes.detect_in_views(file, turning.views, seed + 1, watch)
-    with busy("fitting", quiet=quiet):
+    with stage("fitting", quiet=quiet):
         fit = camera_fit.fit_camera(found, threshold, seed)
         statistics = error_correlation.with_error_correlation(fit.statistics, seen, turning.turn_per_frame, threshold)
     return fit, statistics, camera_fit.outcome_summary(found, threshold)

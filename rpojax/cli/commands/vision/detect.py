@@ -1,7 +1,5 @@
 """The command `rpojax detect`: boxes of spacecraft in pictures."""
 
-import sys
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +7,7 @@ from tyro.conf import Positional, arg
 
 from rpojax.cli.standard_streams import print_json, print_problem
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.runtime.sign_of_life import SignOfLife
+from rpojax.runtime.progress import stage
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,22 +50,21 @@ def detect(
     from rpojax.vision.detector.multiscale_detection import detect_multiscale
     from rpojax.vision.imaging import image_files
 
-    sign = SignOfLife(lambda words: print(f"rpojax: {words}", file=sys.stderr), "searching pictures")
-    with nullcontext() if as_json else sign:
-        params, _ = load_detector(weights)
-        results = []
-        for path, target in zip(images, targets, strict=True):
-            try:
-                image = image_files.read_image(path)
-            except image_files.ImageFileError as error:
-                print_problem("error", str(error), as_json=False)
-                continue
+    params, _ = load_detector(weights)
+    results = []
+    for path, target in zip(images, targets, strict=True):
+        try:
+            image = image_files.read_image(path)
+        except image_files.ImageFileError as error:
+            print_problem("error", str(error), as_json=False)
+            continue
+        with stage(f"searching {path.name}", quiet=as_json, announce=False):
             found = detect_multiscale(params, image, threshold)
-            results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
-            if target:
-                _draw(image, found, target)
-            if not as_json:
-                _print_boxes(results[-1])
+        results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
+        if target:
+            _draw(image, found, target)
+        if not as_json:
+            _print_boxes(results[-1])
     if as_json:
         print_json(results)
     return 0 if len(results) == len(images) else 3 if results else 2

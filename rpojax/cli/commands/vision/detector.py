@@ -12,7 +12,7 @@ from rpojax.cli.output_paths import claim, claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress_bar import item_progress
+from rpojax.runtime.progress import items
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -122,11 +122,11 @@ def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quie
     from rpojax.training.synthetic_data import detection_dataset, spacecraft_sprites
     from rpojax.training.synthetic_data.scenery import earth_textures
 
-    with item_progress(f"ray tracing for {part.name}", quiet=quiet) as watch:
+    with items(f"ray tracing for {part.name}", quiet=quiet) as watch:
         found = spacecraft_sprites.trace_sprites(
             work / "sprites", part.craft, part.views, part.seed, part.held_out, watch
         )
-    with item_progress(f"composing for {part.name}", quiet=quiet) as watch:
+    with items(f"composing for {part.name}", quiet=quiet) as watch:
         earth = earth_textures.load_earth_textures(part.held_out, part.seed)
         number = 2 * part.seed + part.held_out
         detection_dataset.write_dataset(out / part.name, part.number, number, found, earth, part.provenance, watch, mix)
@@ -169,7 +169,7 @@ def train(
     judged = unseen.subset(np.unique(np.linspace(0, len(unseen) - 1, _MOST_JUDGED).astype(int)))
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
-    with resumable(checkpoint), item_progress("training", quiet=as_json) as watch:
+    with resumable(checkpoint), items("training", quiet=as_json, announce=True) as watch:
         tell = _told(watch, epochs / (epochs + second_epochs))
         params, history = train_detector.train(
             known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun

@@ -17,7 +17,7 @@ from rpojax.cli.console import show_lines
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress_bar import item_progress
+from rpojax.runtime.progress import items
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,9 +99,9 @@ def train(
     )
     preview = work / "contact_sheet.png"
     with resumable(work):
-        with item_progress("ray tracing", quiet=as_json) as watch:
+        with items("ray tracing", quiet=as_json) as watch:
             traced = ray_traced_views.ray_trace_views(target, shell, work, watch, partial(_preview, preview, as_json))
-        with item_progress("training", quiet=as_json) as watch:
+        with items("training", quiet=as_json, announce=True) as watch:
             field, history = train_field.train(
                 target,
                 traced,
@@ -139,7 +139,7 @@ def evaluate(
 
     target, network = _mesh_and_field(mesh, placement, field)
     traced = _ray_trace_fresh_views(target, network, fresh, as_json)
-    with item_progress("rendering", quiet=as_json) as watch:
+    with items("rendering", quiet=as_json) as watch:
         shown = evaluate_field.render_views(network, traced, watch)
     if sheet:
         _compare(sheet, shown, traced)
@@ -187,7 +187,7 @@ def render(
 
     network, _ = load_field(field)
     around = camera_azimuths(frames, azimuth_deg)
-    with item_progress("rendering", quiet=as_json) as watch:
+    with items("rendering", quiet=as_json) as watch:
         pictures = _counted(render_turntable(network, around, size_px, np.array(sun), elevation_deg), frames, watch)
         if still:
             captions = [f"azimuth {azimuth:.0f} deg" for azimuth in around] if frames > 1 else []
@@ -262,7 +262,7 @@ def _ray_trace_fresh_views(
         range_m=fresh.range_m,
         field_of_view_deg=fresh.fov_deg,
     )
-    with item_progress("ray tracing", quiet=quiet) as watch:
+    with items("ray tracing", quiet=quiet) as watch:
         traced = ray_traced_views.ray_trace_views(mesh, shell, None, watch)
     if not (traced.alpha > _LEAST_ALPHA).any():
         raise RpojaxError.of_argument(
