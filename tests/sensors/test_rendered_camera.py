@@ -34,13 +34,13 @@ def frame(
         exposure=UNUSED, full_well=UNUSED, read_noise=UNUSED, blur=UNUSED, score_threshold=jnp.asarray(0.5)
     )
     window = ImageWindow(
-        intrinsics=None,  # pyright: ignore[reportArgumentType]
+        intrinsics=None,
         corner_px=jnp.asarray(corner, jnp.float32),
         binning=jnp.asarray(BINNING, jnp.float32),
     )
     return rendered_camera.measure(
         imaging,
-        Networks(field=None, detector={}, sky=None),  # pyright: ignore[reportArgumentType]
+        Networks(field=None, detector={}, sky=None),
         window,
         jnp.zeros((SIDE, SIDE, 3), jnp.float32),
         SIZE,
