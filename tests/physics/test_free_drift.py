@@ -11,6 +11,7 @@ from rpojax.campaign.single_run import nominal_parameters
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import keplerian_elements
 from rpojax.physics import equipment_faults, free_drift, plant, plant_state
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.free_drift import STEP_S, Drift, DriftRange, Environment
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import Motion
@@ -175,7 +176,8 @@ def test_the_shadow_of_a_step_is_looked_up_on_the_orbit_of_the_target(
     """A sunlit fraction that is a coordinate has the moments over the step of that coordinate."""
     monkeypatch.setattr(free_drift, "sunlit_fraction", lambda _sunlight, r_N, _sun_N: r_N[axis])
     environment = Environment(Effects(zonal_degree=0, solar_pressure=True), params.plant, 0.0)
-    found = np.asarray(environment._sunlit_nodes(ECCENTRIC, environment.sky(jnp.zeros(())), jnp.asarray(STEP_S)))
+    sky = SunMoonPositions(sun_N=jnp.ones(3), moon_N=jnp.ones(3))  # not used
+    found = np.asarray(jax.jit(environment._sunlit_nodes)(ECCENTRIC, sky, jnp.asarray(STEP_S)))
 
     places = (np.arange(48) + 0.5) / 48.0
     begin = np.concatenate([ECCENTRIC.r_TN_N, ECCENTRIC.v_TN_N])
