@@ -138,3 +138,33 @@ def test_a_weighted_row_equals_the_joseph_form_of_the_weighted_gain_in_value_and
         np.testing.assert_allclose(found(np.array(weight)), joseph(np.array(weight)), atol=scale)
         slopes = [jax.jacfwd(form)(np.array(weight)) for form in (found, joseph)]
         np.testing.assert_allclose(*slopes, atol=scale)
+
+
+@given(SEEDS)
+def test_a_part_of_the_covariance_is_what_its_sources_leave_after_the_gain(seed: int) -> None:
+    P, z, H, R = random_case(seed)
+    rng = np.random.default_rng(seed)
+    share = rng.uniform(0.0, 1.0, STATES)
+    part, noise = P * share[:, None] * share[None, :], R * rng.uniform(0.0, 1.0, ROWS)
+    weight = np.array([1.0, 0.0, 1.0, 1.0])
+    used = weight > 0.0
+    S = H[used] @ P @ H[used].T + np.diag(R[used])
+    K = np.linalg.solve(S, H[used] @ P).T
+    remaining = np.eye(STATES) - K @ H[used]
+    found, without_noise, after = parts_after(part, noise, P, z, H, R, weight)
+    scale = TEXTBOOK * np.max(np.abs(P))
+    np.testing.assert_allclose(without_noise, remaining @ part @ remaining.T, atol=scale)
+    np.testing.assert_allclose(found - without_noise, K @ np.diag(noise[used]) @ K.T, atol=scale)
+    np.testing.assert_allclose(after, joint_update(P, z[used], H[used], R[used])[1], atol=scale)
+
+
+@jax.jit
+def parts_after(
+    part: jax.Array, noise: jax.Array, covariance: jax.Array, *of_rows: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Part after the rows with some of their noise and without, and the whole covariance."""
+    residual, jacobian, variance, weight = of_rows
+    rows = MeasurementRows(residual=residual, jacobian=jacobian, variance=variance, weight=weight)
+    gains, after = kalman_update.reduced_by_rows(covariance, rows)
+    with_noise = kalman_update.part_after(part, rows, gains, noise)
+    return with_noise, kalman_update.part_after(part, rows, gains), after

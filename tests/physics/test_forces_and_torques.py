@@ -9,11 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from numpy_reference import IDENTITY, axis_angle_quaternion, rotation_matrix
+from numpy_reference import IDENTITY, axis_angle_quaternion, rotation_matrix, unit
 from scipy.integrate import solve_ivp
 
+from rpojax.core.orbits import eclipse
 from rpojax.core.pytree import replace
-from rpojax.physics import equipment_faults, plant, plant_state
+from rpojax.physics import equipment_faults, forces_and_torques, plant, plant_state
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_options import Effects
@@ -254,6 +255,38 @@ def test_solar_radiation_pressure_separates_vehicles_of_different_area_per_mass(
     # Velocities of 7 km/s are rounded to 1e-12 m/s, of 2e-8 m/s by the step; the relative one keeps all digits.
     np.testing.assert_allclose(on.v_TN_N - off.v_TN_N, on_target * away * STEP, atol=2e-12)
     np.testing.assert_allclose(on.v_ST_N - off.v_ST_N, (on_servicer - on_target) * away * STEP, atol=1e-16)
+
+
+def test_the_sunlit_fractions_of_a_step_are_those_of_both_vehicles_in_its_middle(
+    params: Params, in_orbit: Truth
+) -> None:
+    # At the border of the shadow behind the Earth, which both cross towards the light; the penumbra takes 8 s.
+    distance, dt = 7.0e6, 2.0
+    angle = np.arcsin(6378137.0 / distance)
+    sun = unit(np.array([1.0, 0.2, -0.1]))
+    across = unit(np.cross(sun, [0.0, 0.0, 1.0]))
+    outward = unit(np.cos(angle) * across + np.sin(angle) * sun)
+    truth = replace(
+        in_orbit,
+        r_TN_N=jnp.asarray(distance * (-np.cos(angle) * sun + np.sin(angle) * across)),
+        v_TN_N=jnp.asarray(7500.0 * outward),
+        r_ST_N=jnp.asarray(8000.0 * outward),
+        v_ST_N=jnp.asarray(3000.0 * outward),
+    )
+    sky = SunMoonPositions(sun_N=jnp.asarray(1.496e11 * sun), moon_N=SKY.moon_N)
+    fractions = functools.partial(forces_and_torques.sunlit_fractions, ALONE["solar_pressure"], params.plant)
+    target, servicer = fractions(truth, sky, dt)
+    middle_of_target = np.asarray(truth.r_TN_N) + 0.5 * dt * np.asarray(truth.v_TN_N)
+    middle_of_servicer = middle_of_target + np.asarray(truth.r_ST_N) + 0.5 * dt * np.asarray(truth.v_ST_N)
+    sunlight = params.plant.sunlight
+    expected = [
+        eclipse.illumination(jnp.asarray(r), sky.sun_N, sunlight.shadow_radius, sunlight.sun_radius)
+        for r in (middle_of_target, middle_of_servicer)
+    ]
+    assert 0.2 < expected[0] < expected[1] - 0.1 < 0.8
+    np.testing.assert_allclose([target, servicer], expected, atol=1e-8)  # to half of the digits, see there
+    off = forces_and_torques.sunlit_fractions(ALONE["drag"], params.plant, truth, sky, dt)
+    np.testing.assert_array_equal(off, [0.0, 0.0])
 
 
 @pytest.mark.parametrize("name", ["drag", "solar_pressure"])

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from synthetic_camera_statistics import MIXING, fitted, scene
 
+from rpojax.core.pytree import replace
 from rpojax.sensors import statistical_camera
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.statistical_camera import NORMALS_PER_FRAME, UNIFORMS_PER_FRAME, CameraStatistics
+from rpojax.sensors.view_features import FEATURE_COUNT
 
 SIZE = (128, 128)
 DRAWS = 20_000
@@ -109,3 +111,51 @@ def test_boxes_stay_in_the_frame_and_those_at_its_border_are_truncated() -> None
     cut = np.asarray(frame.box.truncated)[np.asarray(frame.box.present)]
     np.testing.assert_array_equal(cut, edges[:, 0] < 1.0)
     assert 0.2 < cut.mean() <= 1.0
+
+
+def test_the_distribution_of_a_frame_is_that_of_the_outputs_of_the_network() -> None:
+    raw = np.array([0.7, -0.4, 1.0, -2.0, 3.0, -4.0, -4.0, 0.0, 0.5, 9.0, 0.3, -1.5], np.float32)
+    statistics = fitted(0.5, 0.1)
+    layers = (*statistics.layers[:-1], (statistics.layers[-1][0], jnp.asarray(raw)))
+    statistics = replace(statistics, layers=layers)
+    found = jax.jit(statistical_camera.frame_distribution)(
+        statistics, jnp.zeros(FEATURE_COUNT, jnp.float32), jnp.asarray(True)
+    )
+    weights = np.exp([0.0, *raw[:2]])
+    probabilities = np.exp([found.log_none, found.log_true, found.log_false])
+    np.testing.assert_allclose(probabilities, weights / weights.sum(), rtol=1e-5)
+    np.testing.assert_allclose(found.bias, 0.1 * raw[2:6], rtol=1e-6)
+    # A sigmoid from bound to bound, of slope one half way.
+    np.testing.assert_allclose(found.log_sigma, 5.5 / (1.0 + np.exp(-(raw[6:10] - 0.25) * 4.0 / 5.5)) - 5.5, atol=1e-5)
+    np.testing.assert_allclose(found.score, [2.3, 4.0 / (1.0 + np.exp(1.5)) - 2.0], rtol=1e-5)
+
+
+def test_each_random_number_decides_one_thing() -> None:
+    """Kind of the box by the first uniform number, width by the second, the false box by the others."""
+    statistics = fitted(true=0.6, false=0.2, bias=0.01, wide=0.3)
+    normals = np.array([0.5, -1.0, 0.25, 2.0, -0.7])
+    lasting = np.array([-0.3, 0.2, 1.1, -0.6])
+    # No box, narrow, wide, false one.
+    uniforms = np.full((4, UNIFORMS_PER_FRAME), 0.5)
+    uniforms[:, 0], uniforms[:, 1] = [0.7, 0.3, 0.3, 0.9], [0.31, 0.31, 0.29, 0.29]
+    uniforms[3, 2:6] = [0.25, 0.75, 0.6, 0.1]
+    yes = jnp.asarray(True)
+
+    def one(uniforms: jax.Array) -> CameraFrame:
+        return statistical_camera.measure(
+            statistics, scene(), jnp.asarray(OUTLINE), yes, SIZE, yes, yes, lasting, normals, uniforms
+        )
+
+    found = jax.jit(jax.vmap(one))(uniforms)
+    np.testing.assert_array_equal(found.box.present, [False, True, True, True])
+    np.testing.assert_array_equal(found.outlier, [False, False, False, True])
+    errors = MIXING @ (np.sqrt(0.7) * lasting + np.sqrt(0.3) * normals[:4])
+    narrow = OUTLINE + 0.01 * MEAN_SIDE + sigma() * errors
+    wide = OUTLINE + 0.01 * MEAN_SIDE + 3.0 * sigma() * errors
+    np.testing.assert_allclose(found.box.edges[1:3], [narrow, wide], rtol=1e-4)
+    pair = np.sqrt(-2.0 * np.log(0.6)) * np.array([np.cos(0.2 * np.pi), np.sin(0.2 * np.pi)])
+    half = 0.5 * 10.0 * np.exp(0.5 * pair)
+    center = np.array([32.0, 96.0])
+    np.testing.assert_allclose(found.box.edges[3], [*(center - half), *(center + half)], rtol=1e-5)
+    true_score, false_score = (1.0 / (1.0 + np.exp(-logit)) for logit in (2.0 - 0.7, 0.5 - 0.1 * 0.7))
+    np.testing.assert_allclose(found.score, [0.0, true_score, true_score, false_score], rtol=1e-5)

@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from synthetic_camera_statistics import fitted
 
+from rpojax.core.pytree import replace
 from rpojax.sensors import statistical_camera_file
 from rpojax.vision.weight_files import WeightsError
 
@@ -35,3 +37,15 @@ def test_a_file_of_another_kind_is_rejected(tmp_path: Path) -> None:
 
     with pytest.raises(WeightsError, match="calibrate-camera-model"):
         statistical_camera_file.load_statistics(packaged_field_path())
+
+
+@pytest.mark.parametrize("number", [0.0, -1.0])
+@pytest.mark.parametrize("name", ["spread", "lasting_angle"])
+def test_a_scale_that_is_not_positive_is_rejected_by_name(tmp_path: Path, name: str, number: float) -> None:
+    path = tmp_path / "a.camera.safetensors"
+    statistics = fitted(0.7, 0.1)
+    numbers = np.array(getattr(statistics, name))
+    numbers.flat[-1] = number
+    statistical_camera_file.save_statistics(replace(statistics, **{name: jnp.asarray(numbers)}), path, {})
+    with pytest.raises(WeightsError, match=f"{name}: found a number that is not positive, expected positive numbers"):
+        statistical_camera_file.load_statistics(path)

@@ -1,11 +1,17 @@
 """Changed keys of two scenarios, and a comparison as a table."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange, changed_keys
+from rpojax.analysis.statistics.campaign_comparison import (
+    CampaignComparison,
+    KeyChange,
+    changed_keys,
+    defined_differently,
+)
 from rpojax.analysis.statistics.paired_comparison import RunMetrics, compare_paired_runs
 
 
@@ -29,3 +35,20 @@ def test_a_table_has_the_change_of_every_metric_with_its_interval() -> None:
     assert found.loc["range_m", "difference_low_95"] > 0.0
     assert found["changed"].to_dict() == {"range_m": True, "delta_v_m_s": False}
     assert found.loc["range_m", "second"] - found.loc["range_m", "first"] == pytest.approx(2.0)
+
+
+def of_plugin(content: str, **metrics: dict[str, str]) -> dict[str, Any]:
+    """What `campaign.json` tells of a plugin with such a digest and metrics."""
+    return {"scenario": {"plugin_sha256": content}, "plugin": {"metrics": metrics}}
+
+
+def test_metrics_of_changed_plugins_are_told_by_their_definitions() -> None:
+    one, other = {"unit": "m", "sha256": "a"}, {"unit": "m", "sha256": "b"}
+    without_digest = {"unit": "m"}
+    first = of_plugin("x", changed=one, same=one, old=without_digest, alone=one)
+    second = of_plugin("y", changed=other, same=one, old=without_digest, new=one)
+    assert defined_differently(first, second) == ["changed", "old"]
+    assert defined_differently(second, first) == ["changed", "old"]
+    assert defined_differently(first, of_plugin("x", changed=other, old=without_digest)) == []
+    assert defined_differently(first, {"scenario": {}}) == []
+    assert defined_differently({"scenario": {}, "plugin": None}, second) == []

@@ -45,6 +45,11 @@ def test_the_arc_tangent_has_the_derivatives_of_numpy_and_zero_at_the_origin() -
     np.testing.assert_array_equal(slopes(*np.zeros((2, 1))), np.zeros((2, 1)))
 
 
+def test_the_arc_tangent_of_the_origin_is_zero_whatever_the_signs_of_its_zeros() -> None:
+    zeros = np.array([[0.0, 0.0], [0.0, -0.0], [-0.0, 0.0], [-0.0, -0.0]]).T
+    np.testing.assert_array_equal(jax.jit(arctan2)(*zeros), np.zeros(4))
+
+
 def test_the_arc_tangent_of_nan_and_its_derivatives_are_nan() -> None:
     y, x = np.array([np.nan, 1.0]), np.array([1.0, np.nan])
     assert np.all(np.isnan(jax.jit(arctan2)(y, x)))

@@ -2,6 +2,7 @@
 
 import itertools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,10 +11,12 @@ from numpy_reference import (
     rotation_matrix,
     unit,
 )
+from scipy.spatial.transform import Rotation
 from simulated_guidance import SAMPLES, boresight, simulate_search
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
+from rpojax.flight.guidance import search_spiral
 from rpojax.flight.guidance.pointing_modes import Mode
 
 
@@ -40,6 +43,36 @@ def test_the_frames_of_a_search_cover_its_cone_at_any_rate_of_the_camera(
     assert np.all(np.any(in_view, axis=0))
     farthest = np.rad2deg(np.arccos(np.clip(cameras[:, 0] @ line, -1.0, 1.0))).max()
     assert farthest < radius_deg + 3.0  # the step of a second, at the speed of the outer turns
+
+
+def test_the_angular_velocity_of_a_search_is_that_of_its_rotation_vector(flight: FlightParams) -> None:
+    pointing = flight.pointing
+    pitch, acceleration = float(pointing.search_pitch), float(pointing.search_acceleration)
+    # Half a pitch a second is reached where the centripetal acceleration allows it.
+    near = (0.5 * pitch) ** 2 / acceleration
+    at_full_speed = near**1.5 * np.pi / (0.75 * pitch * np.sqrt(acceleration))
+    area_rate = 0.5 * pitch**2 / (2.0 * np.pi)
+    first = at_full_speed + (np.cos(near) - np.cos(np.deg2rad(45.0))) / area_rate
+    assert 3.0 < at_full_speed < first - 10.0
+    times = np.concatenate(
+        [
+            np.linspace(0.5, at_full_speed - 2.0, 6),
+            np.linspace(at_full_speed, first - 1.0, 6),
+            first + np.linspace(0.5, 3.0 * first, 8),
+        ]
+    )
+    offset = jax.jit(jax.vmap(lambda time: search_spiral.spiral_offset(pointing, time)))
+    step = 1e-4
+    (before, _), (vector, rate), (after, _) = (offset(times + shift) for shift in (-step, 0.0, step))
+    turned = Rotation.from_rotvec(np.array(before)).inv() * Rotation.from_rotvec(np.array(after))
+    np.testing.assert_allclose(rate, turned.as_rotvec() / (2.0 * step), rtol=1e-5, atol=1e-8)
+    # The spiral is left a second after its middle.
+    np.testing.assert_allclose(np.linalg.norm(offset(np.array([at_full_speed - 1.0]))[0][0]), near, rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(offset(np.array([first - 1.0]))[0][0]), np.deg2rad(45.0), rtol=1e-9)
+    # Turns are a pitch apart: the angle in the plane grows by 2 pi a pitch.
+    turns = np.linalg.norm(np.asarray(vector), axis=1) / pitch
+    angle = np.arctan2(vector[:, 1], vector[:, 0]) / (2.0 * np.pi)
+    np.testing.assert_allclose(np.remainder(turns - angle + 0.5, 1.0), 0.5, atol=1e-9)
 
 
 def test_a_search_of_all_directions_shows_nearly_all_in_two_frames_within_a_few_seconds(flight: FlightParams) -> None:

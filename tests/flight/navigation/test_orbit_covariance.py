@@ -33,6 +33,20 @@ def test_propagation_agrees_with_a_dense_kick_drift_and_decay(seed: int) -> None
     np.testing.assert_array_equal(symmetric, symmetric.T)
 
 
+def test_an_error_common_to_burns_adds_its_outer_product_and_the_transposed_one() -> None:
+    rng = np.random.default_rng(0)
+    P, gradient, decay = random_covariance(rng, np.ones(9)), np.diag([2e-6, -1e-6, -1e-6]), np.full(3, 0.9)
+    velocity, growth = 1e-6 * np.eye(3), np.full(3, 1e-3)
+    g, u = rng.normal(size=6), rng.normal(size=9)
+    without = np.asarray(propagate(P, gradient, decay, velocity, growth, 1.0))
+    found = np.asarray(propagate(P, gradient, decay, velocity, growth, 1.0, (g, u)))
+    added = np.outer(np.concatenate([g, np.zeros(3)]), u)
+    np.testing.assert_allclose(found - without, added + added.T, atol=EXACT)
+    # To the last bit where no rounding of the free motion is in the way.
+    alone = np.asarray(propagate(np.zeros((9, 9)), 0.0 * gradient, decay, 0.0 * velocity, 0.0 * growth, 1.0, (g, u)))
+    np.testing.assert_array_equal(alone, alone.T)
+
+
 def test_the_kick_and_drift_of_an_orbit_preserve_volume() -> None:
     gradient = 1e-6 * np.diag([2.0, -1.0, -1.0])
     P = np.asarray(propagate(np.eye(6), gradient, np.zeros(0), np.zeros((3, 3)), np.zeros(0), 1.0))

@@ -7,6 +7,8 @@ import pytest
 
 from rpojax.core.pytree import replace
 from rpojax.flight.navigation import shape_errors
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.shape_errors import ShapeErrors
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.team.members import member_params
 
@@ -61,3 +63,43 @@ def test_bearing_walks_by_the_same_variance_for_the_same_turn() -> None:
         return float(errors.bearing_process_variance) / rate
 
     assert walk(5e-4) == pytest.approx(walk(2e-3), rel=2e-3)
+
+
+@jax.jit
+def errors_at(tuning: OrbitFilterTuning, time: float, slow_scale: float, r: jax.Array, v: jax.Array) -> ShapeErrors:
+    return shape_errors.shape_errors(tuning, jnp.asarray(time), jnp.asarray(slow_scale), r, v)
+
+
+def test_every_error_has_the_variance_and_the_time_of_its_causes() -> None:
+    tuning = replace(
+        TUNING,
+        target_size=jnp.asarray(1.5),
+        target_size_sigma=jnp.asarray(0.2),
+        scale_sigma=jnp.array([0.1, 0.05]),
+        scale_time_constant=jnp.array([600.0, 40.0]),
+        outline_time_constant=jnp.asarray(50.0),
+        center_time_constant=jnp.asarray(70.0),
+        center_sigma=jnp.asarray(0.04),
+        center_perspective=jnp.asarray(0.3),
+        detector_boxes=jnp.asarray(1.0),
+        detector_center_sigma=jnp.asarray(0.03),
+    )
+    rate, r = 2.2e-3, jnp.array([3.0, -24.0, 18.0])
+    v = rate * jnp.cross(jnp.array([1.0, 0.0, 0.0]), r) + 0.01 * r
+    # The part of the line of sight that turns: 30 m across, of a range squared of 909 m^2.
+    turn = rate * 30.0 / np.sqrt(909.0)
+    found = errors_at(tuning, 100.0, 0.1, r, v)
+    perspective = (0.3 * (1.5 * np.exp(0.1)) ** 2) ** 2 / 909.0
+    np.testing.assert_allclose(found.scale_variance, [0.1**2 + 0.2**2, 0.05**2], rtol=1e-12)
+    np.testing.assert_allclose(found.center_variance, 0.04**2 + 0.03**2 + perspective, rtol=1e-12)
+    np.testing.assert_allclose(found.center_time_constant, 2.0 * 70.0, rtol=1e-12)
+    # As good as the turn rate alone: a rate of a fortieth of the nominal one is added in quadrature.
+    time = 600.0 * 1.1e-3 / turn
+    np.testing.assert_allclose(found.scale_time_constant, [5.0 * time, 2.0 * 40.0], rtol=2e-4)
+    np.testing.assert_allclose(found.bearing_process_variance, 2.0 * 0.33**2 * perspective / 909.0 / time, rtol=2e-4)
+
+    known = errors_at(replace(tuning, target_size_sigma=jnp.asarray(0.0)), 100.0, 0.1, r, v)
+    growth, of_known = (2.0 * each.scale_variance[0] / each.scale_time_constant[0] for each in (found, known))
+    np.testing.assert_allclose(growth, of_known, rtol=1e-12)  # a constant error grows no more
+    geometric = errors_at(replace(tuning, detector_boxes=jnp.asarray(0.0)), 100.0, 0.1, r, v)
+    np.testing.assert_allclose(geometric.center_variance, 0.04**2 + perspective, rtol=1e-12)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rpojax.analysis.statistics.intervals import order_statistics
 from rpojax.analysis.statistics.intervals.order_statistics import (
     allowed_failures,
     consumer_risk_reached,
@@ -22,6 +23,27 @@ WILKS = [
     (0.9973, 0.95, 1109),
     (0.99865, 0.90, 1705),
 ]
+
+
+class CountedBinomial:
+    """The binomial distribution, asked at most a given number of times."""
+
+    def __init__(self, limit: int) -> None:
+        self.left = limit
+
+    def cdf(self, count: int, runs: int, probability: float) -> float:
+        self.left -= 1
+        assert self.left >= 0
+        return float(stats.binom.cdf(count, runs, probability))
+
+
+# Before the others, which a search without an end would not let begin.
+@pytest.mark.parametrize(("quantile", "confidence", "runs"), WILKS)
+def test_the_search_for_a_number_of_runs_halves_an_interval(
+    monkeypatch: pytest.MonkeyPatch, quantile: float, confidence: float, runs: int
+) -> None:
+    monkeypatch.setattr(order_statistics, "binom", CountedBinomial(2 * runs.bit_length() + 2))
+    assert runs_for_bound(quantile, confidence) == runs
 
 
 @pytest.mark.parametrize(("quantile", "confidence", "runs"), WILKS)

@@ -1,0 +1,127 @@
+"""Frames of the rendered camera by what the detector finds in a window of the frame."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.sensors import rendered_camera
+from rpojax.sensors.camera import CameraFrame
+from rpojax.sensors.rendered_camera import Imaging, Networks
+from rpojax.vision.detector.two_stage_detector import Detections
+from rpojax.vision.imaging.image_formation import ImageWindow
+
+SIZE = (320, 240)
+SIDE, BINNING = 64, 2.0
+CORNER = (40.0, 100.0)
+"""The window reaches from (40, 100) to (168, 228) px."""
+UNUSED = jnp.zeros(())
+
+
+def frame(
+    monkeypatch: pytest.MonkeyPatch,
+    box: tuple[float, float, float, float],
+    corner: tuple[float, float] = CORNER,
+    score: float = 0.6,
+    true_edges: tuple[float, float, float, float] = (90.0, 140.0, 130.0, 180.0),
+    light: bool = True,
+    working: bool = True,
+) -> CameraFrame:
+    """Frame where the best of two boxes of the detector is `box`, in pixels of the image."""
+    boxes = jnp.asarray([[box, (0.0, 0.0, 1.0, 1.0)]], jnp.float32)
+    found = Detections(box_px=boxes, score=jnp.asarray([[score, 0.1]], jnp.float32))
+    monkeypatch.setattr(rendered_camera, "detect", lambda *_: found)
+    imaging = Imaging(
+        exposure=UNUSED, full_well=UNUSED, read_noise=UNUSED, blur=UNUSED, score_threshold=jnp.asarray(0.5)
+    )
+    window = ImageWindow(
+        intrinsics=None,
+        corner_px=jnp.asarray(corner, jnp.float32),
+        binning=jnp.asarray(BINNING, jnp.float32),
+    )
+    return rendered_camera.measure(
+        imaging,
+        Networks(field=None, detector={}, sky=None),
+        window,
+        jnp.zeros((SIDE, SIDE, 3), jnp.float32),
+        SIZE,
+        jnp.asarray(true_edges),
+        jnp.asarray(light),
+        jnp.asarray(working),
+    )
+
+
+def test_a_box_of_the_image_is_one_of_the_frame_by_corner_and_binning(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = frame(monkeypatch, (25.0, 20.0, 45.5, 41.0))
+    np.testing.assert_allclose(found.box.edges, [90.0, 140.0, 131.0, 182.0])
+    np.testing.assert_allclose(found.window, [*CORNER, SIDE * BINNING])
+    np.testing.assert_allclose(found.outline, [90.0, 140.0, 130.0, 180.0])
+    assert found.box.edges.dtype == jnp.float64
+    assert bool(found.box.present)
+    assert bool(found.observable)
+    assert not bool(found.outlier)
+    np.testing.assert_allclose(found.score, 0.6, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("box", "corner", "truncated"),
+    [
+        ((1.5, 1.5, 62.5, 62.5), CORNER, False),
+        ((0.5, 20.0, 40.0, 40.0), CORNER, True),
+        ((20.0, 0.5, 40.0, 40.0), CORNER, True),
+        ((20.0, 20.0, 63.5, 40.0), CORNER, True),
+        ((20.0, 20.0, 40.0, 63.5), CORNER, True),
+        # The frame ends within the window: right of 320 px, below 240 px.
+        ((20.0, 20.0, 58.5, 40.0), (200.0, 100.0), False),
+        ((20.0, 20.0, 59.5, 40.0), (200.0, 100.0), True),
+        ((20.0, 20.0, 40.0, 48.5), (100.0, 140.0), False),
+        ((20.0, 20.0, 40.0, 49.5), (100.0, 140.0), True),
+    ],
+)
+def test_a_box_within_a_pixel_of_the_image_of_its_border_is_truncated(
+    monkeypatch: pytest.MonkeyPatch,
+    box: tuple[float, float, float, float],
+    corner: tuple[float, float],
+    truncated: bool,
+) -> None:
+    assert bool(frame(monkeypatch, box, corner).box.truncated) == truncated
+
+
+def test_edges_and_outline_stay_in_the_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = frame(monkeypatch, (20.0, 20.0, 63.0, 63.0), (260.0, 180.0), true_edges=(-10.0, 200.0, 330.0, 250.0))
+    np.testing.assert_allclose(found.box.edges, [300.0, 220.0, 320.0, 240.0])
+    np.testing.assert_allclose(found.outline, [0.0, 200.0, 320.0, 240.0])
+
+
+@pytest.mark.parametrize(
+    ("box", "outlier"),
+    [
+        # Squares of 40 px, 32.5 and 33 px apart: 7.5 and 7 of 72.5 and 73 px in common.
+        ((41.25, 20.0, 61.25, 40.0), False),
+        ((41.5, 20.0, 61.5, 40.0), True),
+    ],
+)
+def test_a_box_that_hardly_overlaps_the_outline_is_false(
+    monkeypatch: pytest.MonkeyPatch, box: tuple[float, float, float, float], outlier: bool
+) -> None:
+    found = frame(monkeypatch, box)
+    assert bool(found.box.present)
+    assert bool(found.outlier) == outlier
+
+
+@pytest.mark.parametrize(
+    ("score", "light", "working", "present", "told"),
+    [
+        (0.5, True, True, True, 0.5),
+        (0.49, True, True, False, 0.49),
+        (0.9, False, True, False, 0.9),
+        (0.9, True, False, False, 0.0),
+    ],
+)
+def test_there_is_a_box_by_score_light_and_a_working_camera(
+    monkeypatch: pytest.MonkeyPatch, score: float, light: bool, working: bool, present: bool, told: float
+) -> None:
+    false_box = (0.0, 0.0, 5.0, 5.0)
+    found = frame(monkeypatch, false_box, score=score, light=light, working=working)
+    assert bool(found.box.present) == bool(found.outlier) == present
+    assert bool(found.observable) == (light and working)
+    np.testing.assert_allclose(found.score, told, rtol=1e-6)
