@@ -62,20 +62,27 @@ def along_the_orbit(
     return module.state(reference, start, yamanaka_ankersen.advanced(at, elapsed), elapsed)
 
 
-state_of = jax.jit(along_the_orbit, static_argnums=0)
-slope_of = jax.jit(jax.jacrev(along_the_orbit, argnums=1), static_argnums=0)
-slope_by_entry = jax.jit(jax.jacfwd(along_the_orbit, argnums=2), static_argnums=0)
-slope_by_time = jax.jit(jax.jacfwd(along_the_orbit, argnums=4), static_argnums=0)
+@partial(jax.jit, static_argnums=0)
+def with_slopes(
+    module: ModuleType, reference: Any, start: PhaseEntry, at: TargetOrbit, elapsed: jax.Array
+) -> tuple[tuple[Any, PhaseEntry, jax.Array], jax.Array]:
+    """Derivatives to the reference, the entry and the time, and the state: one program for all tests."""
+
+    def state(reference: Any, start: PhaseEntry, elapsed: jax.Array) -> tuple[jax.Array, jax.Array]:
+        found = along_the_orbit(module, reference, start, at, elapsed)
+        return found, found
+
+    return jax.jacrev(state, argnums=(0, 1, 2), has_aux=True)(reference, start, elapsed)
 
 
 def state(kind: str, elapsed: float) -> np.ndarray:
-    return np.asarray(state_of(*KINDS[kind], ENTRY, orbit(0.3), jnp.asarray(elapsed)))
+    return np.asarray(with_slopes(*KINDS[kind], ENTRY, orbit(0.3), jnp.asarray(elapsed))[1])
 
 
 @every_kind
 def test_the_velocity_is_the_derivative_of_the_position(kind: str) -> None:
     for elapsed in TIMES:
-        slope = slope_by_time(*KINDS[kind], ENTRY, orbit(0.3), jnp.asarray(elapsed))
+        (_, _, slope), _ = with_slopes(*KINDS[kind], ENTRY, orbit(0.3), jnp.asarray(elapsed))
         np.testing.assert_allclose(state(kind, elapsed)[3:], slope[:3], atol=1e-12, err_msg=f"{elapsed} s")
 
 
@@ -99,13 +106,13 @@ def test_derivatives_to_the_parameters_agree_with_differences(kind: str) -> None
     names = [name for name, value in vars(reference).items() if value is not None and name != "pulses"]
     names = [name for name in names if name != "join" or float(reference.join) > 0.0]
     for elapsed in (20.0, 700.0, 5000.0):
-        slopes = slope_of(module, reference, ENTRY, orbit(0.3), jnp.asarray(elapsed))
+        (slopes, _, _), _ = with_slopes(module, reference, ENTRY, orbit(0.3), jnp.asarray(elapsed))
         for name in names:
             value = np.asarray(getattr(reference, name))
             step = 1e-5 * max(float(np.max(np.abs(value))), 1e-2) * np.eye(value.size)[0].reshape(value.shape)
             above, below = (
-                state_of(module, replace(reference, **{name: jnp.asarray(value + sign * step)}), ENTRY, orbit(0.3),
-                         jnp.asarray(elapsed)) for sign in (1.0, -1.0)
+                with_slopes(module, replace(reference, **{name: jnp.asarray(value + sign * step)}), ENTRY, orbit(0.3),
+                            jnp.asarray(elapsed))[1] for sign in (1.0, -1.0)
             )  # fmt: skip
             expected = np.asarray(above - below) / (2.0 * np.max(step))
             found = np.asarray(getattr(slopes, name)).reshape(6, -1)[:, 0]
@@ -116,7 +123,7 @@ def test_derivatives_to_the_parameters_agree_with_differences(kind: str) -> None
 @every_kind
 def test_derivatives_at_the_target_and_at_rest_are_finite(kind: str) -> None:
     start = entry(*[0.0] * 6)
-    slopes = slope_by_entry(*KINDS[kind], start, orbit(0.3), jnp.asarray(50.0))
+    (_, slopes, _), _ = with_slopes(*KINDS[kind], start, orbit(0.3), jnp.asarray(50.0))
     assert bool(jnp.all(jnp.isfinite(slopes.relative_state)))
 
 
