@@ -152,16 +152,16 @@ def flown(example: Example) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     start, period = target(example.e), jnp.asarray(example.period)
     entry = PhaseEntry(relative_state=jnp.asarray(example.entry), orbit=start)
 
-    def desired(elapsed: jax.Array) -> jax.Array:
+    def position(elapsed: jax.Array) -> jax.Array:
         orbit = yamanaka_ankersen.advanced(start, elapsed)
-        return example.module.state(example.reference, entry, orbit, elapsed)
+        return example.module.state(example.reference, entry, orbit, elapsed)[:3]
 
     @jax.jit
     def arc(time: jax.Array) -> tuple[jax.Array, jax.Array]:
         orbit = yamanaka_ankersen.advanced(start, time)
-        points = [desired(time + shift) for shift in (-period, jnp.zeros_like(period), period)]
+        points = [position(time + shift) for shift in (-period, jnp.zeros_like(period), period)]
         burn = tracked_point(orbit, period, *points)
-        state = jnp.concatenate([points[1][:3], burn.arrival_velocity + burn.impulse])
+        state = jnp.concatenate([points[1], burn.arrival_velocity + burn.impulse])
         constants = yamanaka_ankersen.constants_of_motion(orbit, state)
 
         def free(since: jax.Array) -> jax.Array:

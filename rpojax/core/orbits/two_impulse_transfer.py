@@ -25,8 +25,8 @@ def departure_velocity(transition: Float[Array, "6 6"], start: Vector, end: Vect
 
     `transition` is the state transition matrix over `dt`, whose motion across the orbit plane is decoupled. Some times
     admit no such motion: for the cross-track part whenever the target has moved by half turns, for the part in the
-    plane after whole orbits and between them. Next to these times the velocity is of any size and sign, if bounded, and
-    the end is missed: `least_departure_velocity` and `TransferArc` are for any time, this for regular ones.
+    plane after whole orbits and between them. Next to these times the velocity is bounded, and the end is missed:
+    `TransferArc` is for any time, this for times well below half an orbit.
     """
     drift = end - jnp.sum(transition[:3, :3] * start[None, :], axis=1)
     by_velocity = transition[:3, 3:] / dt
@@ -35,23 +35,6 @@ def departure_velocity(transition: Float[Array, "6 6"], start: Vector, end: Vect
     across = 1.0 / _away_from_zero(by_velocity[2, 2])
     x, y, z = drift / dt
     return jnp.stack([(d * x - b * y) * in_plane, (a * y - c * x) * in_plane, z * across])
-
-
-def least_departure_velocity(
-    transition: Float[Array, "6 6"], before: State, end: Vector, dt: Scalar, angle: Scalar
-) -> Vector:
-    """Velocity rho_dot [m/s] with which the free motion from the state `before` [m, m/s] is nearly at `end` [m].
-
-    At regular times it is `departure_velocity`, whatever the velocity before. Near the others its change is damped in
-    the direction in which it hardly moves the end, as in `transfer_arc`, and the end is missed by the rest. The target
-    moves by an `angle` [rad] in the time `dt` [s]. Plane and cross-track part are regular each by itself.
-    """
-    matrix = transition[:3, 3:] * _scale(dt, angle)
-    in_plane, across = _dampings(matrix)
-    damping = jnp.stack([in_plane, in_plane, across])
-    missing = end - jnp.sum(transition[:3] * before[None, :], axis=1)
-    damped = before[3:] + _damped_change(transition[:3, 3:], missing, dt, angle)
-    return jnp.where(damping > 0.0, damped, departure_velocity(transition, before[:3], end, dt))
 
 
 @pytree
@@ -118,15 +101,16 @@ def _damped_change(by_velocity: Float[Array, "3 3"], missing: Vector, dt: Scalar
     The target moves by an `angle` [rad]. The damping is zero unless the matrix, in units of the time or, after more
     than a radian, of the time per radian, has a singular value below `_REGULAR`.
     """
-    scale = _scale(dt, angle)
+    scale = jnp.sqrt(1.0 + angle * angle) / dt
     matrix = by_velocity * scale
     (a, b), (c, d) = matrix[0, :2], matrix[1, :2]
     x, y, z = missing * scale
     determinant, square = a * d - b * c, a * a + b * b + c * c + d * d
-    damping, damping_across = _dampings(matrix)
+    # The determinant is the product of the singular values: over the norm, the smaller one where the other is large.
+    damping = _damping(determinant * determinant / square)
     divisor = determinant * determinant + damping * (square + damping)
     across = matrix[2, 2]
-    of_across = across / (across * across + damping_across)
+    of_across = across / (across * across + _damping(across * across))
     return jnp.stack(
         [
             (determinant * (d * x - b * y) + damping * (a * x + c * y)) / divisor,
@@ -134,19 +118,6 @@ def _damped_change(by_velocity: Float[Array, "3 3"], missing: Vector, dt: Scalar
             z * of_across,
         ]
     )
-
-
-def _scale(dt: Scalar, angle: Scalar) -> Scalar:
-    """One over the time or, after more than a radian, over the time per radian [1/s]."""
-    return jnp.sqrt(1.0 + angle * angle) / dt
-
-
-def _dampings(matrix: Float[Array, "3 3"]) -> tuple[Scalar, Scalar]:
-    """Squares of the damping in the plane and across it [-], 0 at regular times, from effects of velocities [-]."""
-    (a, b), (c, d) = matrix[0, :2], matrix[1, :2]
-    determinant, square = a * d - b * c, a * a + b * b + c * c + d * d
-    # The determinant is the product of the singular values: over the norm, the smaller one where the other is large.
-    return _damping(determinant * determinant / square), _damping(matrix[2, 2] * matrix[2, 2])
 
 
 def _damping(square: Scalar) -> Scalar:

@@ -136,13 +136,13 @@ def goal_at_burn(
         is_first: () bool, whether it is the first burn of the phase, which changes to the reference's velocity at once
     """
 
-    def desired(_: None, dt: Scalar) -> tuple[None, Float[Array, "6"]]:
+    def position(_: None, dt: Scalar) -> tuple[None, Vector]:
         place = advanced(orbit, dt)
-        return None, desired_state(stages, settings, tuning, state, place, burn_time + dt)
+        return None, desired_state(stages, settings, tuning, state, place, burn_time + dt)[:3]
 
     # A scan: three copies of all references would take three times as long to compile.
-    _, (before, at, after) = jax.lax.scan(desired, None, jnp.stack([-period, jnp.zeros_like(period), period]))
+    _, (before, at, after) = jax.lax.scan(position, None, jnp.stack([-period, jnp.zeros_like(period), period]))
     tracked = impulsive_tracking.tracked_point(orbit, period, before, at, after)
     departure = tracked.arrival_velocity + tracked.impulse
     arrival = jnp.where(is_first, rho_dot_H, tracked.arrival_velocity)
-    return Goal(position=at[:3], arrival_velocity=arrival, impulse=departure - arrival)
+    return Goal(position=at, arrival_velocity=arrival, impulse=departure - arrival)

@@ -4,13 +4,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.orbits.two_impulse_transfer import least_departure_velocity
+from rpojax.core.orbits.two_impulse_transfer import departure_velocity
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, transition_matrix
 from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
-State = Float[Array, "6"]
 
 
 @pytree
@@ -28,21 +27,18 @@ class TrackedPoint:
     impulse: Array
 
 
-def tracked_point(orbit: TargetOrbit, period: Scalar, before: State, at: State, after: State) -> TrackedPoint:
-    """Free motions between the states [m, m/s] of a reference one `period` [s] before a burn, at it and one after it.
+def tracked_point(orbit: TargetOrbit, period: Scalar, before: Vector, at: Vector, after: Vector) -> TrackedPoint:
+    """Free motions between the positions [m] of a reference one `period` [s] before a burn, at it and one after it.
 
-    `orbit` is that of the target at the burn. Only positions count, unless the period is near one after which an
-    impulse hardly moves the servicer along some direction, such as half an orbit across the track. There the velocity
-    is that of the reference but for the least change that leads towards the next position, which may be missed.
+    `orbit` is that of the target at the burn. Periods for which `departure_velocity` is singular, such as half an orbit
+    for cross-track motion, give impulses that are bounded, but miss the points.
     """
 
-    def arc(_: None, ends: tuple[Scalar, State, State]) -> tuple[None, tuple[Vector, Vector]]:
+    def arc(_: None, ends: tuple[Scalar, Vector, Vector]) -> tuple[None, tuple[Vector, Vector]]:
         since, start, end = ends
-        here = advanced(orbit, since)
-        motion = transition_matrix(here, period)
-        turned = advanced(here, period).argument_of_latitude - here.argument_of_latitude
-        departure = least_departure_velocity(motion, start, end[:3], period, turned)
-        return None, (departure, jnp.sum(motion[3:] * jnp.concatenate([start[:3], departure])[None, :], axis=1))
+        motion = transition_matrix(advanced(orbit, since), period)
+        departure = departure_velocity(motion, start, end, period)
+        return None, (departure, jnp.sum(motion[3:] * jnp.concatenate([start, departure])[None, :], axis=1))
 
     starts = jnp.stack([-period, jnp.zeros_like(period)])
     # A scan: two copies of these operations would take twice as long to compile.
