@@ -20,10 +20,13 @@ Vector = Float[Array, "3"]
 State = Float[Array, "6"]
 
 
-def departure_velocity(transition: Float[Array, "6 6"], start: Vector, end: Vector, dt: Scalar) -> Vector:
+def departure_velocity(
+    transition: Float[Array, "6 6"], start: Vector, end: Vector, dt: Scalar, angle: Scalar
+) -> Vector:
     """Velocity rho_dot [m/s] at `start` [m] with which the free motion is at `end` [m] after `dt` [s].
 
-    `transition` is the state transition matrix over `dt`, whose motion across the orbit plane is decoupled. Some times
+    `transition` is the state transition matrix over `dt`, whose motion across the orbit plane is decoupled, and `angle`
+    about that by which the target moves [rad]. Some times
     admit no such motion: for the cross-track part whenever the target has moved by half turns, for the part in the
     plane after whole orbits and between them. Next to these times the velocity is bounded, and the end is missed:
     `TransferArc` is for any time, this for times well below half an orbit.
@@ -31,8 +34,9 @@ def departure_velocity(transition: Float[Array, "6 6"], start: Vector, end: Vect
     drift = end - jnp.sum(transition[:3, :3] * start[None, :], axis=1)
     by_velocity = transition[:3, 3:] / dt
     (a, b), (c, d) = by_velocity[0, :2], by_velocity[1, :2]
-    in_plane = 1.0 / _away_from_zero(a * d - b * c)
-    across = 1.0 / _away_from_zero(by_velocity[2, 2])
+    least = _LEAST / jnp.sqrt(1.0 + angle * angle)
+    in_plane = _bounded_inverse(a * d - b * c, least)
+    across = _bounded_inverse(by_velocity[2, 2], least)
     x, y, z = drift / dt
     return jnp.stack([(d * x - b * y) * in_plane, (a * y - c * x) * in_plane, z * across])
 
@@ -77,6 +81,7 @@ def transfer_arc(orbit: TargetOrbit, before: State, end: Vector, dt: Scalar) -> 
         jnp.zeros_like(left),
         left,
         last,
+        jnp.full_like(last, _QUARTER_TURN),
     )
     departure = before + jnp.concatenate([jnp.zeros_like(change), change])
     return TransferArc(
@@ -126,12 +131,17 @@ def _damping(square: Scalar) -> Scalar:
     return _REGULAR**2 * (1.0 - share * share * (3.0 - 2.0 * share))
 
 
-def _away_from_zero(x: Scalar) -> Scalar:
-    return jnp.where(x < 0.0, jnp.minimum(x, -_LEAST), jnp.maximum(x, _LEAST))
+def _bounded_inverse(x: Scalar, least: Scalar) -> Scalar:
+    """The inverse, or below `least` a number that goes through zero with `x` and is nowhere larger than at the border.
+
+    An inverse that is cut off would have its largest size, and change its sign, where there is no solution.
+    """
+    is_regular = jnp.abs(x) > least
+    return jnp.where(is_regular, 1.0 / jnp.where(is_regular, x, 1.0), 2.0 * x / (x * x + least * least))
 
 
-_LEAST: Final = 1e-3
-"""Least divisor, relative to the one for motion in a straight line [-]."""
+_LEAST: Final = 0.3
+"""Least divisor: of a straight line in the time or, after more than a radian, in the time per radian [-]."""
 _REGULAR: Final = 0.4
 """Least singular value of a regular time: the sine of 24 deg, for the cross-track motion next to a half turn [-]."""
 _LONGEST_SHARE: Final = 0.9

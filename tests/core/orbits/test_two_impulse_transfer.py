@@ -18,7 +18,7 @@ departure_velocity = jax.jit(two_impulse_transfer.departure_velocity)
 
 def velocity(seconds: float) -> np.ndarray:
     dt = jnp.asarray(seconds)
-    return np.asarray(departure_velocity(transition_matrix(jnp.asarray(RATE), dt), START, END, dt))
+    return np.asarray(departure_velocity(transition_matrix(jnp.asarray(RATE), dt), START, END, dt, RATE * dt))
 
 
 @pytest.mark.parametrize("seconds", [10.0, 200.0, 2500.0, 4000.0, 15000.0])
@@ -36,7 +36,7 @@ def test_a_short_transfer_is_nearly_straight() -> None:
 def test_at_times_without_a_solution_velocity_and_derivative_are_finite(turns: float) -> None:
     def speed(seconds: jax.Array) -> jax.Array:
         matrix = clohessy_wiltshire.transition_matrix(jnp.asarray(RATE), seconds)
-        return jnp.sum(two_impulse_transfer.departure_velocity(matrix, START, END, seconds))
+        return jnp.sum(two_impulse_transfer.departure_velocity(matrix, START, END, seconds, RATE * seconds))
 
     value, slope = jax.jit(jax.value_and_grad(speed))(jnp.asarray(turns * 2.0 * np.pi / RATE))
     assert np.isfinite(value) and np.isfinite(slope)

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.two_impulse_transfer import departure_velocity
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, transition_matrix
 from rpojax.core.pytree import pytree
@@ -37,7 +38,7 @@ def tracked_point(orbit: TargetOrbit, period: Scalar, before: Vector, at: Vector
     def arc(_: None, ends: tuple[Scalar, Vector, Vector]) -> tuple[None, tuple[Vector, Vector]]:
         since, start, end = ends
         motion = transition_matrix(advanced(orbit, since), period)
-        departure = departure_velocity(motion, start, end, period)
+        departure = departure_velocity(motion, start, end, period, mean_motion(orbit.semi_major_axis) * period)
         return None, (departure, jnp.sum(motion[3:] * jnp.concatenate([start, departure])[None, :], axis=1))
 
     starts = jnp.stack([-period, jnp.zeros_like(period)])

@@ -57,6 +57,19 @@ def test_holding_a_place_on_a_circular_orbit_is_station_keeping(params: Params) 
 def test_periods_without_a_solution_give_bounded_impulses(turns: float) -> None:
     found = tracked_point(orbit(0.0), jnp.asarray(turns * period(0.0)), *jnp.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0],
                                                                                     [7.0, 8.0, 10.0]]))  # fmt: skip
-    # The least divisor is a thousandth of that of straight motion.
-    bound = 2e3 * 100.0 / (turns * period(0.0))
+    # The least divisor is that of straight motion over three times the angle.
+    bound = 2.0 * np.hypot(1.0, 2.0 * np.pi * turns) / 0.3 * 100.0 / (turns * period(0.0))
     assert np.all(np.abs(np.asarray(found.impulse)) < bound)
+
+
+def test_holding_a_place_across_the_track_near_half_an_orbit_takes_centimetres_and_does_not_flip() -> None:
+    """10 m across the track; with a divisor that is cut off at a thousandth it took 3.6 m/s, up or down."""
+    position = jnp.array([0.0, -50.0, 10.0])
+    periods = jnp.asarray(period(0.0) * np.linspace(0.45, 0.55, 201))
+    found = jax.vmap(lambda seconds: tracked_point(orbit(0.0), seconds, position, position, position))(periods)
+    impulse = np.asarray(found.impulse)
+    # To the other side and back, at 1/0.3 of the straight motion's speed for each radian.
+    assert np.max(np.abs(impulse)) < 2.0 * 20.0 / (0.45 * period(0.0)) * np.hypot(1.0, 1.1 * np.pi) / 0.3
+    assert np.max(np.abs(np.diff(impulse[:, 2]))) < 0.02
+    slope = jax.grad(lambda seconds: tracked_point(orbit(0.0), seconds, position, position, position).impulse[2])
+    assert np.isfinite(slope(jnp.asarray(0.5 * period(0.0))))
