@@ -56,7 +56,7 @@ class KernelCount:
 
 
 def kernels_per_tick(text: str, open_functions: bool = False) -> KernelCount:
-    """Kernels in the loop over ticks: of the outermost loops, and of those in one of unknown length, that with the most.
+    """Kernels in the loop over ticks: the outermost loop, or loop in one of unknown length, with the most kernels.
 
     On a CPU XLA compiles small loops as functions, each of which is one kernel; `open_functions` counts their content,
     as on an accelerator. Without a loop the count is of the whole program.

@@ -89,6 +89,9 @@ def test_loops_count_by_their_passes_and_branches_by_their_extremes() -> None:
         ("plan_burn", 1): 2,
         ("sense", 1): 1,
     }
+    per_tick = [each.per_tick for each in found.contributions]
+    assert per_tick == sorted(per_tick, reverse=True)
+    assert sum(per_tick) == found.most
 
 
 def test_the_loop_over_ticks_may_be_in_one_of_unknown_length() -> None:
@@ -96,9 +99,6 @@ def test_the_loop_over_ticks_may_be_in_one_of_unknown_length() -> None:
     assert kernel_count.kernels_per_tick(text) == kernel_count.kernels_per_tick(
         TICK.replace("CALL", "call(%t), to_apply=%called")
     )
-    per_tick = [each.per_tick for each in found.contributions]
-    assert per_tick == sorted(per_tick, reverse=True)
-    assert sum(per_tick) == found.most
 
 
 def test_a_loop_that_a_cpu_runs_as_one_function_is_one_kernel() -> None:

@@ -247,7 +247,7 @@ class BatchEngine:
         return single_precision.tracing_in_single() if self.is_single_precision else contextlib.nullcontext()
 
     def _loop_arguments(self) -> tuple[Any, Any, Any, Any]:
-        """Nominal Params, the shapes of the dispersed values and states that the preparation returns, and of a count."""
+        """Nominal Params, shapes of the dispersed values and states that the preparation returns, and of a number."""
         drawn, _, state = self._preparation_trace.out_info
         ticks = jax.ShapeDtypeStruct((), np.int32)
         if not self.is_single_precision:
