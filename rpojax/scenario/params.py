@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
+from rpojax.core.orbits.sun_moon_ephemeris import Epoch, epoch_at
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
@@ -47,6 +48,7 @@ from rpojax.sensors.link_range import LinkRange
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.value_types import epoch_seconds
 from rpojax.vision import pinhole
 
 
@@ -107,7 +109,8 @@ class Limits:
 class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
-    `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers.
+    `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers; `epoch` has no key
+    that can be dispersed.
     """
 
     orbit: KeplerianElements
@@ -128,6 +131,7 @@ class Params:
     link_range: LinkRange
     baseline: BaselineTuning
     team: TeamTuning
+    epoch: Epoch
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
@@ -199,6 +203,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     )
     rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "chamber_pressure", "camera", "imaging", "limits")
     return Params(
+        epoch=epoch_at(epoch_seconds(tables["epoch_utc"])),
         plant=plant,
         flight=flight,
         networks=trained_files.networks_for_model(tables),

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import sun_moon_ephemeris, third_body_gravity
+from rpojax.core.orbits.sun_moon_ephemeris import Epoch
 from rpojax.core.pytree import replace, select
 from rpojax.flight import computer
 from rpojax.flight.decisions import burn_decision, mission_decision, phase_burn
@@ -34,9 +35,8 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
-def sun_and_moon_at(scenario: Scenario, time: Scalar) -> SunMoonPositions:
+def sun_and_moon_at(epoch: Epoch, time: Scalar) -> SunMoonPositions:
     """Positions of Sun and Moon at `time` [s] since the start; equal for all runs of a batch."""
-    epoch = scenario.epoch_s
     return SunMoonPositions(
         sun_N=sun_moon_ephemeris.sun_position(time, epoch), moon_N=sun_moon_ephemeris.moon_position(time, epoch)
     )
@@ -57,7 +57,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     with jax.named_scope("draw"):
         noise = noise or draw_tick_noise(scenario, state.keys, state.tick)
     time = elapsed_time(scenario, state.truth, state.tick)
-    sky = sun_and_moon_at(scenario, time)
+    sky = sun_and_moon_at(params.epoch, time)
     health = (
         equipment_faults.health_at(params.plant.fault, time) if scenario.effects.faults else equipment_faults.healthy()
     )

@@ -33,7 +33,7 @@ def frame_and_picture(model: str, scale: float, farther: float) -> tuple[CameraF
     scaled = params.replace_leaf(nominal, ("plant", "target", "scale"), jnp.asarray(scale))
     truth = replace(start.truth, r_ST_N=farther * start.truth.r_ST_N)
     command = start.flight.camera
-    sky, noise = sun_and_moon_at(static, jnp.zeros(())), draw_tick_noise(static, start.keys, start.tick)
+    sky, noise = sun_and_moon_at(nominal.epoch, jnp.zeros(())), draw_tick_noise(static, start.keys, start.tick)
     key, errors = camera_key(start.keys, start.tick), start.sensor_errors.box_edge_errors
     health = equipment_faults.healthy()
 
