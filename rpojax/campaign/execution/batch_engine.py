@@ -259,16 +259,17 @@ class BatchEngine:
             ticks,
         )
 
-    def _example_inputs(self) -> tuple[Params, Array, np.ndarray, Mapping[str, np.ndarray]]:
+    def _example_inputs(self) -> tuple[Params, Any, Array, np.ndarray, Mapping[str, np.ndarray]]:
         """Arguments of the preparation of which only the shapes matter."""
         return self._preparation_inputs(0, np.zeros(self.runs_per_device, dtype=np.int64))
 
     def _preparation_inputs(
         self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None
-    ) -> tuple[Params, Array, np.ndarray, Mapping[str, np.ndarray]]:
+    ) -> tuple[Params, Any, Array, np.ndarray, Mapping[str, np.ndarray]]:
         if assigned is None:
             assigned = self.design.for_runs(run_ids) if self.design else {}
-        return self._nominal, jnp.asarray(random_streams.master_key(seed)), run_ids.astype(np.int32), assigned
+        key = jnp.asarray(random_streams.master_key(seed))
+        return self._nominal, self._run.draw_numbers, key, run_ids.astype(np.int32), assigned
 
     def draw_values(self, seed: int, run_ids: np.ndarray) -> dict[str, np.ndarray]:
         """Dispersed values of `runs_per_device` runs, equal to those of `prepare`, without compiling the loop."""
@@ -344,10 +345,12 @@ class BatchEngine:
             failed_at=np.concatenate([part.failed_at for part in parts], axis=-1),
         )
 
-    def _prepare(self, nominal: Params, key: Array, run_ids: Array, assigned: Values) -> tuple[Values, Values, Any]:
+    def _prepare(
+        self, nominal: Params, numbers: Any, key: Array, run_ids: Array, assigned: Values
+    ) -> tuple[Values, Values, Any]:
         def prepare_run(run_id: Array, assigned: Values) -> tuple[Values, Values, Any]:
             run_key = random_streams.fold_in(key, run_id)
-            return self._run.prepare(nominal, run_key, assigned, single=self.is_single_precision)
+            return self._run.prepare(nominal, numbers, run_key, assigned, single=self.is_single_precision)
 
         return jax.vmap(prepare_run, out_axes=(0, 0, self._run.state_axes))(run_ids, assigned)
 
