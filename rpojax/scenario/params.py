@@ -190,7 +190,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     }
     records["navigation"] = _navigation(tables)
     plant = PlantParams(
-        gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH_GRAVITY),
+        gravity=jax.tree.map(_array, EARTH_GRAVITY),
         **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
     )
     flight = FlightParams(
@@ -218,7 +218,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
 def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Links, differences of GPS positions and ranges as the truth has them, and what flight software believes."""
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
-    starts, ends = jnp.asarray(outages, dtype=jnp.float64).T
+    starts, ends = map(_array, np.array(outages).T)
     prefix = _BELIEF_IN_DIFFERENCES.partition(".")[2]
     belief = {key.removeprefix(prefix): value for key, value in tables["navigation"].items() if key.startswith(prefix)}
     return {
@@ -242,7 +242,7 @@ def _fields(cls: type, table: Mapping[str, Any]) -> dict[str, Array]:
     for key, value in table.items():
         name, factor = key_units.split_unit(key)
         if name in names:
-            values[name] = jnp.asarray(equipment_faults.kind_code(value), dtype=jnp.float64) * factor
+            values[name] = _array(equipment_faults.kind_code(value), factor)
     return values
 
 
@@ -250,14 +250,19 @@ def _handover_errors(table: Mapping[str, Any] | None) -> HandoverErrors | None:
     if table is None:
         return None
     if "covariance" in table:
-        return HandoverErrors(covariance_factor=jnp.asarray(cholesky_factor(np.array(table["covariance"]))))
+        return HandoverErrors(covariance_factor=_array(cholesky_factor(np.array(table["covariance"]))))
     return _record(HandoverErrors, table)
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
     """Numbers of a section in SI and radians, by name without unit."""
     units = {key: key_units.split_unit(key) for key in table}
-    return {name: jnp.asarray(table[key], dtype=jnp.float64) * factor for key, (name, factor) in units.items()}
+    return {name: _array(table[key], factor) for key, (name, factor) in units.items()}
+
+
+def _array(value: Any, factor: float = 1.0) -> Array:
+    """A number or array in SI, without JAX, of which each operation would compile a program at the first start."""
+    return jax.device_put(np.asarray(value, dtype=np.float64) * factor)
 
 
 def _navigation(tables: Mapping[str, Any]) -> OrbitFilterTuning:
