@@ -12,6 +12,7 @@ from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.coverage import coverage_section
 from rpojax.report.figures.paper.paper_figures import missing_channels, write_figures
+from rpojax.report.kept_histories import KeptHistories
 from rpojax.report.page import page_templates
 from rpojax.report.page.camera_sheet import CameraSheet, write_camera_sheet
 from rpojax.report.page.detail_values import DetailValues, detail_values
@@ -54,7 +55,8 @@ def write_report(
     """
     own = plugin_registry.recorded_metrics(campaign.info)
     with busy("writing the report", quiet=not progress, announce=False), metric_catalogue.metrics_of_scenario(own):
-        return _write(campaign, run_id, film)
+        kept: Any = KeptHistories(campaign)
+        return _write(kept, run_id, film)
 
 
 def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:
