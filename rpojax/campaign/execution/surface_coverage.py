@@ -189,8 +189,8 @@ class SurfaceCoverage:
     def _nothing(self) -> Tally:
         """Tallies of the runs of a device before the first sample."""
         shape = (self.runs_per_device, len(self.facets.areas))
-        fields: dict[str, Any] = {"lit": 0, "seen": 0, "first_seen": _NEVER}
-        return Tally(**{name: np.full(shape, value, np.int32) for name, value in fields.items()})
+        none: Any = np.zeros(shape, np.int32)
+        return Tally(lit=none, seen=none, first_seen=none + np.int32(_NEVER))
 
     def _metrics(self, tally: Tally) -> dict[str, np.ndarray]:
         """Metrics (runs,): NaN if nothing was lit, and the time if too little was seen."""

@@ -7,7 +7,7 @@ Satellite Orbits, section 3.3.2, with four more terms of the Moon's distance fro
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 import jax.numpy as jnp
 import numpy as np
@@ -88,18 +88,19 @@ class Epoch:
         moon_angles: (5,) mean longitude of the Moon and the Delaunay arguments l, l', F, D [rad]
     """
 
-    seconds: Array | np.ndarray
-    sun_angles: Array | np.ndarray
-    moon_angles: Array | np.ndarray
+    seconds: Array
+    sun_angles: Array
+    moon_angles: Array
 
 
 def epoch_at(seconds: float) -> Epoch:
     """Epoch at a terrestrial time since 2000-01-01 12:00 [s]."""
 
-    def angles(rows: tuple[tuple[float, float], ...]) -> np.ndarray:
+    def angles(rows: tuple[tuple[float, float], ...]) -> Any:
         return np.array([math.radians(math.fmod(start + rate * (seconds / _CENTURY), 360.0)) for start, rate in rows])
 
-    return Epoch(seconds=np.array(seconds), sun_angles=angles(_SUN_ANGLES), moon_angles=angles(_MOON_ANGLES))
+    numbers: dict[str, Any] = {"seconds": np.array(seconds)}
+    return Epoch(**numbers, sun_angles=angles(_SUN_ANGLES), moon_angles=angles(_MOON_ANGLES))
 
 
 J2000: Final = epoch_at(0.0)
@@ -128,7 +129,7 @@ def moon_position(seconds: Scalar, epoch: Epoch = J2000) -> Vector:
     return _equatorial(mean + longitude_correction, latitude, distance)
 
 
-def _angles_at(at_epoch: Array | np.ndarray, rows: tuple[tuple[float, float], ...], seconds: Scalar) -> list[Scalar]:
+def _angles_at(at_epoch: Array, rows: tuple[tuple[float, float], ...], seconds: Scalar) -> list[Scalar]:
     """Angles [rad] from those at the epoch."""
     return [at_epoch[place] + math.radians(rate) / _CENTURY * seconds for place, (_, rate) in enumerate(rows)]
 
