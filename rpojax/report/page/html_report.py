@@ -12,13 +12,13 @@ from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.coverage import coverage_section
 from rpojax.report.figures.paper.paper_figures import missing_channels, write_figures
-from rpojax.report.kept_histories import KeptHistories
 from rpojax.report.page import page_templates
 from rpojax.report.page.camera_sheet import CameraSheet, write_camera_sheet
 from rpojax.report.page.detail_values import DetailValues, detail_values
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_page import is_single_run, render_run_page
 from rpojax.report.page.run_selection import choose_run
+from rpojax.report.page.single_run.kept_histories import KeptHistories
 from rpojax.report.page.template_values import (
     PageFigures,
     RunDetail,
