@@ -52,7 +52,7 @@ def simulate_rendered_run() -> RenderedRun:
     def tick(state: State, _: None) -> tuple[State, Any]:
         after, seen = step(scenario, params, state, Stages())
         window = camera_models.commanded_window(scenario, params, seen.flight.camera)
-        sky = sun_and_moon_at(scenario, state.tick.astype(jnp.float64) * scenario.tick_s)
+        sky = sun_and_moon_at(params.epoch, state.tick.astype(jnp.float64) * scenario.tick_s)
         key = noise.camera_key(state.keys, state.tick)
         image = camera_models.render_picture(scenario, params, window, state.truth, sky, key, state.tick)
         return after, (compute_channels(scenario, params, seen), image)

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import jax
+import numpy as np
 
 from benchmarks.accelerator import memory
 from benchmarks.accelerator.sizes import Sizes
 from rpojax.benchmark import closed_loop_speed, compile_time, kernel_count, timing
-from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.execution.batch_engine import SEGMENT_TICKS, BatchEngine
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
@@ -78,10 +79,10 @@ def device_rate(engine: BatchEngine, repeats: int) -> float:
 
     def advance() -> None:
         nonlocal state
-        state, _ = jax.block_until_ready(engine.loop_program(nominal, values, state))
+        state, _ = jax.block_until_ready(engine.loop_program(nominal, values, state, np.int32(SEGMENT_TICKS)))
 
     elapsed = timing.fastest_pass(lambda: timing.time_call(advance), repeats)
-    return engine.runs_per_device * engine.segment_ticks * engine.scenario.tick_s / elapsed.wall_s
+    return engine.runs_per_device * SEGMENT_TICKS * engine.scenario.tick_s / elapsed.wall_s
 
 
 def kernel_figures(engine: BatchEngine) -> dict[str, Any]:

@@ -36,7 +36,7 @@ WITHOUT = {
 }
 
 
-def free_drift(params: Params, effects: Effects, epoch_s: float, steps: int) -> np.ndarray:
+def free_drift(params: Params, effects: Effects, steps: int) -> np.ndarray:
     """Relative position [m] in the Hill frame (steps, 3) of free drift from rest at the desired position."""
     zero = jnp.zeros(())
     burn = ValveCommand(ignition=zero, cutoff=zero, burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)))
@@ -47,7 +47,8 @@ def free_drift(params: Params, effects: Effects, epoch_s: float, steps: int) -> 
 
     def step(truth: plant_state.Truth, time: jax.Array) -> tuple[plant_state.Truth, jax.Array]:
         sky = SunMoonPositions(
-            sun_N=sun_moon_ephemeris.sun_position(time, epoch_s), moon_N=sun_moon_ephemeris.moon_position(time, epoch_s)
+            sun_N=sun_moon_ephemeris.sun_position(time, params.epoch),
+            moon_N=sun_moon_ephemeris.moon_position(time, params.epoch),
         )
         after = plant.step(
             effects, params.plant, truth, jnp.zeros(3), (thrust,), sky, equipment_faults.healthy(), STEP_S
@@ -70,9 +71,9 @@ def main() -> None:
         params = parameters.build_params(file.model_dump(), scenario.width_px, scenario.height_px)
         period = 2.0 * np.pi / float(mean_motion(params.orbit.semi_major_axis))
         steps = round(period / STEP_S)
-        reference = free_drift(params, FULL, scenario.epoch_s, steps)
+        reference = free_drift(params, FULL, steps)
         for effect, effects in WITHOUT.items():
-            change = np.linalg.norm(free_drift(params, effects, scenario.epoch_s, steps) - reference, axis=1)
+            change = np.linalg.norm(free_drift(params, effects, steps) - reference, axis=1)
             columns.setdefault(effect, []).append(f"{change.max():.2g}, {change[-1]:.2g}")
     for effect, cells in columns.items():
         print(f"| {effect} | {' | '.join(cells)} |")

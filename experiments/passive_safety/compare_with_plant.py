@@ -49,7 +49,7 @@ def ranges_by_plant(scenario: Scenario, params: Params, truths: Truth, starts_s:
 
         def step(truth: Truth, start_s: Array) -> Truth:
             time = jnp.floor((start_s + number * dt) / scenario.tick_s + 1e-6) * scenario.tick_s
-            sky, healthy = sun_and_moon_at(scenario, time), equipment_faults.healthy()
+            sky, healthy = sun_and_moon_at(params.epoch, time), equipment_faults.healthy()
             return plant.step(scenario.effects, params.plant, truth, jnp.zeros(3), (), sky, healthy, dt)
 
         after = jax.vmap(step, in_axes=-1, out_axes=-1)(truths, starts_s)
@@ -65,7 +65,7 @@ def ranges_by_plant(scenario: Scenario, params: Params, truths: Truth, starts_s:
 
 def ranges_by_free_drift(scenario: Scenario, params: Params, truths: Truth, starts_s: Array, ends_s: Array) -> Array:
     """The same from states as they are recorded, in single precision, by the program of campaigns."""
-    environment = Environment(scenario.effects, params.plant, scenario.epoch_s)
+    environment = Environment(scenario.effects, params.plant, params.epoch)
     recorded = replace(truths, **{name: _recorded(getattr(truths, name)) for name in ("r_ST_N", "v_ST_N", "mass")})
     drifts = Drift(
         start=starts_s,

@@ -34,7 +34,8 @@ def sun_directions_H(r_TN_N: np.ndarray, time_s: np.ndarray, epoch_s: float) -> 
     normal = np.cross(radial, np.gradient(r_TN_N, time_s, axis=0))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     axes = np.stack([radial, np.cross(normal, radial), normal], axis=1)
-    sun_N = np.asarray(sun_moon_ephemeris.sun_position(jnp.float64(time_s.mean()), epoch_s))
+    epoch = sun_moon_ephemeris.epoch_at(epoch_s)
+    sun_N = np.asarray(sun_moon_ephemeris.sun_position(jnp.float64(time_s.mean()), epoch))
     return axes @ (sun_N / np.linalg.norm(sun_N))
 
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from rpojax.batching import jax_programs
 from rpojax.batching.batched_value import Batch, BatchedValue
 from rpojax.batching.equal_operations import EqualOperations
 from rpojax.batching.jax_programs import Form, Operation, Program, Scan
@@ -58,6 +59,10 @@ class BatchedInterpreter:
                 return self._scan(operation.scan, operands)
             case Form.CONDITIONAL:
                 return self._conditional(operation.branches, operands[0], operands[1:])
+            case Form.ANY_OF_BATCH:
+                (flag,) = operands
+                found = jnp.any(flag.array, axis=-1) if flag.is_batched else flag.array
+                return [BatchedValue(jax_programs.any_of_batch(found), False)]
             case _:
                 return self._equal.evaluate_once(operation, operands, lambda: self._batched(operation, operands))
 
@@ -126,6 +131,8 @@ def _batched_outputs(program: Program, batched: Sequence[bool]) -> list[bool]:
                 results = _batched_scan_outputs(operation.scan, flags)
             case Form.CONDITIONAL:
                 results = _batched_conditional_outputs(operation.branches, flags)
+            case Form.ANY_OF_BATCH:
+                results = [False]
             case _:
                 results = [any(flags)] * len(operation.results)
         environment.update(zip(operation.results, results, strict=True))

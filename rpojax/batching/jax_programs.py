@@ -10,8 +10,10 @@ from enum import Enum, auto
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
+from jax.interpreters import batching, mlir
 
 from rpojax.errors import BatchingError
 
@@ -42,6 +44,8 @@ class Form(Enum):
     CALL = auto()
     SCAN = auto()
     CONDITIONAL = auto()
+    ANY_OF_BATCH = auto()
+    """Its result is shared by the whole batch."""
     OTHER = auto()
     """Batched by the rule that JAX has for it."""
 
@@ -101,6 +105,22 @@ _PARAMETERS_WITH_BATCH_AXIS: dict[str, Callable[[Mapping[str, Any], int], dict[s
 """Parameters that change if the operand has a trailing batch axis; those of other primitives do not."""
 
 
+_ANY_OF_BATCH = core.Primitive("any_of_batch")
+_ANY_OF_BATCH.def_impl(lambda flag: flag)
+_ANY_OF_BATCH.def_abstract_eval(lambda flag: flag)
+mlir.register_lowering(_ANY_OF_BATCH, lambda _, flag: [flag])
+batching.primitive_batchers[_ANY_OF_BATCH] = lambda flags, _: (any_of_batch(jnp.any(flags[0])), None)
+
+
+def any_of_batch(flag: Any) -> Any:
+    """Whether a scalar flag is true for any element of the batches in which the function is evaluated.
+
+    Outside of a batch it is the flag itself. The result is the same for the whole batch, so that a branch on it stays a
+    branch: what is costly, and needed by few elements at a time, is left out while no element needs it.
+    """
+    return _ANY_OF_BATCH.bind(flag)
+
+
 class Operation:
     """One operation of a program.
 
@@ -123,6 +143,8 @@ class Operation:
         if self.name == "cond":
             # A choice by platform must be left to JAX: the other branches may not exist on this one.
             return Form.OTHER if self._parameters.get("branches_platforms") else Form.CONDITIONAL
+        if self.name == _ANY_OF_BATCH.name:
+            return Form.ANY_OF_BATCH
         if self.name == "scan":
             return Form.OTHER if self._parameters.get("_split_transpose") else Form.SCAN
         if self.name in ("jit", "closed_call"):

@@ -56,15 +56,21 @@ class KernelCount:
 
 
 def kernels_per_tick(text: str, open_functions: bool = False) -> KernelCount:
-    """Kernels in the loop over ticks, which is the outermost loop with the most kernels.
+    """Kernels in the loop over ticks: the outermost loop, or loop in one of unknown length, with the most kernels.
 
     On a CPU XLA compiles small loops as functions, each of which is one kernel; `open_functions` counts their content,
     as on an accelerator. Without a loop the count is of the whole program.
     """
     program = hlo_text.parse(text)
-    bodies = [each.loop_body for each in program.computations[program.entry] if each.opcode == "while"]
-    counts = [_count(program, body, open_functions) for body in bodies or [program.entry]]
-    return max(counts, key=lambda count: count.most)
+    bodies = _loops_over_ticks(program, program.entry) or [program.entry]
+    return max((_count(program, body, open_functions) for body in bodies), key=lambda count: count.most)
+
+
+def _loops_over_ticks(program: HloProgram, computation: str) -> list[str]:
+    """Bodies of the loops that may be the one over ticks, which is in one of unknown length if that is not known."""
+    loops = [each for each in program.computations[computation] if each.opcode == "while"]
+    inner = [[] if each.trip_count else _loops_over_ticks(program, each.loop_body) for each in loops]
+    return [body for each, found in zip(loops, inner, strict=True) for body in found or [each.loop_body]]
 
 
 def _count(program: HloProgram, computation: str, open_functions: bool) -> KernelCount:

@@ -87,7 +87,7 @@ def compile_camera_and_detector(
 
 def _render(scenario: Scenario, params: Params, state: State, q_TN: Array, key: Array) -> Array:
     truth = replace(state.truth, q_TN=q_TN)
-    sky = sun_and_moon_at(scenario, elapsed_time(scenario, truth, state.tick))
+    sky = sun_and_moon_at(params.epoch, elapsed_time(scenario, truth, state.tick))
     window = camera_models.commanded_window(scenario, params, state.flight.camera)
     return camera_models.render_picture(scenario, params, window, truth, sky, key, state.tick)
 

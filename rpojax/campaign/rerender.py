@@ -105,7 +105,7 @@ def render_images(
 def _render(
     scenario: Scenario, params: Params, truth: Truth, window_px: Float[Array, "3"], keys: Array, tick: Array
 ) -> UInt8[Array, "p p 3"]:
-    sky = sun_and_moon_at(scenario, elapsed_time(scenario, truth, tick))
+    sky = sun_and_moon_at(params.epoch, elapsed_time(scenario, truth, tick))
     window = camera_models.recorded_window(scenario, params, window_px)
     key = noise.camera_key(keys, tick)
     image = camera_models.render_picture(scenario, params, window, truth, sky, key, tick)

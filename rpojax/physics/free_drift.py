@@ -20,6 +20,7 @@ from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits import sun_moon_ephemeris, zonal_gravity
 from rpojax.core.orbits.closest_approach import Approach, closest_approach, entry_place, least_square_until
+from rpojax.core.orbits.sun_moon_ephemeris import Epoch
 from rpojax.core.pytree import pytree, replace
 from rpojax.physics import forces_and_torques
 from rpojax.physics.environment.solar_radiation_pressure import sunlit_fraction
@@ -83,18 +84,18 @@ class Environment:
     Attributes:
         effects: switches of the plant
         params: true parameters
-        epoch_s: start of the run, terrestrial time since 2000-01-01 12:00 [s]
+        epoch: start of the run
     """
 
     effects: Effects
     params: PlantParams
-    epoch_s: float
+    epoch: Epoch
 
     def sky(self, time: Scalar) -> SunMoonPositions:
         """Positions of Sun and Moon at a time of the run [s]."""
         return SunMoonPositions(
-            sun_N=sun_moon_ephemeris.sun_position(time, self.epoch_s),
-            moon_N=sun_moon_ephemeris.moon_position(time, self.epoch_s),
+            sun_N=sun_moon_ephemeris.sun_position(time, self.epoch),
+            moon_N=sun_moon_ephemeris.moon_position(time, self.epoch),
         )
 
     def accelerations(

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
+from rpojax.core.orbits.sun_moon_ephemeris import Epoch, epoch_at
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
@@ -47,6 +48,7 @@ from rpojax.sensors.link_range import LinkRange
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.value_types import epoch_seconds
 from rpojax.vision import pinhole
 
 
@@ -107,7 +109,8 @@ class Limits:
 class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
-    `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers.
+    `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers; `epoch` has no key
+    that can be dispersed.
     """
 
     orbit: KeplerianElements
@@ -128,6 +131,7 @@ class Params:
     link_range: LinkRange
     baseline: BaselineTuning
     team: TeamTuning
+    epoch: Epoch
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
@@ -186,7 +190,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     }
     records["navigation"] = _navigation(tables)
     plant = PlantParams(
-        gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH_GRAVITY),
+        gravity=jax.tree.map(_array, EARTH_GRAVITY),
         **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
     )
     flight = FlightParams(
@@ -199,6 +203,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     )
     rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "chamber_pressure", "camera", "imaging", "limits")
     return Params(
+        epoch=epoch_at(epoch_seconds(tables["epoch_utc"])),
         plant=plant,
         flight=flight,
         networks=trained_files.networks_for_model(tables),
@@ -213,7 +218,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
 def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Links, differences of GPS positions and ranges as the truth has them, and what flight software believes."""
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
-    starts, ends = jnp.asarray(outages, dtype=jnp.float64).T
+    starts, ends = map(_array, np.array(outages).T)
     prefix = _BELIEF_IN_DIFFERENCES.partition(".")[2]
     belief = {key.removeprefix(prefix): value for key, value in tables["navigation"].items() if key.startswith(prefix)}
     return {
@@ -237,7 +242,7 @@ def _fields(cls: type, table: Mapping[str, Any]) -> dict[str, Array]:
     for key, value in table.items():
         name, factor = key_units.split_unit(key)
         if name in names:
-            values[name] = jnp.asarray(equipment_faults.kind_code(value), dtype=jnp.float64) * factor
+            values[name] = _array(equipment_faults.kind_code(value), factor)
     return values
 
 
@@ -245,14 +250,19 @@ def _handover_errors(table: Mapping[str, Any] | None) -> HandoverErrors | None:
     if table is None:
         return None
     if "covariance" in table:
-        return HandoverErrors(covariance_factor=jnp.asarray(cholesky_factor(np.array(table["covariance"]))))
+        return HandoverErrors(covariance_factor=_array(cholesky_factor(np.array(table["covariance"]))))
     return _record(HandoverErrors, table)
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
     """Numbers of a section in SI and radians, by name without unit."""
     units = {key: key_units.split_unit(key) for key in table}
-    return {name: jnp.asarray(table[key], dtype=jnp.float64) * factor for key, (name, factor) in units.items()}
+    return {name: _array(table[key], factor) for key, (name, factor) in units.items()}
+
+
+def _array(value: Any, factor: float = 1.0) -> Array:
+    """A number or array in SI, without JAX, of which each operation would compile a program at the first start."""
+    return jax.device_put(np.asarray(value, dtype=np.float64) * factor)
 
 
 def _navigation(tables: Mapping[str, Any]) -> OrbitFilterTuning:

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final
 
-import jax.numpy as jnp
+import jax
+import numpy as np
 from jaxtyping import Array
 
 from rpojax.core.constants import MU_EARTH
@@ -123,8 +124,9 @@ def _phase(table: Table, formation: Table, sphere: list[float]) -> Phase:
 def _numbers(table: Table) -> dict[str, Array]:
     """Numbers of a section in SI and radians, by name without unit."""
     units = {key: key_units.split_unit(key) for key in table}
-    return {name: _array(table[key]) * factor for key, (name, factor) in units.items()}
+    return {name: _array(table[key], factor) for key, (name, factor) in units.items()}
 
 
-def _array(value: Any) -> Array:
-    return jnp.asarray(value, dtype=jnp.float64)
+def _array(value: Any, factor: float = 1.0) -> Array:
+    # Without operations of JAX, each of which would compile a program at the first start.
+    return jax.device_put(np.asarray(value, dtype=np.float64) * factor)

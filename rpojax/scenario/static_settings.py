@@ -16,7 +16,6 @@ from rpojax.scenario.team.team_options import team_settings
 from rpojax.scenario.trained import image_sampling
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.registry import present_sensors
-from rpojax.value_types import epoch_seconds
 
 if TYPE_CHECKING:
     from rpojax.vision.radiance_field.ray_budget import RaySampling
@@ -37,7 +36,6 @@ class Scenario:
         box_gating: whether boxes must pass the covariance gate
         navigation_zonal_degree: highest zonal harmonic in the gravity model of the orbit filter
         navigation_luni_solar: whether the orbit filter models the attraction of Sun and Moon
-        epoch_s: start of the run, terrestrial time since 2000-01-01 12:00 [s]
         effects: model switches of the plant
         ray_sampling: of rendered images, None for other camera models
         chamber_pressure: whether the thruster's chamber pressure is measured
@@ -57,7 +55,6 @@ class Scenario:
     box_gating: bool
     navigation_zonal_degree: int
     navigation_luni_solar: bool
-    epoch_s: float
     effects: Effects
     ray_sampling: "RaySampling | None"
     chamber_pressure: bool = False
@@ -118,7 +115,6 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         box_gating=file.navigation.gating == "covariance",
         navigation_zonal_degree=file.navigation.zonal_degree,
         navigation_luni_solar=file.navigation.luni_solar,
-        epoch_s=epoch_seconds(file.epoch_utc),
         effects=Effects(**file.effects.model_dump()),
         ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
         chamber_pressure=file.chamber_pressure.enabled,

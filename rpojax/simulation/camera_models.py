@@ -116,7 +116,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
     q_KN = camera_pose.camera_attitude(params.camera, truth.q_BN)
     q_KT = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_TN))
     sun_N = normalize(sky.sun_N)
-    time = scenario.epoch_s + elapsed_time(scenario, truth, tick)
+    time = params.epoch.seconds + elapsed_time(scenario, truth, tick)
     scene = Scene(
         # A target of twice the size looks as the nominal one from half the distance.
         r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N) / params.plant.target.scale,

@@ -4,9 +4,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import sun_moon_ephemeris, third_body_gravity
+from rpojax.core.orbits.sun_moon_ephemeris import Epoch
 from rpojax.core.pytree import replace, select
 from rpojax.flight import computer
 from rpojax.flight.decisions import burn_decision, mission_decision, phase_burn
@@ -34,9 +36,8 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
-def sun_and_moon_at(scenario: Scenario, time: Scalar) -> SunMoonPositions:
+def sun_and_moon_at(epoch: Epoch, time: Scalar) -> SunMoonPositions:
     """Positions of Sun and Moon at `time` [s] since the start; equal for all runs of a batch."""
-    epoch = scenario.epoch_s
     return SunMoonPositions(
         sun_N=sun_moon_ephemeris.sun_position(time, epoch), moon_N=sun_moon_ephemeris.moon_position(time, epoch)
     )
@@ -57,7 +58,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     with jax.named_scope("draw"):
         noise = noise or draw_tick_noise(scenario, state.keys, state.tick)
     time = elapsed_time(scenario, state.truth, state.tick)
-    sky = sun_and_moon_at(scenario, time)
+    sky = sun_and_moon_at(params.epoch, time)
     health = (
         equipment_faults.health_at(params.plant.fault, time) if scenario.effects.faults else equipment_faults.healthy()
     )
@@ -110,20 +111,26 @@ def manage_mission(loop: Loop, tick: Tick) -> Tick:
 def plan_burn(loop: Loop, tick: Tick) -> Tick:
     """Burn plan, renewed on decision ticks, and execution error of the present burn.
 
-    The number of the tick is equal for all runs of a batch, so that the branch stays one under `vmap`.
+    The number of the tick is equal for all runs of a batch, and so is whether a phase of any of them decides about
+    burns, so that the branch stays one under `vmap`.
     """
     flight, scenario, mission = loop.params.flight, loop.scenario, loop.scenario.mission
     decision_ticks = scenario.formation_ticks if mission is None else mission.decision_ticks
+    due = tick.state.tick % decision_ticks == 0
+    is_of_phase = None
+    if mission is not None:
+        assert tick.flight.mission is not None
+        is_of_phase = phase_burn.is_due(mission, tick.flight.mission, tick.time, scenario.tick_s)
 
     def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState | None]:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
-        if mission is not None:
+        if mission is not None and is_of_phase is not None:
             assert tick.prediction is not None
             team = None if tick.peers is None else phase_burn.Team(tuning=loop.params.team, peers=tick.peers)
-            plan, state, due = phase_burn.plan_burn(
+            plan, state = phase_burn.plan_burn(
                 loop.stages, mission, flight, memory, tick.prediction, pointing, tick.time, scenario.tick_s, team
             )
-            return select(due, (plan, error, state), keep(memory))
+            return select(is_of_phase, (plan, error, state), keep(memory))
         plan = burn_decision.plan_burn(
             loop.stages, flight, memory, pointing, tick.time, scenario.formation_period_s, scenario.tick_s
         )
@@ -140,8 +147,8 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
         if mission is not None:
             other = mission_decision.other_pointing(mission, flight, tick.flight, tick.sky.sun_N)
             pointing = target_pointing.with_other(pointing, other)
-        due = tick.state.tick % decision_ticks == 0
-        plan, error, state = jax.lax.cond(due, decide, keep, tick.flight)
+        needed = due if is_of_phase is None else due & any_of_batch(is_of_phase)
+        plan, error, state = jax.lax.cond(needed, decide, keep, tick.flight)
     return replace(tick, flight=replace(tick.flight, plan=plan, mission=state), burn_error=error)
 
 

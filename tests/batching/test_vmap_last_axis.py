@@ -1,5 +1,6 @@
 """`vmap` over the last axis keeps the batch there in intermediate arrays, and refuses what it does not honour."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from jax.experimental import io_callback
 
 from rpojax.batching import vmap_last_axis
+from rpojax.batching.jax_programs import any_of_batch
 from rpojax.errors import BatchingError
 
 BATCH_SIZE = 7
@@ -252,3 +254,36 @@ def test_unknown_functions_within_a_function_are_refused() -> None:
     composite = jax.lax.composite(jnp.sin, "rpojax.sine")
     with pytest.raises(BatchingError, match="primitive 'composite'"):
         vmap_last_axis.vmap(composite, (-1,), -1)(X)
+
+
+def costly_if_needed(x: Any, s: Any) -> Any:
+    """The sum of a vector where it is above a number, else zero; a branch of the whole batch."""
+    needed = jnp.sum(x) > s
+    costly = jax.lax.cond(any_of_batch(needed), lambda: jnp.sum(jnp.sinh(x)), lambda: jnp.zeros(()))
+    return jnp.where(needed, costly, 0.0), any_of_batch(needed)
+
+
+@pytest.mark.parametrize("transform", [jax.vmap, vmap_last_axis.vmap])
+def test_a_branch_on_any_of_a_batch_stays_a_branch(transform: Callable[..., Any]) -> None:
+    x = jnp.array([[0.1, 0.2, 0.3], [1.0, 1.0, 1.0]]).T
+    batched = transform(costly_if_needed, in_axes=(-1, None), out_axes=(-1, None))
+    text = str(jax.make_jaxpr(batched)(x, 2.0))
+    assert text.count("cond[") == 1
+    for limit, values, any_above in ((2.0, [0.0, 3.0 * np.sinh(1.0)], True), (9.0, [0.0, 0.0], False)):
+        found, flag = jax.jit(batched)(x, limit)
+        np.testing.assert_allclose(found, values, rtol=1e-12)
+        assert bool(flag) == any_above
+
+
+@pytest.mark.parametrize(("inner", "outer"), list(itertools.product([jax.vmap, vmap_last_axis.vmap], repeat=2)))
+def test_any_of_a_batch_of_batches_is_that_of_all(inner: Callable[..., Any], outer: Callable[..., Any]) -> None:
+    def of_members(x: Any) -> Any:
+        return inner(lambda each: any_of_batch(each > 0.0), in_axes=-1, out_axes=None)(x)
+
+    flags = outer(of_members, in_axes=-1, out_axes=None)
+    x = np.full((3, 4), -1.0)
+    assert not jax.jit(flags)(x)
+    x[1, 2] = 1.0
+    assert jax.jit(flags)(x)
+    assert jax.jit(of_members)(x[:, 2])
+    assert not jax.jit(of_members)(x[:, 0])

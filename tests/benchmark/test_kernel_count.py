@@ -69,6 +69,17 @@ ENTRY %main (t: (s32[], f32[8])) -> (s32[], f32[8]) {
 FUNCTION = TICK.replace("CALL", 'call(%t), to_apply=%called, frontend_attributes={xla_cpu_small_call="true"}')
 
 
+IN_LOOP_OF_UNKNOWN_LENGTH = (
+    TICK.replace("ENTRY %main", "%part").replace("%w = ", "%l = ")
+    + """
+ENTRY %main (t: (s32[], f32[8])) -> (s32[], f32[8]) {
+  %t = (s32[], f32[8]{0}) parameter(0)
+  ROOT %w = (s32[], f32[8]{0}) while(%t), condition=%less, body=%part
+}
+"""
+)
+
+
 def test_loops_count_by_their_passes_and_branches_by_their_extremes() -> None:
     found = kernel_count.kernels_per_tick(TICK.replace("CALL", "call(%t), to_apply=%called"))
     assert (found.fewest, found.most, found.decisions) == (5 * 2 + 0 + 1, 5 * 2 + 2 + 1, 1)
@@ -81,6 +92,13 @@ def test_loops_count_by_their_passes_and_branches_by_their_extremes() -> None:
     per_tick = [each.per_tick for each in found.contributions]
     assert per_tick == sorted(per_tick, reverse=True)
     assert sum(per_tick) == found.most
+
+
+def test_the_loop_over_ticks_may_be_in_one_of_unknown_length() -> None:
+    text = IN_LOOP_OF_UNKNOWN_LENGTH.replace("CALL", "call(%t), to_apply=%called")
+    assert kernel_count.kernels_per_tick(text) == kernel_count.kernels_per_tick(
+        TICK.replace("CALL", "call(%t), to_apply=%called")
+    )
 
 
 def test_a_loop_that_a_cpu_runs_as_one_function_is_one_kernel() -> None:

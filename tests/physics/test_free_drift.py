@@ -32,7 +32,7 @@ class Case:
     def __init__(self, name: str, *overrides: str) -> None:
         file = scenario_loader.load(name, list(overrides))
         self.scenario, self.params = nominal_parameters(file)
-        self.environment = Environment(self.scenario.effects, self.params.plant, self.scenario.epoch_s)
+        self.environment = Environment(self.scenario.effects, self.params.plant, self.params.epoch)
         identity = jnp.array([1.0, 0.0, 0.0, 0.0])
 
         def start(rho: jax.Array, rho_dot: jax.Array) -> plant_state.Truth:
@@ -45,7 +45,7 @@ class Case:
         scenario, params = self.scenario, self.params.plant
 
         def advance(truths: plant_state.Truth, number: jax.Array) -> tuple[plant_state.Truth, jax.Array]:
-            sky = sun_and_moon_at(scenario, jnp.floor(number * step_s / scenario.tick_s) * scenario.tick_s)
+            sky = sun_and_moon_at(self.params.epoch, jnp.floor(number * step_s / scenario.tick_s) * scenario.tick_s)
 
             def step(truth: plant_state.Truth) -> plant_state.Truth:
                 wheels, healthy = jnp.zeros(3), equipment_faults.healthy()

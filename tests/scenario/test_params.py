@@ -18,6 +18,7 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params as parameters
 from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 
@@ -234,3 +235,42 @@ def test_a_sigma_that_stands_alone_keeps_its_bits(sigma: float, precision: Any) 
     assert float(jax.jit(burn_scale.new_sigma)(tuning)) == float(one)
     found = jax.jit(shape_errors.center_variance)(tuning, 0.0 * one, jnp.ones(3, dtype=precision))
     assert float(found) == float(one * one)
+
+
+def epoch_of(change: str) -> float:
+    """Epoch [s] in the parameters of a changed scenario."""
+    file = scenario_loader.load("inspection", [change])
+    return float(parameters.build_params(file.model_dump(), 512, 512).epoch.seconds)
+
+
+@pytest.mark.parametrize(
+    ("utc", "days", "leap_s"),
+    [
+        ("2000-01-01T12:00:00", 0.0, 32.0),
+        ("2000-01-02T12:00", 1.0, 32.0),
+        ("2010-06-01T12:00:00", 3804.0, 34.0),
+        ("2026-03-20T14:46:00", 9575.0 + 2.0 / 24.0 + 46.0 / 1440.0, 37.0),
+        ("2026-03-20T15:46:00+01:00", 9575.0 + 2.0 / 24.0 + 46.0 / 1440.0, 37.0),
+        ("2026-03-20", 9574.5, 37.0),
+    ],
+)
+def test_the_epoch_is_terrestrial_time_since_2000_01_01_noon(utc: str, days: float, leap_s: float) -> None:
+    for written in (f'"{utc}"', utc):  # as text, and as the date that TOML knows
+        begin = epoch_of(f"epoch_utc={written}")
+        # IERS Bulletin C: TAI-UTC is 32 s in 2000, 34 s in 2010, 37 s since 2017; TT-TAI is 32.184 s.
+        assert begin == pytest.approx(days * 86400.0 + leap_s + 32.184, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("utc", "seconds"),
+    [
+        ("2026-079T14:46:00Z", 827_289_960.0 + 69.184),
+        ("2026-03-20T14:46:00.123456789012345", 827_289_960.123456789 + 69.184),
+        # Midnight that follows is 17 years of 365 days, 5 leap days and 12 hours less after noon: 536500800 s of UTC.
+        ("2016-12-31T23:59:60.5", 536_500_800.0 - 0.5 + 69.184),
+        ("2017-01-01T02:59:60+03:00", 536_500_800.0 - 1.0 + 69.184),
+        ("1972-01-01T00:00:00", -883_656_000.0 + 42.184),
+    ],
+)
+def test_an_epoch_is_read_as_dates_of_messages_are(utc: str, seconds: float) -> None:
+    assert epoch_of(f'epoch_utc="{utc}"') == pytest.approx(seconds, abs=2e-7)

@@ -54,7 +54,7 @@ def frame_and_picture(model: str, scale: float, farther: float) -> tuple[CameraF
     scaled = params.replace_leaf(nominal, ("plant", "target", "scale"), jnp.asarray(scale))
     truth = replace(start.truth, r_ST_N=farther * start.truth.r_ST_N)
     command = start.flight.camera
-    sky, noise = sun_and_moon_at(static, jnp.zeros(())), draw_tick_noise(static, start.keys, start.tick)
+    sky, noise = sun_and_moon_at(nominal.epoch, jnp.zeros(())), draw_tick_noise(static, start.keys, start.tick)
     key, errors = camera_key(start.keys, start.tick), start.sensor_errors.box_edge_errors
     frame, picture = expose(static, scaled, truth, command, errors, sky, noise, key, start.tick)
     return frame, None if picture is None else np.asarray(picture)

@@ -23,6 +23,7 @@ from rpojax.campaign.execution.teams import member_values
 from rpojax.campaign.execution.tick_batching import batch_transform, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
+from rpojax.core.numerics.counted_scan import scan_to_count
 from rpojax.core.pytree import concatenate
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
@@ -40,7 +41,7 @@ from rpojax.simulation import single_precision
 from rpojax.simulation.channels import Channels
 
 SEGMENT_TICKS = 200
-"""Approximate length of a segment: ticks that run on the device before the host gets their channels."""
+"""Length of a segment: ticks that run on the device before the host gets their channels; the last may have fewer."""
 
 _VECTOR_RUNS = 16
 """Numbers of single precision in the widest vector of a CPU."""
@@ -179,10 +180,9 @@ class BatchEngine:
         self.dispersed_keys = dispersion_keys.varied_keys(file)
         self.compile_s = self.loop_compile_s = 0.0
         self.segment_count = -(-self.scenario.ticks // SEGMENT_TICKS)
-        self.segment_ticks = -(-self.scenario.ticks // self.segment_count)
         # Programs depend on the length of a segment, not of the mission, so that missions of other lengths share them.
-        self._segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
-        self._segment_scenario = dataclasses.replace(self.scenario, ticks=self.segment_ticks)
+        self._segment_file = file.model_copy(update={"duration_s": SEGMENT_TICKS * self.scenario.tick_s})
+        self._segment_scenario = dataclasses.replace(self.scenario, ticks=SEGMENT_TICKS)
         self._run = run_programs.run_program(self._segment_file, self._segment_scenario, self.stages, self.batching)
         self._nominal = jax.tree.map(np.asarray, self._run.nominal)
         self._programs: tuple[Any, DevicePrograms] | None = None
@@ -246,27 +246,30 @@ class BatchEngine:
     def _tracing_precision(self) -> contextlib.AbstractContextManager[None]:
         return single_precision.tracing_in_single() if self.is_single_precision else contextlib.nullcontext()
 
-    def _loop_arguments(self) -> tuple[Any, Any, Any]:
-        """Nominal Params, and the shapes of the dispersed values and states that the preparation returns."""
+    def _loop_arguments(self) -> tuple[Any, Any, Any, Any]:
+        """Nominal Params, shapes of the dispersed values and states that the preparation returns, and of a number."""
         drawn, _, state = self._preparation_trace.out_info
+        ticks = jax.ShapeDtypeStruct((), np.int32)
         if not self.is_single_precision:
-            return self._nominal, drawn, state
+            return self._nominal, drawn, state, ticks
         return (
             single_precision.round_to_single(self._nominal),
             jax.eval_shape(single_precision.round_to_single, drawn),
             state,
+            ticks,
         )
 
-    def _example_inputs(self) -> tuple[Params, Array, np.ndarray, Mapping[str, np.ndarray]]:
+    def _example_inputs(self) -> tuple[Params, Any, Array, np.ndarray, Mapping[str, np.ndarray]]:
         """Arguments of the preparation of which only the shapes matter."""
         return self._preparation_inputs(0, np.zeros(self.runs_per_device, dtype=np.int64))
 
     def _preparation_inputs(
         self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None
-    ) -> tuple[Params, Array, np.ndarray, Mapping[str, np.ndarray]]:
+    ) -> tuple[Params, Any, Array, np.ndarray, Mapping[str, np.ndarray]]:
         if assigned is None:
             assigned = self.design.for_runs(run_ids) if self.design else {}
-        return self._nominal, jnp.asarray(random_streams.master_key(seed)), run_ids.astype(np.int32), assigned
+        key = jnp.asarray(random_streams.master_key(seed))
+        return self._nominal, self._run.draw_numbers, key, run_ids.astype(np.int32), assigned
 
     def draw_values(self, seed: int, run_ids: np.ndarray) -> dict[str, np.ndarray]:
         """Dispersed values of `runs_per_device` runs, equal to those of `prepare`, without compiling the loop."""
@@ -322,7 +325,7 @@ class BatchEngine:
         assert self._programs is not None
         parts = [None] * len(self.devices) if redrawn is None else redrawn.split(len(self.devices))
         batches = [
-            _DeviceBatch(program, *inputs, redrawn=part)
+            _DeviceBatch(program, self.scenario.ticks, *inputs, redrawn=part)
             for program, inputs, part in zip(self._programs[1].programs, prepared.device_inputs, parts, strict=True)
         ]
         segments = device_programs.call_in_threads([batch.advance for batch in batches], self.segment_count)
@@ -331,8 +334,8 @@ class BatchEngine:
             yield from map(self._segment, itertools.count(), segments)
 
     def _segment(self, number: int, parts: Sequence["_DeviceSegment"]) -> Segment:
-        first = number * self.segment_ticks
-        kept_ticks = min(self.segment_ticks, self.scenario.ticks - first)
+        first = number * SEGMENT_TICKS
+        kept_ticks = min(SEGMENT_TICKS, self.scenario.ticks - first)
         return Segment(
             first_tick=first,
             device_channels=[
@@ -342,14 +345,21 @@ class BatchEngine:
             failed_at=np.concatenate([part.failed_at for part in parts], axis=-1),
         )
 
-    def _prepare(self, nominal: Params, key: Array, run_ids: Array, assigned: Values) -> tuple[Values, Values, Any]:
+    def _prepare(
+        self, nominal: Params, numbers: Any, key: Array, run_ids: Array, assigned: Values
+    ) -> tuple[Values, Values, Any]:
         def prepare_run(run_id: Array, assigned: Values) -> tuple[Values, Values, Any]:
             run_key = random_streams.fold_in(key, run_id)
-            return self._run.prepare(nominal, run_key, assigned, single=self.is_single_precision)
+            return self._run.prepare(nominal, numbers, run_key, assigned, single=self.is_single_precision)
 
         return jax.vmap(prepare_run, out_axes=(0, 0, self._run.state_axes))(run_ids, assigned)
 
-    def _advance(self, nominal: Params, values: Values, state: Any) -> tuple[Any, Channels]:
+    def _advance(self, nominal: Params, values: Values, state: Any, ticks: Array) -> tuple[Any, Channels]:
+        """State after some ticks, at most `SEGMENT_TICKS`, and their channels in the first rows.
+
+        Some more ticks may follow, with which the host does nothing.
+        """
+
         def tick(values: Values, state: Any) -> tuple[Any, Channels]:
             return self._run.tick(nominal, values, state)
 
@@ -358,10 +368,7 @@ class BatchEngine:
             tick, in_axes=(-1, axes), out_axes=(axes, -1)
         )
         runs_last = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
-        after, channels = jax.lax.scan(
-            lambda carry, _: batched_tick(runs_last, carry), state, None, length=self.segment_ticks
-        )
-        return after, channels
+        return scan_to_count(lambda carry: batched_tick(runs_last, carry), state, ticks, SEGMENT_TICKS)
 
 
 @dataclass(frozen=True)
@@ -378,6 +385,7 @@ class _DeviceBatch:
     """Runs of one device while they are simulated."""
 
     program: Any
+    ticks: int
     nominal: Params
     values: Values
     state: Any
@@ -391,8 +399,9 @@ class _DeviceBatch:
             self.own_keys = np.array(self.state.keys) if self.own_keys is None else self.own_keys
             keys = self.redrawn.keys_in_segment(self.number, self.own_keys)
             self.state = dataclasses.replace(self.state, keys=jax.device_put(keys, self.state.keys.sharding))
+        count = np.int32(min(SEGMENT_TICKS, self.ticks - self.number * SEGMENT_TICKS))
         self.number += 1
-        self.state, channels = jax.block_until_ready(self.program(self.nominal, self.values, self.state))
+        self.state, channels = jax.block_until_ready(self.program(self.nominal, self.values, self.state, count))
         # Copies: the state itself is donated to the next segment.
         return _DeviceSegment(channels, np.array(self.state.failure), np.array(self.state.failed_at))
 

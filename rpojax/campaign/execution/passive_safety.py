@@ -26,8 +26,10 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.metrics import drift_starts, recorded_metrics
 from rpojax.simulation.metrics.drift_starts import DriftStarts
 
-_MOST_DRIFTS = 48
-"""Drifts of a run in a column of a call; their number is fixed, so that a rerun uses the same program."""
+_DRIFTS_AT_ONCE = 48
+"""Drifts of a run in a column of a call; their number is fixed, so that reruns and other missions use one program."""
+_LEAST_MISSION_STEPS = 64
+"""Steps of the propagation in the longest mission of those that share a program; twice as many in the next longer."""
 _SHARED_FIELDS = ("is_stuck", "r_ST_N", "v_ST_N", "mass", "last_delta_v")
 _FIELDS = {
     **dict.fromkeys(("start", "last", "burn", "mass", "last_delta_v"), ((), np.float64)),
@@ -64,6 +66,21 @@ class StartBatch:
     last_delta_v: Array
 
 
+@pytree
+class Spans:
+    """Times of free drift.
+
+    Attributes:
+        stuck_on: () that a thruster stays open [s]
+        orbits: (horizons,) lengths of horizons in orbits, 0 of those that are given in seconds
+        seconds: (horizons,) lengths of the others [s]
+    """
+
+    stuck_on: Array
+    orbits: Array
+    seconds: Array
+
+
 class PassiveSafety:
     """Metrics of the free drifts of runs, by a program for batches of a fixed size that is compiled once.
 
@@ -82,11 +99,13 @@ class PassiveSafety:
         self.runs_per_device, self.devices = runs_per_device, devices
         self._programs: DevicePrograms | None = None
         self.spacing_ticks = max(1, round(file.safety.spacing_s / scenario.tick_s))
-        self.mission_steps = math.ceil(scenario.ticks * scenario.tick_s / STEP_S) + 1
-        burns = -(-scenario.ticks // scenario.formation_ticks)
+        self.mission_steps = _LEAST_MISSION_STEPS
+        while self.mission_steps * STEP_S < scenario.ticks * scenario.tick_s + STEP_S:
+            self.mission_steps *= 2
+        self._spans = _spans(file)
         calls = -(-runs_per_device // _MOST_RUNS_ON_CORE) if devices[0].platform == "cpu" else 1
         self.runs_at_once = -(-runs_per_device // calls)
-        self.drifts_at_once = min(_MOST_DRIFTS, 1 + 2 * burns + burns + -(-scenario.ticks // self.spacing_ticks))
+        self.drifts_at_once = _DRIFTS_AT_ONCE
 
     def evaluate(
         self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], nominal: Params | None = None
@@ -184,7 +203,7 @@ class PassiveSafety:
             name: jax.ShapeDtypeStruct((*shape, count, size), dtype) for name, (shape, dtype) in _FIELDS.items()
         }
         traces = device_programs.trace_for_devices(
-            self._drift, (self.nominal, values, StartBatch(**numbers)), self.devices
+            self._drift, (self.nominal, values, StartBatch(**numbers), self._spans), self.devices
         )
         self._programs = traces.compile(compiler_options.LOOP_OPTIONS)
 
@@ -204,7 +223,7 @@ class PassiveSafety:
             batch = groups[begin : begin + len(self.devices)]
             programs = self._programs.first(len(batch))
             results = programs.call(
-                programs.place([(nominal, *self._arguments(drawn, starts, group)) for group in batch])
+                programs.place([(nominal, *self._arguments(drawn, starts, group), self._spans) for group in batch])
             )
             for group, result in zip(batch, results, strict=True):
                 arrays = jax.tree.map(np.asarray, result)
@@ -237,21 +256,23 @@ class PassiveSafety:
         }
         return StartBatch(**fields)
 
-    def _drift(self, nominal: Params, values: Values, batch: StartBatch) -> DriftRange:
+    def _drift(self, nominal: Params, values: Values, batch: StartBatch, spans: Spans) -> DriftRange:
         """Ranges of the drifts of the runs of a device; `entry` is less the longest horizon."""
 
         def environment(values: Values) -> Environment:
             params = dispersed_values.apply_to_params(nominal, values)
-            return Environment(self.scenario.effects, params.plant, self.scenario.epoch_s)
+            return Environment(self.scenario.effects, params.plant, params.epoch)
 
         def begin(values: Values, batch: StartBatch) -> tuple[Drift, Propagation, Array]:
             params = dispersed_values.apply_to_params(nominal, values)
             orbit = free_drift.target_orbit(
                 environment(values), *keplerian_elements.state_from_elements(params.orbit), self.mission_steps
             )
-            lengths = self._horizons(params)
+            lengths = _horizons(params, spans)
             drifts = batching_mode.transform()(
-                lambda start: self._start(environment(values), orbit, lengths, start), in_axes=-1, out_axes=-1
+                lambda start: self._start(environment(values), orbit, lengths, spans.stuck_on, start),
+                in_axes=-1,
+                out_axes=-1,
             )(batch)
             begun = free_drift.begin_drifts(environment(values), orbit, drifts, params.limits.keep_out, first)
             return drifts, begun, jnp.max(lengths[:-1], axis=0)
@@ -269,16 +290,9 @@ class PassiveSafety:
         found = jax.lax.fori_loop(first, last, advance, begun).found
         return replace(found, entry=found.entry - longest[None, :])
 
-    def _horizons(self, params: Params) -> Array:
-        """Lengths of the horizons, and of the one after a thruster that stayed open [s]."""
-        period = 2.0 * jnp.pi / keplerian_elements.mean_motion(params.orbit.semi_major_axis)
-        lengths = []
-        for horizon in self.file.safety.horizons:
-            count, in_orbits = metrics.horizon_length(horizon)
-            lengths.append(count * (period if in_orbits else jnp.full_like(period, 3600.0)))
-        return jnp.stack([*lengths, jnp.full_like(period, 86400.0)])
-
-    def _start(self, environment: Environment, orbit: Array, lengths: Array, start: StartBatch) -> Drift:
+    def _start(
+        self, environment: Environment, orbit: Array, lengths: Array, stuck_on: Array, start: StartBatch
+    ) -> Drift:
         """Start of a drift; a thruster that stays open pushes in the direction of the burn's velocity change."""
         thruster, zero = environment.params.thruster, jnp.zeros(3)
         acceleration = thruster.force * thruster.force_scale / start.mass
@@ -288,7 +302,7 @@ class PassiveSafety:
         push = jnp.where(start.is_stuck, acceleration * direction, zero)
         tick_s = self.scenario.tick_s
         shut_for = tick_s - jnp.clip(start.last_delta_v / acceleration, 0.0, tick_s)
-        thrust_s = jnp.where(start.is_stuck, jnp.maximum(self.file.safety.stuck_on_s - shut_for, 0.0), 0.0)
+        thrust_s = jnp.where(start.is_stuck, jnp.maximum(stuck_on - shut_for, 0.0), 0.0)
         return Drift(
             start=start.start,
             r_ST_N=start.r_ST_N[1] + 0.5 * shut_for * shut_for * push,
@@ -298,6 +312,25 @@ class PassiveSafety:
             acceleration_N=push,
             ends=start.last + thrust_s + lengths,
         )
+
+
+def _spans(file: ScenarioFile) -> Spans:
+    """Times of free drift of a scenario."""
+    lengths = [metrics.horizon_length(horizon) for horizon in file.safety.horizons]
+    numbers = {
+        "stuck_on": file.safety.stuck_on_s,
+        "orbits": [count if in_orbits else 0 for count, in_orbits in lengths],
+        "seconds": [0 if in_orbits else 3600 * count for count, in_orbits in lengths],
+    }
+    arrays: dict[str, Any] = {name: np.array(value, dtype=np.float64) for name, value in numbers.items()}
+    return Spans(**arrays)
+
+
+def _horizons(params: Params, spans: Spans) -> Array:
+    """Lengths of the horizons, and of the one after a thruster that stayed open [s]."""
+    period = 2.0 * jnp.pi / keplerian_elements.mean_motion(params.orbit.semi_major_axis)
+    lengths = spans.orbits * period[None] + spans.seconds
+    return jnp.concatenate([lengths, jnp.full_like(lengths[:1], 86400.0)])
 
 
 def _least(ranges: np.ndarray) -> float:

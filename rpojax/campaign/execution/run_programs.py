@@ -6,11 +6,11 @@ from collections.abc import Collection
 from jaxtyping import Array
 
 from rpojax.batching.batching_mode import BatchingMode
-from rpojax.campaign.execution.teams.member_values import draw_of_members
+from rpojax.campaign.execution.teams.member_values import draw_of_members, numbers_of_members
 from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
-from rpojax.scenario.dispersed_numbers.dispersed_values import Values
+from rpojax.scenario.dispersed_numbers.dispersed_values import Arrays, Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
@@ -45,11 +45,16 @@ class ServicerRun:
         """Batch axis of each field of the state."""
         return state_axes(-1)
 
+    @property
+    def draw_numbers(self) -> Arrays:
+        """Numbers of the scenario from which values are drawn."""
+        return dispersed_values.draw_numbers(self.file)
+
     def prepare(
-        self, nominal: Params, run_key: Array, assigned: Values, *, single: bool
+        self, nominal: Params, numbers: Arrays, run_key: Array, assigned: Values, *, single: bool
     ) -> tuple[Values, Values, State]:
         """Values drawn, values read back from the parameters, and initial state, which may be in `single` precision."""
-        drawn = dispersed_values.draw(self.file, run_key, assigned)
+        drawn = dispersed_values.draw(self.file, run_key, assigned, numbers=numbers)
         dispersed = dispersed_values.apply_to_params(nominal, drawn)
         used = dispersed_values.read_back(dispersed, dispersion_keys.varied_keys(self.file))
         state = initial_state.init(self.scenario, dispersed, run_key)
@@ -90,11 +95,16 @@ class TeamRun:
         """Batch axis of each field of the state."""
         return TeamState(servicers=state_axes(-1), links=-1, sharing=-1, coordination=-1)  # pyright: ignore[reportArgumentType]
 
+    @property
+    def draw_numbers(self) -> list[Arrays]:
+        """Numbers of the scenario from which values of each servicer are drawn."""
+        return numbers_of_members(self.file)
+
     def prepare(
-        self, nominal: Params, run_key: Array, assigned: Values, *, single: bool
+        self, nominal: Params, numbers: list[Arrays], run_key: Array, assigned: Values, *, single: bool
     ) -> tuple[Values, Values, TeamState]:
         """Values drawn, values read back from the parameters, and initial state, which may be in `single` precision."""
-        drawn = draw_of_members(self.file, run_key, assigned)
+        drawn = draw_of_members(self.file, run_key, assigned, numbers)
         dispersed = self._dispersed(nominal, drawn)
         used = dispersed_values.read_back(dispersed.leaves, dispersion_keys.varied_keys(self.file))
         state = initial_team.init(self.scenario, dispersed, run_key)

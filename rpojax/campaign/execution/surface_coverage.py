@@ -32,6 +32,8 @@ _CHANNELS: Final = {
 REQUIRED_CHANNELS: Final = tuple(_CHANNELS.values())
 """Channels from which coverage is evaluated."""
 _SHAPES: Final = {"r_TN_N": (3,), "r_ST_N": (3,), "q_TN": (4,), "q_BN": (4,), "running": (), "accepted": ()}
+_SAMPLES_AT_ONCE: Final = 64
+"""Samples in a call; their number is fixed, so that missions of other lengths use the same program."""
 _NEVER: Final = np.iinfo(np.int32).max
 """Number of the sample in which a facet was first seen, if it never was."""
 
@@ -112,12 +114,13 @@ class SurfaceCoverage:
         if self._programs is not None or not self.section.enabled:
             return
         values = {name: jax.ShapeDtypeStruct(each.shape, each.dtype, weak_type=False) for name, each in drawn.items()}
-        samples = (self.runs_per_device, len(self.ticks))
+        samples = (self.runs_per_device, _SAMPLES_AT_ONCE)
         instants = Instant(
             time=_shape(samples, np.float64),
             **{name: _shape((*samples, *shape), np.float32 if shape else np.bool_) for name, shape in _SHAPES.items()},
         )
-        arguments = (self.nominal, self._nominal_surface(), values, instants)
+        numbers = _shape((_SAMPLES_AT_ONCE,), np.int32)
+        arguments = (self.nominal, self._nominal_surface(), values, instants, numbers, self._nothing())
         self._programs = device_programs.trace_for_devices(self._tally_runs, arguments, self.devices).compile()
 
     def evaluate(
@@ -131,13 +134,18 @@ class SurfaceCoverage:
             return CoverageResults({}, {})
         self.compile(drawn)
         assert self._programs is not None
-        surface, arguments = self._nominal_surface(), []
-        for place in range(len(self.devices)):
-            rows = slice(place * self.runs_per_device, (place + 1) * self.runs_per_device)
-            values = {name: each[rows] for name, each in drawn.items()}
-            arguments.append((nominal or self.nominal, surface, values, self._instants(records, rows)))
-        tally = jax.tree.map(np.asarray, concatenate(self._programs.call(self._programs.place(arguments))))
-        return self._results(tally)
+        first_runs = [place * self.runs_per_device for place in range(len(self.devices))]
+        rows = [slice(first, first + self.runs_per_device) for first in first_runs]
+        surface = self._nominal_surface()
+        known = [(nominal or self.nominal, surface, {name: each[own] for name, each in drawn.items()}) for own in rows]
+        known = self._programs.place(known)
+        tallies = [self._nothing() for _ in rows]
+        for first in range(0, len(self.ticks), _SAMPLES_AT_ONCE):
+            numbers = np.arange(first, first + _SAMPLES_AT_ONCE, dtype=np.int32)
+            samples = [(self._instants(records, own, numbers), numbers) for own in rows]
+            arguments = [(*a, *b, c) for a, b, c in zip(known, samples, tallies, strict=True)]
+            tallies = self._programs.call(self._programs.place(arguments))
+        return self._results(jax.tree.map(np.asarray, concatenate(tallies)))
 
     def union(self, servicers: Sequence[CoverageResults]) -> CoverageResults:
         """Coverage by a team: a facet is seen if anyone sees it, so often as by the servicer that sees it most."""
@@ -168,13 +176,21 @@ class SurfaceCoverage:
         fields: dict[str, Any] = {"centers": facets.centers, "normals": facets.normals}
         return Surface(visible=jnp.asarray(visible), **{name: each.astype(np.float32) for name, each in fields.items()})
 
-    def _instants(self, records: Mapping[str, np.ndarray], rows: slice) -> Instant:
-        """Samples of some runs (runs, samples, ...)."""
+    def _instants(self, records: Mapping[str, np.ndarray], rows: slice, numbers: np.ndarray) -> Instant:
+        """Samples with some numbers of some runs (runs, samples, ...); after the last one no run lasts."""
+        ticks = self.ticks[np.minimum(numbers, len(self.ticks) - 1)]
         fields: dict[str, Any] = {
-            name: np.moveaxis(records[channel][self.ticks][..., rows], -1, 0) for name, channel in _CHANNELS.items()
+            name: np.moveaxis(records[channel][ticks][..., rows], -1, 0) for name, channel in _CHANNELS.items()
         }
-        time = np.broadcast_to(self.ticks * self.scenario.tick_s, fields["running"].shape)
-        return Instant(time=jnp.asarray(time), **fields)
+        fields["running"] = fields["running"] & (numbers < len(self.ticks))
+        fields["time"] = np.broadcast_to(ticks * self.scenario.tick_s, fields["running"].shape)
+        return Instant(**fields)
+
+    def _nothing(self) -> Tally:
+        """Tallies of the runs of a device before the first sample."""
+        shape = (self.runs_per_device, len(self.facets.areas))
+        none: Any = np.zeros(shape, np.int32)
+        return Tally(lit=none, seen=none, first_seen=none + np.int32(_NEVER))
 
     def _metrics(self, tally: Tally) -> dict[str, np.ndarray]:
         """Metrics (runs,): NaN if nothing was lit, and the time if too little was seen."""
@@ -190,16 +206,21 @@ class SurfaceCoverage:
         }
         return {name: np.array(values) for name, values in found.items()}
 
-    def _tally_runs(self, nominal: Params, surface: Surface, values: Values, instants: Instant) -> Tally:
-        """Tallies of the runs of a device, one run after the other, so that they do not depend on its place."""
+    def _tally_runs(
+        self, nominal: Params, surface: Surface, values: Values, instants: Instant, numbers: Array, before: Tally
+    ) -> Tally:
+        """Tallies of the runs of a device with some more samples, one run after the other.
 
-        def tally_run(inputs: tuple[Values, Instant]) -> Tally:
+        So they do not depend on the place of a run.
+        """
+
+        def tally_run(inputs: tuple[Values, Instant, Tally]) -> Tally:
             params = dispersed_values.apply_to_params(nominal, inputs[0])
-            return self._tally(params, surface, inputs[1])
+            return self._tally(params, surface, inputs[1], numbers, inputs[2])
 
-        return jax.lax.map(tally_run, (values, instants))
+        return jax.lax.map(tally_run, (values, instants, before))
 
-    def _tally(self, params: Params, surface: Surface, instants: Instant) -> Tally:
+    def _tally(self, params: Params, surface: Surface, instants: Instant, numbers: Array, before: Tally) -> Tally:
         inspection = Inspection(self.scenario, self.section)
 
         def add(tally: Tally, inputs: tuple[Array, View]) -> tuple[Tally, None]:
@@ -211,9 +232,7 @@ class SurfaceCoverage:
 
         # Before the scan, so that XLA does not compute the geometry again for every facet.
         views = jax.vmap(lambda instant: inspection.view(params, instant))(instants)
-        zero = jnp.zeros(surface.centers.shape[0], jnp.int32)
-        empty = Tally(lit=zero, seen=zero, first_seen=zero + _NEVER)
-        return jax.lax.scan(add, empty, (jnp.arange(len(self.ticks), dtype=jnp.int32), views))[0]
+        return jax.lax.scan(add, before, (numbers, views))[0]
 
 
 def _shape(shape: tuple[int, ...], dtype: Any) -> Any:

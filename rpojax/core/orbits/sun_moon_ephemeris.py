@@ -7,9 +7,13 @@ Satellite Orbits, section 3.3.2, with four more terms of the Moon's distance fro
 
 import math
 from collections.abc import Callable
+from typing import Any, Final
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
+
+from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -17,6 +21,17 @@ Vector = Float[Array, "3"]
 _CENTURY = 36525.0 * 86400.0
 _OBLIQUITY = 0.40909280
 _ARCSECOND = 4.84813681109536e-6
+
+# Angles at 2000-01-01 12:00 terrestrial time [deg] and their rates [deg per century]: of the Sun the mean anomaly and
+# the longitude of the perigee, of the Moon the mean longitude and the Delaunay arguments.
+_SUN_ANGLES = ((357.5256, 35999.049), (282.9400, 0.3225))
+_MOON_ANGLES = (
+    (218.31617, 481267.88088 - 1.3972),
+    (134.96292, 477198.86753),
+    (357.52543, 35999.04944),
+    (93.27283, 483202.01873),
+    (297.85027, 445267.11135),
+)
 
 # Rows of the Moon's series: coefficient of the sine [arcsec] or, for the distance, of the cosine [km]; multiples of the
 # Delaunay arguments l, l', F, D.
@@ -61,26 +76,49 @@ _MOON_DISTANCE = (
 )
 
 
-def sun_position(seconds: Scalar, epoch: float = 0.0) -> Vector:
-    """Position [m] of the Sun from the Earth in N, `seconds` after `epoch` [s from 2000-01-01 12:00 terrestrial]."""
-    anomaly = _mean_angle(357.5256, 35999.049, seconds, epoch)
-    longitude = _mean_angle(282.9400, 0.3225, seconds, epoch) + anomaly
+@pytree
+class Epoch:
+    """Beginning of a run: a number of the run, not of the program.
+
+    Whole turns before it are removed from angles in double precision, so that single precision suffices for the rest.
+
+    Attributes:
+        seconds: () terrestrial time since 2000-01-01 12:00 [s]
+        sun_angles: (2,) mean anomaly of the Sun and longitude of its perigee [rad]
+        moon_angles: (5,) mean longitude of the Moon and the Delaunay arguments l, l', F, D [rad]
+    """
+
+    seconds: Array
+    sun_angles: Array
+    moon_angles: Array
+
+
+def epoch_at(seconds: float) -> Epoch:
+    """Epoch at a terrestrial time since 2000-01-01 12:00 [s]."""
+
+    def angles(rows: tuple[tuple[float, float], ...]) -> Any:
+        return np.array([math.radians(math.fmod(start + rate * (seconds / _CENTURY), 360.0)) for start, rate in rows])
+
+    numbers: dict[str, Any] = {"seconds": np.array(seconds)}
+    return Epoch(**numbers, sun_angles=angles(_SUN_ANGLES), moon_angles=angles(_MOON_ANGLES))
+
+
+J2000: Final = epoch_at(0.0)
+
+
+def sun_position(seconds: Scalar, epoch: Epoch = J2000) -> Vector:
+    """Position [m] of the Sun from the Earth in N, `seconds` after `epoch`."""
+    anomaly, perigee = _angles_at(epoch.sun_angles, _SUN_ANGLES, seconds)
+    longitude = perigee + anomaly
     longitude = longitude + _ARCSECOND * (6892.0 * jnp.sin(anomaly) + 72.0 * jnp.sin(2.0 * anomaly))
     distance = 1e9 * (149.619 - 2.499 * jnp.cos(anomaly) - 0.021 * jnp.cos(2.0 * anomaly))
     return _equatorial(longitude, jnp.zeros_like(longitude), distance)
 
 
-def moon_position(seconds: Scalar, epoch: float = 0.0) -> Vector:
-    """Position [m] of the Moon from the Earth in N, `seconds` after `epoch` [s from 2000-01-01 12:00 terrestrial]."""
-    mean = _mean_angle(218.31617, 481267.88088 - 1.3972, seconds, epoch)
-    arguments = jnp.stack(
-        [
-            _mean_angle(134.96292, 477198.86753, seconds, epoch),
-            _mean_angle(357.52543, 35999.04944, seconds, epoch),
-            _mean_angle(93.27283, 483202.01873, seconds, epoch),
-            _mean_angle(297.85027, 445267.11135, seconds, epoch),
-        ]
-    )
+def moon_position(seconds: Scalar, epoch: Epoch = J2000) -> Vector:
+    """Position [m] of the Moon from the Earth in N, `seconds` after `epoch`."""
+    mean, *delaunay = _angles_at(epoch.moon_angles, _MOON_ANGLES, seconds)
+    arguments = jnp.stack(delaunay)
     longitude_correction = _ARCSECOND * _series(_MOON_LONGITUDE, arguments, jnp.sin)
     latitude_correction = _ARCSECOND * (412.0 * jnp.sin(2.0 * arguments[2]) + 541.0 * jnp.sin(arguments[1]))
     latitude = _ARCSECOND * (
@@ -91,13 +129,9 @@ def moon_position(seconds: Scalar, epoch: float = 0.0) -> Vector:
     return _equatorial(mean + longitude_correction, latitude, distance)
 
 
-def _mean_angle(start: float, rate: float, seconds: Scalar, epoch: float) -> Scalar:
-    """Angle [rad] from its value in 2000 `start` [deg] and its rate [deg per century].
-
-    Whole turns before the epoch are removed in double precision, so that single precision suffices for the rest.
-    """
-    at_epoch = math.fmod(start + rate * (epoch / _CENTURY), 360.0)
-    return math.radians(at_epoch) + math.radians(rate) / _CENTURY * seconds
+def _angles_at(at_epoch: Array, rows: tuple[tuple[float, float], ...], seconds: Scalar) -> list[Scalar]:
+    """Angles [rad] from those at the epoch."""
+    return [at_epoch[place] + math.radians(rate) / _CENTURY * seconds for place, (_, rate) in enumerate(rows)]
 
 
 def _series(

@@ -5,7 +5,7 @@ that of the key, or one vector of the components of all keys if the kind is join
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -107,6 +107,17 @@ class RandomKind(DispersionKind):
     """Whether a value is a continuous function of its coordinates in the unit cube."""
     is_separable: ClassVar[bool] = True
     """Whether each coordinate determines one component of a value, in order."""
+    given_settings: ClassVar[tuple[str, ...]] = ()
+    """Names of the numbers with which `draw` works as JAX arrays, too: compiled programs are given them, so that other
+    values compile nothing anew."""
+
+    def setting_arrays(self) -> dict[str, np.ndarray]:
+        """The `given_settings`."""
+        return {name: np.asarray(getattr(self, name), dtype=np.float64) for name in self.given_settings}
+
+    def draw_with(self, settings: Mapping[str, Any], nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+        """Value of one run with other `setting_arrays`, as `draw`."""
+        return self.model_copy(update=dict(settings)).draw(nominal, source)
 
     @abstractmethod
     def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":

@@ -1,6 +1,6 @@
 """Dispersion by a log-normal factor on each component."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -21,6 +21,8 @@ class LogNormal(SingleKeyKind):
     kind: Literal["log_normal"]
     sigma: NonNegative | list[NonNegative]
 
+    given_settings: ClassVar[tuple[str, ...]] = ("sigma",)
+
     def check(self, where: str, nominal: np.ndarray) -> None:
         """Checks that `sigma` fits the key, and that nominal values are positive."""
         check_one_or_each(f"{where}.sigma", self.sigma, nominal.shape)
@@ -31,7 +33,7 @@ class LogNormal(SingleKeyKind):
         """Value of one run, in the unit of the key."""
         import jax.numpy as jnp
 
-        return nominal * jnp.exp(np.asarray(self.sigma, dtype=np.float64) * source.normals(nominal.shape))
+        return nominal * jnp.exp(jnp.asarray(self.sigma, dtype=jnp.float64) * source.normals(nominal.shape))
 
     def varies(self, nominal: np.ndarray) -> np.ndarray:
         """(coordinates,) bool, whether a coordinate has an effect."""

@@ -1,6 +1,6 @@
 """Dispersion by normal errors of each component."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -20,13 +20,17 @@ class Normal(SingleKeyKind):
     kind: Literal["normal"]
     sigma: NonNegative | list[NonNegative]
 
+    given_settings: ClassVar[tuple[str, ...]] = ("sigma",)
+
     def check(self, where: str, nominal: np.ndarray) -> None:
         """Checks that `sigma` fits the key."""
         check_one_or_each(f"{where}.sigma", self.sigma, nominal.shape)
 
     def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
         """Value of one run, in the unit of the key."""
-        return nominal + np.asarray(self.sigma, dtype=np.float64) * source.normals(nominal.shape)
+        import jax.numpy as jnp
+
+        return nominal + jnp.asarray(self.sigma, dtype=jnp.float64) * source.normals(nominal.shape)
 
     def varies(self, nominal: np.ndarray) -> np.ndarray:
         """(coordinates,) bool, whether a coordinate has an effect."""

@@ -24,6 +24,7 @@ class SmallRotation(SingleKeyKind):
     sigma_deg: NonNegative | list[NonNegative]
 
     is_separable: ClassVar[bool] = False
+    given_settings: ClassVar[tuple[str, ...]] = ("sigma_deg",)
 
     def check(self, where: str, nominal: np.ndarray) -> None:
         """Checks that the key is that of a quaternion, and that `sigma_deg` fits its three axes."""

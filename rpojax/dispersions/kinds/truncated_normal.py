@@ -1,6 +1,6 @@
 """Dispersion by truncated normal errors of each component."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -21,17 +21,20 @@ class TruncatedNormal(SingleKeyKind):
     sigma: NonNegative | list[NonNegative]
     limit_sigmas: Positive
 
+    given_settings: ClassVar[tuple[str, ...]] = ("sigma",)
+
     def check(self, where: str, nominal: np.ndarray) -> None:
         """Checks that `sigma` fits the key."""
         check_one_or_each(f"{where}.sigma", self.sigma, nominal.shape)
 
     def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
         """Value of one run, in the unit of the key."""
+        import jax.numpy as jnp
         from jax.scipy.special import ndtr, ndtri
 
         low, high = ndtr(-self.limit_sigmas), ndtr(self.limit_sigmas)
         truncated = ndtri(low + (high - low) * source.uniforms(nominal.shape))
-        return nominal + np.asarray(self.sigma, dtype=np.float64) * truncated
+        return nominal + jnp.asarray(self.sigma, dtype=jnp.float64) * truncated
 
     def varies(self, nominal: np.ndarray) -> np.ndarray:
         """(coordinates,) bool, whether a coordinate has an effect."""

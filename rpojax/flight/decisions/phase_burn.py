@@ -55,14 +55,14 @@ def plan_burn(
     time: Scalar,
     tick_s: float,
     team: Team | None = None,
-) -> tuple[BurnPlan, MissionState, Flag]:
-    """Next burn of the present phase, and whether it is one of the times at which the phase decides about burns.
+) -> tuple[BurnPlan, MissionState]:
+    """Next burn of the present phase, at a time at which the phase decides about burns.
 
     The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
     of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
     horizon; else another one is made. After an abort there is one burn, if that is needed, and another one only for
-    what was measured since. Guidance works every `tick_s` [s]. Returned between burn and time is the state of the
-    mission with its records of these decisions.
+    what was measured since. Guidance works every `tick_s` [s]. Returned beside the burn is the state of the mission
+    with its records of these decisions.
     """
     state, tuning = memory.mission, params.mission
     assert state is not None
@@ -70,9 +70,7 @@ def plan_burn(
     if team is not None and settings.phasing != "fixed":
         state = _with_phase_of_team(stages, settings, params, memory, predicted, pointing, team, time)
         memory = replace(memory, mission=state)
-    period = constant_of_phase(state.phase, settings.control_ticks) * tick_s
-    since = time - state.entered_at
-    whole = jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
+    period = _period(settings, state, tick_s)
     planned_H = _planned_delta_v(stages, settings, params, memory, predicted, pointing, time, period, tick_s)
     aborted = state.phase == settings.aborted
     works = burn_decision.thruster_works(params, memory, time)
@@ -104,7 +102,19 @@ def plan_burn(
         tick_s,
     )
     burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
-    return plan, replace(state, team=decided, abort_burns=burns), whole
+    return plan, replace(state, team=decided, abort_burns=burns)
+
+
+def is_due(settings: MissionSettings, state: MissionState, time: Scalar, tick_s: float) -> Flag:
+    """Whether `time` [s] is one of the times at which the present phase decides about burns."""
+    period = _period(settings, state, tick_s)
+    since = time - state.entered_at
+    return jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
+
+
+def _period(settings: MissionSettings, state: MissionState, tick_s: float) -> Scalar:
+    """Time between decisions about burns in the present phase [s]."""
+    return constant_of_phase(state.phase, settings.control_ticks) * tick_s
 
 
 def _within_limit(

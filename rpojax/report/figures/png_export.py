@@ -5,6 +5,7 @@ from typing import Final
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 
 AXIS_NAMES: Final = ("x radial", "y along-track", "z normal")
 _PIXELS_PER_INCH = 160
@@ -12,7 +13,10 @@ _PIXELS_PER_INCH = 160
 
 def png_bytes(figure: Figure) -> bytes:
     """Figure as the bytes of a PNG file."""
-    FigureCanvasAgg(figure)
+    figure.set_dpi(_PIXELS_PER_INCH)
+    canvas = FigureCanvasAgg(figure)
+    # `savefig` would draw twice, once for the layout alone.
+    canvas.draw()
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_PIXELS_PER_INCH)
+    imsave(buffer, canvas.buffer_rgba(), format="png", origin="upper", dpi=_PIXELS_PER_INCH)
     return buffer.getvalue()

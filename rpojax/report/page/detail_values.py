@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 from rpojax.report.campaign_results import CampaignResults
@@ -11,8 +10,6 @@ from rpojax.report.page.single_run.relative_path import path_scene
 from rpojax.report.page.single_run.run_series import run_series, series_channels
 from rpojax.report.page.single_run.run_timeline import time_marks, timeline
 from rpojax.report.page.single_run.shown_runs import WorstRun, worst_runs
-
-_KEPT_HISTORIES = 24
 
 
 @dataclass(frozen=True)
@@ -29,9 +26,8 @@ def detail_values(campaign: CampaignResults, content: Mapping[str, Any], median_
     worst = [] if median_run is None else worst_runs(campaign, content, median_run)
     choices = _choices(worst)
     shown = [] if median_run is None else list(dict.fromkeys([median_run, *(run for run, _ in choices)]))
-    read = lru_cache(maxsize=_KEPT_HISTORIES)(campaign.history)
     # Of a team the path needs all servicers, the charts the first one.
-    histories = {run: campaign.history(run, 0) if campaign.servicer_names else read(run) for run in shown}
+    histories = {run: campaign.history(run, 0) for run in shown}
     series = {run: run_series(history) for run, history in histories.items()}
     limits = limits_of_channels(content["requirements"])
     channels = [
@@ -43,7 +39,7 @@ def detail_values(campaign: CampaignResults, content: Mapping[str, Any], median_
         if any(channel["name"] in one for one in series.values())
     ]
     duration = _duration(campaign, histories)
-    scene = path_scene(campaign, median_run, [run for run, _ in choices], read)
+    scene = path_scene(campaign, median_run, [run for run, _ in choices], campaign.history)
     detail = None if median_run is None else {"runs": series, "channels": channels, "median": median_run}
     values = {
         "worst_shown": worst,

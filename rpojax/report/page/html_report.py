@@ -18,6 +18,7 @@ from rpojax.report.page.detail_values import DetailValues, detail_values
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_page import is_single_run, render_run_page
 from rpojax.report.page.run_selection import choose_run
+from rpojax.report.page.single_run.kept_histories import KeptHistories
 from rpojax.report.page.template_values import (
     PageFigures,
     RunDetail,
@@ -54,7 +55,8 @@ def write_report(
     """
     own = plugin_registry.recorded_metrics(campaign.info)
     with stage("writing the report", quiet=not progress, announce=False), metric_catalogue.metrics_of_scenario(own):
-        return _write(campaign, run_id, film)
+        kept: Any = KeptHistories(campaign)
+        return _write(kept, run_id, film)
 
 
 def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:

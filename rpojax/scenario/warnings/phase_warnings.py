@@ -94,8 +94,9 @@ def _millimetres(file: ScenarioFile, seconds: float) -> str:
 
 def _regular(file: ScenarioFile, seconds: float, arcs: int) -> str:
     shorter, longer = nearest_regular(file, seconds)
-    below = "" if shorter is None else f"at most {math.floor(arcs * shorter)} s or "
-    return f"{below}at least {math.ceil(arcs * longer)} s"
+    below = [] if shorter is None else [f"at most {math.floor(arcs * shorter)} s"]
+    above = [] if longer is None else [f"at least {math.ceil(arcs * longer)} s"]
+    return " or ".join([*below, *above]) or "a time more than an orbit away"
 
 
 def _speed_warnings(file: ScenarioFile, reach: DispersedReach, phase: PhaseSection) -> list[str]:

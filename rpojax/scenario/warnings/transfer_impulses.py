@@ -43,9 +43,10 @@ class TransferImpulses:
 
 
 def transfer_impulses(file: ScenarioFile, transfer: TransferSection, start: np.ndarray) -> TransferImpulses:
-    """Transfer from a `start` [m]; on an elliptic orbit from the place on it where its largest impulse is the least."""
+    """Transfer from a `start` [m]; on an elliptic orbit that whose largest impulse is the median over places on it."""
     flown = [_flown_from(file, transfer, start, place) for place in _places(file)]
-    return min(flown, key=lambda each: float(np.max(np.linalg.norm(each.impulses, axis=1))))
+    by_size = sorted(flown, key=lambda each: float(np.max(np.linalg.norm(each.impulses, axis=1))))
+    return by_size[len(by_size) // 2]
 
 
 def share_of_singular_places(file: ScenarioFile, seconds: float) -> float:
@@ -63,15 +64,15 @@ def sensitivity(file: ScenarioFile, seconds: float) -> float:
     return float(np.median(scaled))
 
 
-def nearest_regular(file: ScenarioFile, seconds: float) -> tuple[float | None, float]:
-    """The nearest shorter and longer time [s] that is regular at most places; None without a shorter one."""
+def nearest_regular(file: ScenarioFile, seconds: float) -> tuple[float | None, float | None]:
+    """The nearest shorter and longer time [s] that is regular at most places; None where none is within an orbit."""
     step = _DURATION_STEP * 2.0 * math.pi / mean_motion(file)
-    shorter, longer = seconds, seconds
-    while shorter > 0.0 and share_of_singular_places(file, shorter) > 0.5:
-        shorter -= step
-    while share_of_singular_places(file, longer) > 0.5:
-        longer += step
-    return (shorter if shorter > 0.0 else None), longer
+    steps = range(1, round(1.0 / _DURATION_STEP) + 1)
+    found = [
+        next((time for time in times if time > 0.0 and share_of_singular_places(file, time) <= 0.5), None)
+        for times in ((seconds + sign * count * step for count in steps) for sign in (-1.0, 1.0))
+    ]
+    return found[0], found[1]
 
 
 def _places(file: ScenarioFile) -> list[float]:

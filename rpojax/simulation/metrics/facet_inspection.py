@@ -91,7 +91,7 @@ class Inspection:
     def view(self, params: Params, instant: Instant) -> View:
         """Geometry of an instant."""
         r_TN_N = instant.r_TN_N.astype(jnp.float64)
-        r_sun_N = sun_moon_ephemeris.sun_position(instant.time, self.scenario.epoch_s)
+        r_sun_N = sun_moon_ephemeris.sun_position(instant.time, params.epoch)
         q_TN, r_ST_N, q_BN = (each.astype(jnp.float64) for each in (instant.q_TN, instant.r_ST_N, instant.q_BN))
         q_TN = quaternion.normalize(q_TN)
         R_KT, _ = camera_pose.target_pose_in_camera(params.camera, q_TN, r_ST_N, q_BN)

@@ -18,6 +18,8 @@ import rpojax
 from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.run_and_resume import run_campaign
+from rpojax.runtime.device_programs import DeviceTraces
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.step import step
 
@@ -105,17 +107,34 @@ def test_campaign_of_many_blocks_traces_the_loop_once(
     assert len(calls) == 1
 
 
-def test_missions_with_equal_segment_length_share_compiled_programs(mission: ScenarioFile) -> None:
-    def programs(duration_s: float, **orbit: float) -> tuple[int, str, str]:
-        changes = {"duration_s": duration_s, "orbit": mission.orbit.model_copy(update=orbit)}
-        engine = BatchEngine(mission.model_copy(update=changes), 1, jax.devices()[:1])
-        (loop,) = engine._loop_traces.traces.values()
-        return engine.segment_ticks, engine._preparation_trace.lower().as_text(), loop.lower().as_text()
+OTHER_NUMBERS = [
+    "duration_s=37",
+    "epoch_utc=2031-05-01T03:00:00",
+    "safety.stuck_on_s=20",
+    "safety.horizons=['3_orbits', '10_h', '24_h']",
+    "servicer.mass_kg=31",
+    "orbit.raan_deg=78",
+    "navigation.gate_sigma=4",
+    "limits.keep_out_m=8",
+    "dispersions.initial.relative_position_m.sigma=3",
+]
 
-    segment, preparation, loop = programs(400.0)
-    assert segment == 200
-    assert programs(6000.0) == (200, preparation, loop)
-    assert programs(400.0, raan_deg=78.0)[2] == loop, "numbers that runs are given are not part of the program"
+
+def test_missions_that_differ_in_numbers_share_compiled_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(DeviceTraces, "compile", lambda traces, options: traces)
+
+    def programs(changes: Sequence[str]) -> dict[str, str]:
+        engine = BatchEngine(scenario_loader.load("inspection", changes), 1, jax.devices()[:1])
+        engine.passive_safety.compile(engine._preparation_trace.out_info[0])
+        traces: Any = {
+            "preparation": engine._preparation_trace,
+            "loop": engine._loop_traces.traces[engine.devices[0]],
+            "drifts": engine.passive_safety._programs.traces[engine.devices[0]],  # type: ignore[union-attr]
+        }
+        return {name: trace.lower().as_text() for name, trace in traces.items()}
+
+    first, second = programs(["duration_s=400"]), programs(OTHER_NUMBERS)
+    assert [name for name in first if first[name] != second[name]] == []
 
 
 def in_process_with_devices(count: int, *words: str, flags: str = "") -> str:

@@ -62,7 +62,7 @@ def test_each_run_is_judged_by_its_own_keep_out_sphere(inputs: Any) -> None:
 def test_drifts_in_several_rounds_have_the_same_ranges(inputs: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     evaluator, drawn, records = inputs
     expected = evaluator.evaluate(drawn, records)
-    monkeypatch.setattr(passive_safety, "_MOST_DRIFTS", 2)
+    monkeypatch.setattr(passive_safety, "_DRIFTS_AT_ONCE", 2)
     monkeypatch.setattr(passive_safety, "_MOST_RUNS_ON_CORE", 2)
     again = PassiveSafety(evaluator.file, evaluator.scenario, evaluator.nominal, RUNS, jax.devices()[:1])
     assert (again.drifts_at_once, again.runs_at_once) == (2, 2)

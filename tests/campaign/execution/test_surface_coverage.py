@@ -29,8 +29,8 @@ def evaluator(triangles: np.ndarray, runs: int = 1, overrides: Sequence[str] = (
 
 
 def sun_direction() -> np.ndarray:
-    scenario, _ = nominal_parameters(scenario_loader.load("inspection"))
-    sun = np.asarray(sun_moon_ephemeris.sun_position(jax.numpy.float64(0.0), scenario.epoch_s))
+    _, params = nominal_parameters(scenario_loader.load("inspection"))
+    sun = np.asarray(sun_moon_ephemeris.sun_position(jax.numpy.float64(0.0), params.epoch))
     return sun / np.linalg.norm(sun)
 
 

@@ -179,7 +179,7 @@ class LinearisedLoop:
         Also begin and end (samples, 2) [s] of their look-aways.
         """
         time = tick.astype(jnp.float64) * self.scenario.tick_s
-        sun_N = sun_and_moon_at(self.scenario, time).sun_N
+        sun_N = sun_and_moon_at(self.params.epoch, time).sun_N
         pointing = target_pointing.point_at_target(
             self.params.flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N
         )
