@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy_reference import unit
 
+from rpojax.core.pytree import replace
 from rpojax.flight.team_guidance import direction_map
 from rpojax.flight.team_guidance.direction_map import COUNT, DIRECTIONS
 from rpojax.flight.team_guidance.team_tuning import TeamTuning
@@ -46,6 +47,10 @@ def test_a_side_is_seen_within_the_incidence_of_view_and_sunlight() -> None:
     expected = np.stack([seen_from(place) for place in PLACES], axis=1)
     assert np.all(expected.any(axis=0))
     np.testing.assert_array_equal(found, expected)
+    # With light from all sides that is the area of a cap, to two of the hundred directions.
+    bright = replace(TUNING, view_sun_incidence=jnp.asarray(np.pi))
+    share = np.mean(direction_map.is_seen(bright, jnp.asarray(PLACES.T), jnp.asarray(suns)), axis=0)
+    np.testing.assert_allclose(share, 0.5 * (1.0 - np.cos(VIEW)), atol=2.0 / COUNT)
 
 
 def test_only_those_that_see_the_target_make_sides_seen() -> None:
