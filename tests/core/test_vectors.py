@@ -2,6 +2,7 @@
 
 import jax
 import numpy as np
+import pytest
 from hypothesis import given
 from numpy_reference import SEEDS
 
@@ -12,6 +13,7 @@ EXACT = 1e-14  # a few roundings of numbers near one
 apply = jax.jit(vectors.apply)
 apply_transposed = jax.jit(vectors.apply_transposed)
 cross = jax.jit(vectors.cross)
+product = jax.jit(vectors.product)
 
 
 @given(SEEDS)
@@ -26,3 +28,11 @@ def test_applying_a_matrix_or_its_transpose_is_the_matrix_product(seed: int) -> 
 def test_the_cross_product_is_that_of_numpy(seed: int) -> None:
     a, b = np.random.default_rng(seed).normal(size=(2, 3))
     np.testing.assert_allclose(cross(a, b), np.cross(a, b), atol=EXACT)
+
+
+@pytest.mark.parametrize("shape", [(3, 3, 3), (2, 5, 4), (6, 1, 3), (1, 2, 1)])
+def test_the_product_of_matrices_is_that_of_numpy(shape: tuple[int, int, int]) -> None:
+    m, n, k = shape
+    rng = np.random.default_rng(0)
+    A, B = rng.normal(size=(m, n)), rng.normal(size=(n, k))
+    np.testing.assert_allclose(product(A, B), A @ B, atol=EXACT)

@@ -53,7 +53,7 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar
     constants = yamanaka_ankersen.constants_of_motion(orbit, state_H)
     transition = yamanaka_ankersen.free_motion(
         burn_orbit,
-        params.formation.lead,
+        lead,
         yamanaka_ankersen.constants_of_motion(orbit, jnp.eye(6, dtype=state_H.dtype)),
     )
     covariance_H = _in_hill_frame(relative.covariance[:6, :6], R_HN, omega_HN_N)

@@ -58,3 +58,34 @@ def test_a_passage_on_a_circle_is_found_between_two_times() -> None:
     found = closest_approach(r, v, angle)
     np.testing.assert_allclose(np.sqrt(found.least), 10.0, atol=radius * angle**4 / 384.0)
     np.testing.assert_allclose(found.place, 0.3, atol=1e-3)
+
+
+def test_curved_passages_have_the_least_distance_of_their_cubic_by_fine_samples() -> None:
+    rng = np.random.default_rng(3)
+    count, duration, places = 1000, 120.0, np.linspace(0.0, 1.0, 2001)
+    # Passages within the interval, which curve by a seventh of their way.
+    speed, curve, twist = (size * rng.normal(size=(count, 3)) for size in (1.0, 0.1, 0.05))
+    speed /= np.linalg.norm(speed, axis=1)[:, None]
+    start = 0.5 * rng.normal(size=(count, 3)) - rng.uniform(0.0, 1.0, (count, 1)) * speed
+    powers = places[None, :, None] ** np.arange(4)[:, None, None]
+    path = start[:, None] + speed[:, None] * powers[1] + curve[:, None] * powers[2] + twist[:, None] * powers[3]
+    distance = np.linalg.norm(path, axis=2)
+    falling = np.diff(distance, axis=1) < 0.0
+    one_minimum = np.all(falling[:, :-1] >= falling[:, 1:], axis=1)
+    assert one_minimum.mean() > 0.8
+
+    r = np.stack([start, path[:, -1]], axis=1)
+    v = np.stack([speed, speed + 2.0 * curve + 3.0 * twist], axis=1) / duration
+    found = jax.jit(jax.vmap(module.closest_approach, in_axes=(0, 0, None)))(r, v, duration)
+    squares = np.asarray(found.squares) @ places[None, :] ** np.arange(7)[:, None]
+    np.testing.assert_allclose(squares, distance**2, atol=1e-9)
+    least = distance.min(axis=1)
+    np.testing.assert_allclose(np.sqrt(found.least)[one_minimum], least[one_minimum], rtol=0.0, atol=1e-4)
+    at = places[distance.argmin(axis=1)]
+    np.testing.assert_allclose(found.place[one_minimum], at[one_minimum], rtol=0.0, atol=2e-2)
+    until = jax.jit(jax.vmap(module.least_square_until, in_axes=(0, None)))
+    for number in (200, 1000, 1800):
+        expected = distance[:, : number + 1].min(axis=1)
+        np.testing.assert_allclose(
+            np.sqrt(until(found, places[number]))[one_minimum], expected[one_minimum], rtol=0.0, atol=1e-4
+        )

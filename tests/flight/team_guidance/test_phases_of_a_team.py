@@ -106,18 +106,6 @@ def test_a_shift_goes_to_its_end_at_the_rate_and_stays_there() -> None:
     assert float(team_mission.angle(record, jnp.float64(700.0))) == pytest.approx(-400.0 * rate)
 
 
-def test_sides_are_seen_within_the_incidence_of_view_and_sun() -> None:
-    place, sun = jnp.array([[20.0], [0.0], [0.0]]), jnp.array([[0.0], [0.0], [1.0]])
-    tuning = replace(TUNING, view_sun_incidence=jnp.float64(np.deg2rad(70.0)))
-    found = np.asarray(direction_map.is_seen(tuning, place, sun)[:, 0])
-    expected = (direction_map.DIRECTIONS[0] >= 0.5) & (direction_map.DIRECTIONS[2] >= np.cos(np.deg2rad(70.0)))
-    np.testing.assert_array_equal(found, expected)
-    assert 0 < found.sum() < 0.25 * direction_map.COUNT
-    # The area of a cap of 60 deg is a quarter of the sphere.
-    everywhere = direction_map.is_seen(replace(TUNING, view_sun_incidence=jnp.float64(np.pi)), place, sun)
-    assert float(jnp.mean(everywhere)) == pytest.approx(0.25, abs=0.01)
-
-
 def test_a_servicer_under_way_arrives_first_unless_another_one_has_left_or_taken_its_place() -> None:
     under_way = replace(team(0, [0.0, 120.0, 240.0], {2}, [30.0, 0.0, 0.0]), shift_left=jnp.float64(0.2))
     # Where it goes to, nothing is new any more.
