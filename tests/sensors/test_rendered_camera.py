@@ -1,14 +1,17 @@
 """Frames of the rendered camera by what the detector finds in a window of the frame."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from synthetic_camera_statistics import scene
 
 from rpojax.sensors import rendered_camera
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.vision.detector.two_stage_detector import Detections
 from rpojax.vision.imaging.image_formation import ImageWindow
+from rpojax.vision.radiance_field.ray_budget import RaySampling
 
 SIZE = (320, 240)
 SIDE, BINNING = 64, 2.0
@@ -125,3 +128,39 @@ def test_there_is_a_box_by_score_light_and_a_working_camera(
     assert bool(found.box.present) == bool(found.outlier) == present
     assert bool(found.observable) == (light and working)
     np.testing.assert_allclose(found.score, told, rtol=1e-6)
+
+
+def test_an_image_is_black_where_its_window_goes_beyond_the_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    width, height = 100, 60
+    side = rendered_camera.input_side(width, height)
+    seen = {}
+
+    def white(*arguments: object) -> jax.Array:
+        seen["exposure"], seen["noise"] = arguments[2], arguments[-1]
+        return jnp.ones((side, side, 3), jnp.float32)
+
+    monkeypatch.setattr(rendered_camera, "form_image", white)
+    imaging = Imaging(
+        exposure=jnp.asarray(1.5),
+        full_well=jnp.asarray(2e4),
+        read_noise=jnp.asarray(12.0),
+        blur=jnp.asarray(0.7),
+        score_threshold=UNUSED,
+    )
+    corner = jnp.asarray([70.0, 20.0], jnp.float32)
+    window = ImageWindow(intrinsics=None, corner_px=corner, binning=jnp.asarray(BINNING, jnp.float32))
+    networks = Networks(field=None, detector={}, sky=None)
+    image = rendered_camera.render_window(
+        imaging, networks, RaySampling(8, 64), window, width, height, scene(), jax.random.PRNGKey(0)
+    )
+    # From 70 px on 15 pixels of 2 px are left of the border, and 20 above it.
+    expected = np.zeros((side, side, 3))
+    expected[:20, :15] = 1.0
+    np.testing.assert_array_equal(image, expected)
+    exposure, noise = seen["exposure"], np.asarray(seen["noise"])
+    np.testing.assert_allclose(
+        [exposure.gain, exposure.full_well, exposure.read_noise, exposure.blur], [1.5, 2e4, 12.0, 0.7]
+    )
+    assert noise.shape == (side, side, 3)
+    assert abs(noise.mean()) < 0.05
+    assert abs(noise.std() - 1.0) < 0.05

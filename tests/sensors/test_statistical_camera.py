@@ -70,6 +70,8 @@ def test_the_correlated_error_is_stationary_and_decays_with_the_angle() -> None:
     after = np.asarray(advance(before, normals))
     assert after.std() == pytest.approx(1.0, abs=0.01)
     assert np.mean(after * before) == pytest.approx(np.exp(-0.1 / 0.2), abs=0.01)
+    kept = np.exp(-0.1 / 0.2)
+    np.testing.assert_allclose(after, kept * before + np.sqrt(1.0 - kept**2) * normals, atol=1e-6)
     still = statistical_camera.advance_correlated_error(
         statistics, jnp.asarray(before[0]), jnp.asarray(0.0), jnp.asarray(normals[0])
     )

@@ -129,7 +129,7 @@ def moon_position(seconds: Scalar, epoch: Epoch = J2000) -> Vector:
     return _equatorial(mean + longitude_correction, latitude, distance)
 
 
-def _angles_at(at_epoch: Array, rows: tuple[tuple[float, float], ...], seconds: Scalar) -> list[Scalar]:
+def _angles_at(at_epoch: Array | np.ndarray, rows: tuple[tuple[float, float], ...], seconds: Scalar) -> list[Scalar]:
     """Angles [rad] from those at the epoch."""
     return [at_epoch[place] + math.radians(rate) / _CENTURY * seconds for place, (_, rate) in enumerate(rows)]
 

@@ -14,7 +14,7 @@ from rpojax.flight.cooperation import free_relative_motion, joint_filter, joint_
 from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
-from rpojax.flight.navigation import relative_estimate
+from rpojax.flight.navigation import outline_correlation, relative_estimate, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.scenario import params as parameters
@@ -140,6 +140,45 @@ def test_covariance_is_that_of_a_dense_filter() -> None:
     found = np.asarray(estimate.covariance.matrix)
     sigma = np.sqrt(np.diag(P))
     np.testing.assert_allclose(found / np.outer(sigma, sigma), P / np.outer(sigma, sigma), atol=1e-9)
+
+
+def test_errors_of_a_peer_that_is_heard_fade_to_what_they_are_without_measurements() -> None:
+    rng, dt, attitude = np.random.default_rng(4), 500.0, 1e-7
+    estimate = initial()
+    P = estimate.covariance
+    # The first GPS difference is known, the second not at all.
+    first = [6 + PEER * k + 3 for k in range(2)]
+    known = jnp.ones(SLOW).at[first[0] : first[0] + 3].set(0.1)
+    P = replace(P, ss=P.ss * (known[:, None] * known[None, :]))
+    peers = estimate.peers.at[:, 6:].set(jnp.asarray(rng.normal(size=(2, PEER))))
+    estimate = replace(estimate, covariance=P, peers=peers)
+    burns = BurnEffect(change=jnp.asarray(rng.normal(size=(2, 6))), covariance=jnp.stack([jnp.eye(6)] * 2))
+    used, both = jnp.array([True, False]), jnp.ones(2)
+    after = jax.jit(joint_filter.hear)(peer_tuning(), BASELINE, estimate, used, dt * both, burns, attitude * both)
+
+    time = outline_correlation.correlation_time(estimate.own.outline)
+    r, v = estimate.own.r_TS_N - peers[0, :3], estimate.own.v_TS_N - peers[0, 3:6]
+    errors = shape_errors.shape_errors(tuning(), time, peers[0, 6], r, v)
+    size, gps = np.exp(-dt / float(errors.scale_time_constant[0])), np.exp(-dt / 700.0)
+    factors = np.array([size, 1.0, 1.0, gps, gps, gps, 1.0])
+    np.testing.assert_allclose(after.peers[0, :6], peers[0, :6] + burns.change[0], rtol=1e-12)
+    np.testing.assert_allclose(after.peers[0, 6:], factors * peers[0, 6:], rtol=1e-12)
+    np.testing.assert_array_equal(after.peers[1], peers[1])
+
+    slow = slice(6, 6 + PEER)
+    before, found = np.asarray(P.ss), np.asarray(after.covariance.ss)
+    walk = attitude + float(errors.bearing_process_variance) * dt
+    stationary = np.array([float(errors.scale_variance[0]), 0.0, 0.0, *3 * [0.007**2], 0.0])
+    expected = factors**2 * np.diag(before)[slow] + (1.0 - factors**2) * stationary + [0.0, walk, walk, *4 * [0.0]]
+    np.testing.assert_allclose(np.diag(found)[slow], expected, rtol=1e-9)
+    all_factors = np.concatenate([np.ones(6), factors, np.ones(PEER)])
+    off_diagonal = ~np.eye(SLOW, dtype=bool)
+    scaled = all_factors[:, None] * before * all_factors
+    np.testing.assert_allclose(found[off_diagonal], scaled[off_diagonal], rtol=1e-9)
+    np.testing.assert_array_equal(np.diag(found)[6 + PEER :], np.diag(before)[6 + PEER :])
+    # A burn of the peer makes its place uncertain, and no other.
+    added = np.asarray(after.covariance.xx - P.xx)
+    np.testing.assert_array_equal(added, np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]))
 
 
 def test_covariance_stays_symmetric_and_definite_for_hours() -> None:
