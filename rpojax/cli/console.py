@@ -60,7 +60,8 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
     for reason, count in _reasons(summary).items():
         console.print(f"failed: {count} x {reason}", markup=False)
     for judged in summary["requirements"]:
-        console.print(f"{judged['verdict_text']}: {judged['text']}", markup=False, soft_wrap=True)
+        reached = f"; {judged['reached_text']}" if "reached_text" in judged else ""
+        console.print(f"{judged['verdict_text']}: {judged['text']}{reached}", markup=False, soft_wrap=True)
 
 
 def show_places(directory: Path, report: Path | None) -> None:

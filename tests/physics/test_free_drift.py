@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from rpojax.campaign.single_run import nominal_parameters
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import keplerian_elements
+from rpojax.core.orbits.sun_moon_ephemeris import J2000
 from rpojax.physics import equipment_faults, free_drift, plant, plant_state
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.free_drift import STEP_S, Drift, DriftRange, Environment
@@ -199,7 +200,7 @@ def test_the_shadow_of_a_step_is_looked_up_on_the_orbit_of_the_target(
 
 
 def test_the_impulse_of_a_step_is_what_is_not_affine_in_state_and_inverse_mass(params: Params) -> None:
-    environment = Environment(Effects(zonal_degree=2, drag=True), params.plant, 0.0)
+    environment = Environment(Effects(zonal_degree=2, drag=True), params.plant, J2000)
     time, nominal = jnp.zeros(()), params.plant.servicer.mass
     r_ST_N = jnp.array([[300.0, 0.0, -50.0], [-100.0, 200.0, 0.0], [50.0, 80.0, -300.0]])
     v_ST_N = jnp.array([[0.3, 0.0, -0.1], [0.1, -0.2, 0.2], [0.0, 0.1, -0.3]])

@@ -26,7 +26,15 @@ SCALE = 1.5
 
 @partial(jax.jit, static_argnums=0)
 def expose(
-    static: Scenario, scaled: params.Params, truth: Any, command: Any, errors: Any, sky: Any, noise: Any, key: Any, at: Any
+    static: Scenario,
+    scaled: params.Params,
+    truth: Any,
+    command: Any,
+    errors: Any,
+    sky: Any,
+    noise: Any,
+    key: Any,
+    at: Any,
 ) -> tuple[CameraFrame, jax.Array | None]:
     health = equipment_faults.healthy()
     frame = camera_models.expose(static, scaled, truth, command, errors, sky, health, noise, key, at)

@@ -4,6 +4,7 @@ The consumer's risk is the probability of accepting a design that meets the requ
 fraction of runs (Hanson and Beard, NASA/TP-2010-216447).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -27,6 +28,7 @@ class Verdict(StrEnum):
     VERIFIED = "verified"
     NOT_VERIFIED = "not verified"
     MORE_RUNS = "needs more runs"
+    NO_RUNS = "no run counts: no verdict"
     NOT_INDEPENDENT = "not independent: no verdict"
     UNFINISHED = "unfinished: no verdict"
     UNSEALED = "unsealed: no verdict"
@@ -42,7 +44,8 @@ class RequirementEvaluation:
     Attributes:
         requirement: that was evaluated
         verdict: on it
-        more_runs: fewest further runs, none of them in violation, that would verify; None with another verdict
+        more_runs: fewest further runs, none of them in violation, that would verify; where only some of the runs count,
+            about so many that enough of them do; None with another verdict
         runs: that were evaluated: those that count
         not_counted: runs of another outcome than the requirement's, or never in its phase if it is of those that are
         violations: runs beyond the limit, without the metric, or never in the phase
@@ -144,11 +147,11 @@ def evaluate_requirement(
     verdict, interval = _without_verdict(independent, sealed), None
     if conclusive:
         interval = success_bounds(count, runs, requirement.consumer_risk)
-        verdict = _verdict(requirement, count, allowed, interval[1])
+        verdict = _verdict(requirement, count, allowed, interval[1]) if runs or not not_counted else Verdict.NO_RUNS
     return RequirementEvaluation(
         requirement=requirement,
         verdict=verdict,
-        more_runs=_more_runs(requirement, count, runs) if verdict is Verdict.MORE_RUNS else None,
+        more_runs=_more_runs(requirement, count, runs, not_counted) if verdict is Verdict.MORE_RUNS else None,
         runs=runs,
         not_counted=not_counted,
         violations=count,
@@ -177,9 +180,13 @@ def _verdict(requirement: RequirementSection, count: int, allowed: int | None, h
     return Verdict.NOT_VERIFIED if highest < requirement.probability else Verdict.MORE_RUNS
 
 
-def _more_runs(requirement: RequirementSection, count: int, runs: int) -> int:
-    """Fewest further runs, none of them in violation, that verify a requirement with `count` violations so far."""
-    return max(1, runs_for_bound(requirement.probability, 1.0 - requirement.consumer_risk, count + 1) - runs)
+def _more_runs(requirement: RequirementSection, count: int, runs: int, not_counted: int) -> int:
+    """Fewest further runs, none of them in violation, that verify a requirement with `count` violations so far.
+
+    Of these the same share counts as of those so far.
+    """
+    missing = max(1, runs_for_bound(requirement.probability, 1.0 - requirement.consumer_risk, count + 1) - runs)
+    return math.ceil(missing * (runs + not_counted) / runs) if runs else missing
 
 
 def _sign(requirement: RequirementSection) -> float:

@@ -4,6 +4,7 @@ import functools
 import hashlib
 import inspect
 from collections.abc import Mapping
+from types import CodeType, FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ def qualified_name(function: Any) -> str:
 
 
 def values_digest(function: Any) -> str | None:
-    """SHA-256 of bound arguments, captured variables, defaults and fields; None if one has no digest of its own."""
+    """SHA-256 of bound arguments, captured and read variables, defaults and fields; None if one has none of its own."""
     try:
         return hashlib.sha256(_content(function, 0).encode()).hexdigest()
     except _NoContentError:
@@ -64,15 +65,71 @@ def _callable_content(value: Any, depth: int) -> str:
         code = value.__code__
         constants = tuple(each for each in code.co_consts if not inspect.iscode(each))
         unnamed = (code.co_code, constants) if value.__name__ == "<lambda>" else ()
-        parts = (source_digest(value), cells, value.__defaults__, value.__kwdefaults__, unnamed)
-    elif inspect.isroutine(value) or inspect.isclass(value) or inspect.ismodule(value):
+        parts = (
+            source_digest(value),
+            cells,
+            value.__defaults__,
+            value.__kwdefaults__,
+            unnamed,
+            _read_globals(value, {id(value)}),
+        )
+    elif inspect.isroutine(value) or inspect.ismodule(value):
         parts = ()
+    elif inspect.isclass(value):
+        parts = (_class_content(value, {id(value)}),)
     elif hasattr(value, "__dict__"):
         parts = (vars(value),)
     else:
         raise _NoContentError
     name = qualified_name(value) if not inspect.ismodule(value) else value.__name__
     return name + "".join(_content(part, depth + 1) for part in parts)
+
+
+_PLAIN = (str, bytes, int, float, complex, np.ndarray, list, tuple, set, frozenset, Mapping, SimpleNamespace)
+"""Types of values whose content a function or class may depend on by a name."""
+
+
+def _read_globals(function: FunctionType, seen: set[int]) -> dict[str, Any]:
+    """Content of the global variables that a function reads: plain values, and what its own module's code is and reads.
+
+    Other objects, such as modules, are left out: they have no content of their own or are told by the versions.
+    """
+    return {
+        name: content
+        for name in sorted(_names_in(function.__code__))
+        if (content := _named_content(function.__globals__.get(name), function.__module__, seen)) is not None
+    }
+
+
+def _named_content(value: Any, module: str, seen: set[int]) -> Any:
+    """Content of a value that has a name in a module, None where it has none of its own."""
+    if isinstance(value, _PLAIN):
+        try:
+            return _content(value, 1)
+        except _NoContentError:
+            return None
+    if id(value) in seen or getattr(value, "__module__", None) != module:
+        return None
+    seen.add(id(value))
+    if inspect.isfunction(value):
+        return source_digest(value), _read_globals(value, seen)
+    return (source_digest(value), _class_content(value, seen)) if inspect.isclass(value) else None
+
+
+def _class_content(value: type, seen: set[int]) -> dict[str, Any]:
+    """Content of the plain attributes of a class, and of what its methods read."""
+    attributes = {name: each for name, each in sorted(vars(value).items()) if not name.startswith("__")}
+    methods = {name: getattr(each, "__func__", each) for name, each in attributes.items()}
+    return {
+        **{name: _named_content(each, "", seen) for name, each in attributes.items() if isinstance(each, _PLAIN)},
+        **{name: _read_globals(each, seen) for name, each in methods.items() if inspect.isfunction(each)},
+    }
+
+
+def _names_in(code: CodeType) -> set[str]:
+    """Names that code reads, that of inner functions included."""
+    inner = [each for each in code.co_consts if inspect.iscode(each)]
+    return set(code.co_names).union(*map(_names_in, inner))
 
 
 def source_digest(function: Any) -> str | None:

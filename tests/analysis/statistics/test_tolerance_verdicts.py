@@ -130,6 +130,15 @@ def test_at_most_twenty_violating_runs_are_named() -> None:
     assert campaign(500, 30).violating_ids == tuple(range(29, 9, -1))
 
 
+def test_further_runs_are_told_by_the_share_that_counts_and_where_none_does_there_is_no_verdict() -> None:
+    """230 runs without violation verify 99 % at a risk of 10 %: of runs of which a tenth counts, 2300."""
+    counted = np.arange(200) % 10 == 0
+    found = evaluate_requirement(requirement(), np.zeros(200), np.arange(200), True, counted=counted)
+    assert (found.verdict, found.runs, found.more_runs) == (Verdict.MORE_RUNS, 20, 2100)
+    none = evaluate_requirement(requirement(), np.zeros(200), np.arange(200), True, counted=counted & False)
+    assert (none.verdict, none.runs, none.more_runs) == (Verdict.NO_RUNS, 0, None)
+
+
 def test_runs_that_are_not_independent_get_numbers_but_no_verdict() -> None:
     values = np.full(1000, 1.0)
     values[4] = 9.0

@@ -2,6 +2,9 @@
 
 import inspect
 import json
+import linecache
+import sys
+import types
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -117,6 +120,68 @@ def test_a_report_tells_of_the_metric_as_its_own_campaign_defines_it(tmp_path: P
     plain = synthetic_campaign(tmp_path, runs=12)
     write_report(plain, film=False, progress=False)
     assert "score" not in json.loads((tmp_path / "report.json").read_text())["metrics"]
+
+
+SCALED = """
+import types
+import rpojax
+
+FACTOR = {0}
+held = types.SimpleNamespace(factor={0})
+
+
+class Held:
+    pass
+
+
+Held.factor = {0}
+
+
+def scale(x):
+    return FACTOR * x
+
+
+@rpojax.metric("max", title="By a global", unit="m")
+def by_global(range_m):
+    return FACTOR * range_m
+
+
+@rpojax.metric("max", title="By a helper", unit="m")
+def by_helper(range_m):
+    return scale(range_m)
+
+
+@rpojax.metric("max", title="By a namespace", unit="m")
+def by_namespace(range_m):
+    return held.factor * range_m
+
+
+@rpojax.metric("max", title="By a class", unit="m")
+def by_class(range_m):
+    return Held.factor * range_m
+"""
+
+
+@pytest.mark.parametrize("name", ["by_global", "by_helper", "by_namespace", "by_class"])
+def test_functions_of_one_source_that_read_other_values_are_other_plugins(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    files = []
+    for factor in (1.0, 3.0, 1.0):
+        path = tmp_path / f"scaled_{name}.py"
+        path.write_text(SCALED.format("FROM_OUTSIDE"))
+        module = types.ModuleType(path.stem)
+        exec(compile(f"FROM_OUTSIDE = {factor}", "outside", "exec"), vars(module))
+        linecache.checkcache(str(path))
+        exec(compile(path.read_text(), str(path), "exec"), vars(module))
+        monkeypatch.setitem(sys.modules, path.stem, module)
+        files.append(scenario(getattr(module, name)))
+    assert files[0].plugin_sha256 == files[2].plugin_sha256 != files[1].plugin_sha256
+    records = perfect_run(ticks=9)
+    records["range_m"][0] = np.linspace(20.0, 60.0, 9)
+    for file, value in zip(files, (60.0, 180.0, 60.0), strict=True):
+        assert recorded_metrics.evaluate(file, records, {})["score"] == pytest.approx([value])
 
 
 PLUGIN = """

@@ -1,5 +1,6 @@
 """Scenarios and parameters of the servicers of a team."""
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -109,7 +110,9 @@ def test_the_rest_of_the_static_settings_is_that_of_a_servicer_alone(
     alone = static_settings(scenario_loader.ScenarioFile.model_validate({**tables, "servicers": []}))
     of_team = static_settings(team, allow_team=True)
     assert of_team.team is not None
-    assert {**vars(of_team), "team": None} == vars(alone)
+    assert of_team.mission is not None
+    assert of_team.mission.servicers == of_team.team.servicers == 3
+    assert {**vars(of_team), "team": None, "mission": replace(of_team.mission, servicers=1)} == vars(alone)
 
 
 def test_burn_decisions_of_servicers_are_shared_out_over_the_burn_period(tables: dict[str, Any]) -> None:

@@ -80,7 +80,15 @@ class Objective:
         self._gradient = jax.jit(jax.grad(lambda metrics, mask: self._total(metrics, mask)[0]))
 
     def __call__(self, metrics: np.ndarray) -> tuple[float, dict[str, float]]:
-        """Value at the metrics (runs, metrics) of a batch, NaN where undefined, and its parts without their weights."""
+        """Value at the metrics (runs, metrics) of a batch, NaN where undefined, and its parts without their weights.
+
+        Raises:
+            ScenarioError: a metric with a weight of its own is negative, which has no logarithm.
+        """
+        for name, values in zip(self.metric_names, np.asarray(metrics).T, strict=True):
+            if name in self.weights and np.any(values < 0.0):
+                found = f"{float(np.nanmin(values)):.4g} in one of {len(values)} runs"
+                raise ScenarioError(f"tuning.metrics.{name}", found, "0 or more, since its logarithm counts")
         value, parts = self._value(jnp.asarray(metrics), jnp.ones(len(metrics)))
         return float(value), {name: float(part) for name, part in parts.items()}
 

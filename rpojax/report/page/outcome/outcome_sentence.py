@@ -9,7 +9,7 @@ from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.page.outcome.verdict_tiles import passive_safety_count
 from rpojax.report.sections import failure_section
 
-_WITHOUT_VERDICT = (Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
+_WITHOUT_VERDICT = (Verdict.NO_RUNS, Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
 
 
 def outcome_sentence(content: Mapping[str, Any]) -> str:
@@ -46,8 +46,11 @@ def outcome_sentence(content: Mapping[str, Any]) -> str:
 def weakest_requirement(requirements: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
     """Requirement with the smallest margin, relative to its limit; None without any that has one.
 
-    The margin is that of the compared rank, or of the worst run where there are too few runs for a rank.
+    The margin is that of the compared rank, or of the worst run where there are too few runs for a rank. None, too,
+    where a run without a value stands there: nothing is weaker than that.
     """
+    if any(entry["without_value"] and entry_margin(entry) is None for entry in requirements):
+        return None
     found = [entry for entry in requirements if entry_margin(entry) is not None]
     if not found:
         return None
@@ -56,7 +59,7 @@ def weakest_requirement(requirements: Sequence[Mapping[str, Any]]) -> Mapping[st
 
 def entry_margin(entry: Mapping[str, Any]) -> float | None:
     """Margin of a requirement: that of the compared rank, or of the worst run where there are too few runs for one."""
-    if entry["margin"] is not None or entry["worst"] is None:
+    if entry["margin"] is not None or entry["worst"] is None or entry["without_value"]:
         return entry["margin"]
     sign = 1.0 if entry["bound"] == "at most" else -1.0
     return sign * (entry["limit"] - entry["worst"])

@@ -107,6 +107,16 @@ def test_no_objective_improves_when_a_run_loses_a_value(name: str, weight: float
         assert made(before)[0] <= worst + 1e-12 * abs(worst)
 
 
+def test_a_negative_value_of_a_metric_with_a_weight_of_its_own_is_refused() -> None:
+    made = with_weight("min_range_m", 1.0)
+    assert np.isfinite(made(np.array([[5.0], [0.0], [np.nan]]))[0])
+    with pytest.raises(ScenarioError) as caught:
+        made(np.array([[5.0], [-0.25]]))
+    assert str(caught.value) == (
+        "tuning.metrics.min_range_m: found -0.25 in one of 2 runs, expected 0 or more, since its logarithm counts"
+    )
+
+
 @pytest.mark.parametrize("metrics", [[[np.nan, np.nan]], [[12.0, np.nan]]])
 def test_a_batch_without_any_nees_is_as_inconsistent_as_one_of_a_million(metrics: list[list[float]]) -> None:
     made = objective(consistency=1.0)

@@ -132,6 +132,12 @@ def test_weakest_requirement_is_by_the_margin_relative_to_its_limit():
     assert entry_margin(requirement("min_range_m", "at least", 15.0, "needs more runs", None, 17.0)) == 2.0
 
 
+def test_no_margin_is_claimed_where_a_run_without_a_value_is_the_worst():
+    without = {**CONTENT["requirements"][0], "margin": None, "worst": 1.0, "without_value": 2}
+    assert entry_margin(without) is None
+    assert weakest_requirement([*CONTENT["requirements"], without]) is None
+
+
 def test_passive_safety_is_a_red_tile_before_all_others_and_turns_green():
     tiles = verdict_tiles(CONTENT)
     assert (tiles[0].title, tiles[0].value, tiles[0].css_class) == ("Passive safety", "fails: 194 of 500", "alert")
