@@ -87,8 +87,8 @@ class Objective:
         """
         for name, values in zip(self.metric_names, np.asarray(metrics).T, strict=True):
             if name in self.weights and np.any(values < 0.0):
-                found = f"{float(np.nanmin(values)):.4g} in one of {len(values)} runs"
-                raise ScenarioError(f"tuning.metrics.{name}", found, "0 or more, since its logarithm counts")
+                expected = "0 or more in every run, since its logarithm counts"
+                raise ScenarioError(f"tuning.metrics.{name}", float(np.nanmin(values)), expected)
         value, parts = self._value(jnp.asarray(metrics), jnp.ones(len(metrics)))
         return float(value), {name: float(part) for name, part in parts.items()}
 
