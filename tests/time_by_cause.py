@@ -1,4 +1,4 @@
-"""Option `--times FILE`: where the time of a test session goes, by cause, by file and by test.
+"""Option `--times=FILE`: where the time of a test session goes, by cause, by file and by test.
 
 JAX tells how long it traces, lowers and compiles, also where one of these happens inside another: an instant belongs
 to the innermost. What is left of a test is running: Python, compiled programs, reading and writing files.

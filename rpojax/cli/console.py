@@ -62,6 +62,8 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
     for judged in summary["requirements"]:
         reached = f"; {judged['reached_text']}" if "reached_text" in judged else ""
         console.print(f"{judged['verdict_text']}: {judged['text']}{reached}", markup=False, soft_wrap=True)
+    if summary["requirements"] and runs.get("not_judged"):
+        console.print("requirements count the runs that are not judged, too, up to where these end", markup=False)
 
 
 def show_places(directory: Path, report: Path | None) -> None:
