@@ -26,10 +26,10 @@ def departure_velocity(
     """Velocity rho_dot [m/s] at `start` [m] with which the free motion is at `end` [m] after `dt` [s].
 
     `transition` is the state transition matrix over `dt`, whose motion across the orbit plane is decoupled, and `angle`
-    about that by which the target moves [rad]. Some times
-    admit no such motion: for the cross-track part whenever the target has moved by half turns, for the part in the
-    plane after whole orbits and between them. Next to these times the velocity is bounded, and the end is missed:
-    `TransferArc` is for any time, this for times well below half an orbit.
+    about that by which the target moves [rad]. Some times admit no such motion: for the cross-track part whenever the
+    target has moved by half turns, for the part in the plane after whole orbits and between them. Next to these times
+    the velocity is bounded, and the end is missed: `TransferArc` is for any time, this for times well below half an
+    orbit.
     """
     drift = end - jnp.sum(transition[:3, :3] * start[None, :], axis=1)
     by_velocity = transition[:3, 3:] / dt
