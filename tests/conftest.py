@@ -9,7 +9,7 @@ import fast_compile_flags
 import jax
 import pytest
 from hypothesis import settings
-from memory_release import release_memory
+from memory_release import drop_programs, return_freed_memory
 from runtime_type_checks import check_package
 from worker_scheduling import GroupScheduling, sort_longest_group_first
 
@@ -54,9 +54,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """Releases memory after the last test of a module and the teardown of its fixtures."""
+    """Gives freed memory back, and drops programs after the last test of a module and the teardown of its fixtures."""
+    return_freed_memory()
     if nextitem is None or nextitem.path != item.path:
-        release_memory()
+        drop_programs()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling:
