@@ -30,6 +30,11 @@ from rpojax.simulation.team.member_axes import TeamParams
 from rpojax.simulation.team.team_state import TeamState
 
 
+# One program instead of two hundred small ones, each of which would be compiled.
+_init = jax.jit(initial_state.init, static_argnums=0)
+_init_team = jax.jit(initial_team.init, static_argnums=0)
+
+
 def nominal_parameters(file: ScenarioFile) -> tuple[Scenario, Params]:
     """Static settings and nominal Params of a scenario."""
     scenario = static_settings(file)
@@ -69,7 +74,7 @@ def initialise_run(
     GPS errors that the servicers of a team have in common are not in that state.
     """
     scenario, dispersed, key = dispersed_parameters(file, seed, run_id, run_range, servicer)
-    return scenario, dispersed, initial_state.init(scenario, dispersed, key)
+    return scenario, dispersed, _init(scenario, dispersed, key)
 
 
 def initialise_team_run(
@@ -87,7 +92,7 @@ def initialise_team_run(
     team = member_axes.with_values(
         member_axes.stack_members(member_params(file)), values, dispersion_keys.common_keys(file)
     )
-    return scenario, team, initial_team.init(scenario, team, key)
+    return scenario, team, _init_team(scenario, team, key)
 
 
 def simulate(
