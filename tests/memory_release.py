@@ -1,4 +1,4 @@
-"""Release of memory in a test worker: what compilation leaves behind would otherwise accumulate to several gigabytes."""
+"""Release of memory in a test worker: compilation would otherwise leave several gigabytes behind."""
 
 import ctypes
 import gc

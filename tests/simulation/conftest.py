@@ -1,6 +1,7 @@
-"""A short run shared by the tests of this folder."""
+"""Short runs shared by the tests of this folder."""
 
 import pytest
+from fault_and_eclipse_runs import Runs, simulate_cases
 from short_run import OVERRIDES, STAGES, TICKS, Run, init, rollout
 
 from rpojax.scenario import params as parameters
@@ -29,3 +30,9 @@ def start(loop: tuple[Scenario, Params]) -> State:
 def run(loop: tuple[Scenario, Params], start: State) -> Run:
     """Final state and telemetry of the short run."""
     return rollout(*loop, start, TICKS, STAGES)
+
+
+@pytest.fixture(scope="session")
+def runs() -> Runs:
+    """Final state and telemetry of runs with each fault, with a sunset and with a sunrise."""
+    return simulate_cases()
