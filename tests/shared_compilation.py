@@ -10,7 +10,7 @@ import pytest
 
 from rpojax.campaign.execution.batch_engine import BatchEngine
 
-_KEPT = 3
+_KEPT = 2
 """Engines whose programs stay in memory, 250 MB each; others are loaded again from the caches on disk."""
 
 

@@ -32,13 +32,17 @@ def test_a_short_transfer_is_nearly_straight() -> None:
     np.testing.assert_allclose(velocity(1.0), np.asarray(END - START), rtol=0.02, atol=0.5)
 
 
+@jax.jit
+@jax.value_and_grad
+def speed(seconds: jax.Array) -> jax.Array:
+    """Sum of the components of the velocity, and its derivative to the time."""
+    matrix = clohessy_wiltshire.transition_matrix(jnp.asarray(RATE), seconds)
+    return jnp.sum(two_impulse_transfer.departure_velocity(matrix, START, END, seconds, RATE * seconds))
+
+
 @pytest.mark.parametrize("turns", [0.5, 1.0, 1.5])
 def test_at_times_without_a_solution_velocity_and_derivative_are_finite(turns: float) -> None:
-    def speed(seconds: jax.Array) -> jax.Array:
-        matrix = clohessy_wiltshire.transition_matrix(jnp.asarray(RATE), seconds)
-        return jnp.sum(two_impulse_transfer.departure_velocity(matrix, START, END, seconds, RATE * seconds))
-
-    value, slope = jax.jit(jax.value_and_grad(speed))(jnp.asarray(turns * 2.0 * np.pi / RATE))
+    value, slope = speed(jnp.asarray(turns * 2.0 * np.pi / RATE))
     assert np.isfinite(value) and np.isfinite(slope)
 
 
@@ -70,9 +74,12 @@ def flown(at: TargetOrbit, before: jax.Array, end: jax.Array, dt: jax.Array) -> 
     return first, arc.delta_v, arc.impulse_after, last, total
 
 
+flown_in_times = jax.jit(jax.vmap(flown, in_axes=(None, None, None, 0)))
+
+
 def totals(way: str, e: float, times: np.ndarray) -> np.ndarray:
     before, end = map(jnp.asarray, WAYS[way])
-    return np.asarray(jax.vmap(flown, in_axes=(None, None, None, 0))(orbit(e), before, end, jnp.asarray(times))[4])
+    return np.asarray(flown_in_times(orbit(e), before, end, jnp.asarray(times))[4])
 
 
 def two_body_difference(e: float, state: np.ndarray, seconds: float, at: float) -> np.ndarray:
@@ -152,13 +159,14 @@ def test_half_an_orbit_from_an_ellipse_takes_no_more_than_its_cross_track_motion
         assert found < 2.2 * n * across
 
 
+slopes_of_total = jax.jit(jax.grad(lambda *arguments: flown(*arguments)[4], argnums=(0, 1, 2, 3)))
+
+
 @pytest.mark.parametrize("e", [0.0, 1e-9, 0.7, 0.9])
 @pytest.mark.parametrize("turns", [0.2, 0.5, 1.0, 1.5, 2.0])
 def test_derivatives_of_an_arc_are_finite_at_all_times(turns: float, e: float) -> None:
     before, end = map(jnp.asarray, WAYS["from an ellipse"])
-    slopes = jax.jit(jax.grad(lambda *arguments: flown(*arguments)[4], argnums=(0, 1, 2, 3)))(
-        orbit(e), before, end, jnp.asarray(turns * PERIOD)
-    )
+    slopes = slopes_of_total(orbit(e), before, end, jnp.asarray(turns * PERIOD))
     assert all(bool(jnp.all(jnp.isfinite(each))) for each in jax.tree.leaves(slopes))
 
 
