@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 PIXEL_LIMIT = 50_000_000
 """Most pixels of an image, checked before it is decoded."""
+UPRIGHT = 1
+"""EXIF orientation of a picture that is shown as it is stored."""
+_EXIF_ORIENTATION = 0x0112
 _FORMATS = ("JPEG", "MPO", "PNG")
 
 
@@ -68,6 +71,18 @@ def check_size(path: Path, content: bytes) -> None:
         raise
     except Exception:
         raise ImageFileError(f"{path}: found no image, expected one of at most {PIXEL_LIMIT} pixels") from None
+
+
+def orientation(content: bytes) -> int:
+    """EXIF orientation of an image, which says how it is to be turned; `UPRIGHT` if it has none or cannot be read."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(content)) as image:
+            return int(image.getexif().get(_EXIF_ORIENTATION, UPRIGHT))
+    # Damaged headers raise errors of many kinds.
+    except Exception:
+        return UPRIGHT
 
 
 def _check_pixels(path: Path, image: "Image") -> None:
