@@ -64,12 +64,18 @@ def load(
         # Imported here because it needs JAX's constants, which other scenarios do without.
         from rpojax.scenario.loading.starts import start_files
 
+        start_files.check_nothing_is_set_beside([layer.changes for layer in layers])
         without_start = copy.deepcopy(tables)
         layers.append(Layer(without_start, start_files.resolve_start(tables)))
     before = copy.deepcopy(tables)
     changes: dict[str, Any] = {}
     for override in overrides:
         changes = merge(changes, apply_override(tables, override))
+    if "start" in changes:
+        found = ", ".join(each for each in overrides if each.lstrip().startswith("start"))
+        raise ScenarioError(
+            "overrides", found, "start in the scenario file alone, since its files are read first", is_argument=True
+        )
     _load_case_table(tables)
     file = validate(tables)
     check_no_replaced_key_is_set([*layers, Layer(before, changes, is_override=True)], tables)

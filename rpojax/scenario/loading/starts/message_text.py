@@ -217,8 +217,10 @@ def _put(fields: dict[str, str], name: str, value: str, rows: Mapping[str, Keywo
 
 def _from_xml(text: str, key: str) -> list[Segment]:
     """Segments of the one message of an XML file, which may define no entities of its own."""
-    if len(text) > _LARGEST_XML_BYTES or "<!" in text.replace("<!--", ""):
-        raise ScenarioError(key, "a large XML file or one with a document type", "the XML of one message")
+    if len(text) > _LARGEST_XML_BYTES:
+        raise ScenarioError(key, f"XML of {len(text)} characters", f"at most {_LARGEST_XML_BYTES}")
+    if "<!" in re.sub(r"<!(?:--|\[CDATA\[)", "", text):
+        raise ScenarioError(key, "XML with a document type, as of a web page", "the XML of one message")
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
@@ -271,6 +273,11 @@ def _fields(
     for element in _leaves(within, set(apart)):
         name, unit, value = _tag(element), element.get("units"), (element.text or "").strip()
         row = rows.get(name)
+        others = [] if message_keywords.is_free(name) else [each for each in element.attrib if each[:1] != "{"]
+        if unknown := [each for each in others if each != "units"]:
+            raise ScenarioError(
+                key, f"{name} with {unknown[0]} = {element.get(unknown[0]):.30}", "units alone beside it"
+            )
         if unit is not None and row is not None and row.unit is not None:
             value = f"{value} [{unit}]"
         _put(fields, name, value, rows, (kind, key))
