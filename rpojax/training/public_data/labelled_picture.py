@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.training.synthetic_data.box_plausibility import BoxForm, implausible_boxes
+from rpojax.training.synthetic_data.box_plausibility import BoxForm, dark_boxes, implausible_boxes
 from rpojax.training.synthetic_data.detection_dataset import (
     DatasetError,
     DetectionDataset,
@@ -75,7 +75,7 @@ def to_dataset(pictures: Sequence[LabelledPicture], size_px: int, form: BoxForm,
         tuple(boxes),
         tuple(entry.background for entry in pictures),
         ("other",) * len(pictures),
-        notes=noticed(labels, implausible_boxes(as_labelled, sizes, form)),
+        notes=noticed(labels, (*implausible_boxes(as_labelled, sizes, form), *dark_boxes(codes, boxes))),
     )
 
 

@@ -23,6 +23,9 @@ _MANY: Final = 0.05
 """Share of boxes beyond their pictures that is no accident."""
 _MANY_POSES: Final = 0.5
 """The same of spacecraft that are projected, which a picture may show in part."""
+_LEAST_CODE: Final = 16
+_MOST_DARK: Final = 0.5
+"""Share of boxes that may be dark, as in eclipse."""
 _LEAST_OVERLAP: Final = 0.5
 """Least intersection over union of a box and that around its outline."""
 _LEAST_BOXES: Final = 20
@@ -74,6 +77,23 @@ def outlines_elsewhere(boxes: np.ndarray, outlines: np.ndarray) -> tuple[str, ..
         return ()
     return (
         f"{apart.sum()} of {len(boxes)} boxes are not around their outlines (segmentation): which of them is right?",
+    )
+
+
+def dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, ...]:
+    """A sentence if images (n, p, p, 3) of 8 bit show nothing in most of their boxes (m, 4) [px]."""
+    brightest = []
+    for image, found in zip(images, boxes, strict=True):
+        for left, top, right, bottom in np.asarray(found, dtype=float):
+            rows = slice(max(0, int(top)), max(1, int(np.ceil(bottom))))
+            part = image[rows, max(0, int(left)) : max(1, int(np.ceil(right)))]
+            brightest.append(int(part.max(initial=0)))
+    dark = sum(code < _LEAST_CODE for code in brightest)
+    if dark <= _MOST_DARK * len(brightest):
+        return ()
+    return (
+        f"{dark} of {len(brightest)} boxes show no code above {_LEAST_CODE - 1} of 255: "
+        "are pictures of 10 to 14 bit stored in 16?",
     )
 
 

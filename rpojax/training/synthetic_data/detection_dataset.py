@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import Notice, OutputError, RpojaxError
-from rpojax.training.synthetic_data.box_plausibility import implausible_boxes, outlines_elsewhere
+from rpojax.training.synthetic_data.box_plausibility import dark_boxes, implausible_boxes, outlines_elsewhere
 from rpojax.training.synthetic_data.composites import GENERATORS, SIZE_PX, Composite, CompositeMix, random_composite
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
@@ -198,7 +198,9 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
     craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
     covered = np.stack(masks) if len(masks) == len(images) else None
-    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft, tuple(known), covered, notes)
+    codes = np.stack(arrays)
+    notes = (*notes, *noticed(path, dark_boxes(codes, scaled)))
+    return DetectionDataset(codes, tuple(scaled), backgrounds, craft, tuple(known), covered, notes)
 
 
 def noticed(place: Path, sentences: Iterable[str]) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Boxes in other units than those of COCO are noticed, and right ones are not."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +113,7 @@ def test_random_boxes_inside_of_their_pictures_are_plausible(seed: int) -> None:
 
 def write(folder: Path, boxes: list[list[float]], **changed: Any) -> Path:
     (folder / "images").mkdir()
-    cv2.imwrite(str(folder / "images" / "0.png"), np.zeros((*SIZE[::-1], 3), np.uint8))
+    cv2.imwrite(str(folder / "images" / "0.png"), np.full((*SIZE[::-1], 3), 90, np.uint8))
     entries = [{"id": 0, "file_name": "images/0.png", "width": SIZE[0], "height": SIZE[1]}]
     notes = [{"id": i, "image_id": 0, "category_id": 1, "bbox": box} for i, box in enumerate(boxes)]
     content = {"images": entries, "annotations": notes, "categories": [{"id": 1, "name": "craft"}]} | changed
@@ -138,16 +139,26 @@ def test_outlines_and_boxes_of_a_file_are_compared(tmp_path: Path) -> None:
         read_dataset(write(tmp_path / "half", [], annotations=notes))
 
 
+@pytest.mark.parametrize(("bits", "is_dark"), [(16, False), (12, True)])
+def test_pictures_of_fewer_bits_than_their_file_are_noticed(tmp_path: Path, bits: int, is_dark: bool) -> None:
+    folder = write(tmp_path, [[100, 100, 60, 60]])
+    cv2.imwrite(str(folder / "images" / "0.png"), np.full((*SIZE[::-1], 3), 2 ** (bits - 1), np.uint16))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Notice)
+        notes = read_dataset(folder).notes
+    assert [("1 of 1 boxes show no code above 15" in note) for note in notes] == [True] * is_dark
+
+
 @pytest.mark.parametrize("turn", [3, 6])
 def test_a_picture_that_its_exif_turns_is_refused(tmp_path: Path, turn: int) -> None:
     folder = write(tmp_path, [[100, 100, 20, 20]])
     exif = Image.Exif()
     exif[0x0112] = turn
-    Image.new("RGB", SIZE).save(folder / "images" / "0.png", exif=exif)
+    Image.new("RGB", SIZE, "gray").save(folder / "images" / "0.png", exif=exif)
     with pytest.raises(DatasetError, match=f"EXIF orientation {turn}"):
         read_dataset(folder)
     exif[0x0112] = 1
-    Image.new("RGB", SIZE).save(folder / "images" / "0.png", exif=exif)
+    Image.new("RGB", SIZE, "gray").save(folder / "images" / "0.png", exif=exif)
     assert len(read_dataset(folder)) == 1
 
 

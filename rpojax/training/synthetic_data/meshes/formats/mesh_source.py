@@ -18,6 +18,9 @@ from rpojax.vision.imaging.image_files import check_size
 
 FACE_LIMIT = 2_000_000
 """Most triangles of a mesh."""
+BEYOND_COLORS = "colours beyond 0 to 1, cut to it"
+"""Note of colours that are codes of 8 bit, or too bright."""
+_COMMENT = re.compile(r"(?:^|\s)#(?:\s|$)")
 _MOST_DETAILS = 4
 """Details that a note lists; of further ones it has the number."""
 _LONGEST_DETAIL = 80
@@ -233,9 +236,18 @@ def _picture_codes(content: bytes) -> np.ndarray:
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         with Image.open(io.BytesIO(content)) as image:
             if image.mode.startswith("I"):  # grey of 16 bit, which a conversion would cut at 255
+                if image.format == "TIFF" and image.mode == "I":
+                    raise ValueError("codes of 32 bit, expected 8 or 16")
                 grey = np.clip(np.asarray(image).astype(np.int64) >> 8, 0, 255).astype(np.uint8)
                 return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+            if image.mode == "F":
+                raise ValueError("numbers that are no codes of 8 or 16 bit")
             return np.asarray(image.convert("RGBA"))
+
+
+def name_in(words: str) -> str:
+    """A name as it stands in a line of OBJ and its libraries; `#` is part of it unless a space follows it."""
+    return _COMMENT.split(words, maxsplit=1)[0].strip()
 
 
 def linear_colors(codes: np.ndarray) -> np.ndarray:

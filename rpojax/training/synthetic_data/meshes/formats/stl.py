@@ -7,6 +7,9 @@ import numpy as np
 from rpojax.training.synthetic_data.meshes.formats.mesh_source import MeshSource, Surface
 
 _HEADER = 84
+_SHOWN = 16
+_MOST_MISSING = 100.0
+"""A file that says that it has so much more than it has is not cut off, but of another kind."""
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -31,6 +34,8 @@ def _is_binary(content: bytes) -> bool:
 def _binary(source: MeshSource) -> np.ndarray:
     content = source.content
     count = int.from_bytes(content[80:_HEADER], "little")
+    if len(content) != _HEADER and (count == 0 or count * _FACET.itemsize > _MOST_MISSING * len(content)):
+        raise source.fault(f"{content[:_SHOWN]!r} at its beginning", "a mesh in STL")
     if len(content) < _HEADER + count * _FACET.itemsize:
         size = f"{len(content)} bytes"
         raise source.fault(size, f"a mesh in STL, of which one of {count} facets has more")

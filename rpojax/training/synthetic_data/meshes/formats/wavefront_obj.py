@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from rpojax.training.synthetic_data.meshes.formats.mesh_source import MeshSource, Surface, linear_colors
+from rpojax.training.synthetic_data.meshes.formats.mesh_source import MeshSource, Surface, linear_colors, name_in
 from rpojax.training.synthetic_data.meshes.formats.wavefront_mtl import ObjMaterial, read_library
 
 _HARMLESS = frozenset({"vn", "vp", "g", "o", "s", "mg", "bevel", "c_interp", "d_interp", "lod"})
@@ -75,7 +75,7 @@ def _parse(source: MeshSource) -> _Content:
         try:
             rest = rest.strip()
             if key in ("usemtl", "mtllib"):
-                statements[key](rest, [])
+                statements[key](name_in(rest), [])
             elif "_" in rest:  # Python would read 1_0 as ten
                 raise ValueError
             else:
