@@ -71,6 +71,7 @@ def material(**values: Any) -> dict[str, Any]:
 
 
 RED_VERTICES = {"COLOR_0": np.tile(np.array([1, 0, 0], "<f4"), (3, 1))}
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 36\n"
 IDENTITY = np.eye(4).ravel().tolist()
 ROW_BY_ROW = [1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 WHITE = {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1]}}
@@ -113,12 +114,15 @@ def test_colours_of_gltf(tmp_path: Path, arrays: dict[str, np.ndarray], content:
         ({"nodes": [{"mesh": 0, "children": [0]}]}, {}, "mesh.glb"),
         ({"nodes": [{"mesh": 4}]}, {}, "meshes 4"),
         ({"nodes": [{"mesh": 0, "matrix": ROW_BY_ROW}]}, {}, "node 0 with a matrix whose last row is 0.5, 0, 0, 1"),
+        ({"nodes": [{"mesh": 0, "rotation": [0, 0, 90, 1]}]}, {}, "node 0 with a rotation of length 90"),
+        ({"buffers": [{"byteLength": 36, "uri": "pointer.bin"}]}, {}, "pointer.bin: found a pointer of Git LFS"),
         ({"nodes": [{"mesh": 0, "matrix": IDENTITY, "scale": [2, 2, 2]}]}, {}, "node 0 with a matrix and scale"),
     ],
 )
 def test_gltf_that_cannot_be_drawn_is_refused_in_one_line(
     tmp_path: Path, content: Any, primitive: Any, reason: str
 ) -> None:
+    (tmp_path / "pointer.bin").write_text(POINTER)
     with pytest.raises(MeshError, match=reason) as raised:
         read(glb(tmp_path / "mesh.glb", {}, content, **primitive))
     assert "\n" not in str(raised.value)
@@ -228,9 +232,15 @@ def test_pictures_of_obj(tmp_path: Path, picture: str, is_found: bool) -> None:
 
 @pytest.mark.parametrize(
     ("head", "note"),
-    [("mtllib lost.mtl\nusemtl paint", "lost.mtl"), ("usemtl paint", "paint"), ("curv 0 1 1 2", "curv")],
+    [
+        ("mtllib lost.mtl\nusemtl paint", "not found beside the mesh: 'lost.mtl'"),
+        ("mtllib pointer.mtl\nusemtl paint", "'pointer.mtl' is a pointer of Git LFS"),
+        ("usemtl paint", "paint"),
+        ("curv 0 1 1 2", "curv"),
+    ],
 )
 def test_what_of_obj_is_not_used_is_named(tmp_path: Path, head: str, note: str) -> None:
+    (tmp_path / "pointer.mtl").write_text(POINTER)
     corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
     mesh = read(obj(tmp_path / "mesh.obj", corners, "f 1 2 3", head))
     assert any(note in each for each in mesh.notes)
@@ -255,11 +265,18 @@ def test_a_hash_is_part_of_a_name_unless_a_space_follows(tmp_path: Path, library
     assert mesh.notes == ()
 
 
-def test_colours_of_8_bit_in_a_library_are_named(tmp_path: Path) -> None:
-    (tmp_path / "m.mtl").write_text("newmtl paint\nKd 200 30 30\n")
+@pytest.mark.parametrize("color", ["200 30 30", "-0.5 0.5 0.5", "1.5"])
+def test_colours_of_8_bit_in_a_library_are_named(tmp_path: Path, color: str) -> None:
+    (tmp_path / "m.mtl").write_text(f"newmtl paint\nKd {color}\n")
     corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
     mesh = read(obj(tmp_path / "mesh.obj", corners, "f 1 2 3", "mtllib m.mtl", "usemtl paint"))
-    assert mesh.notes == ("colours beyond 0 to 1, cut to it: Kd 200 30 30",)
+    assert mesh.notes == (f"colours and factors of materials beyond 0 to 1, cut to it: Kd {color}",)
+
+
+def test_normals_where_colours_stand_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text("v 0 0 0 0 0 -1\nv 1 0 0 0 0 -1\nv 0 1 0 0 0 -1\nf 1 2 3\n")
+    assert read(path).notes == ("colours and factors of materials beyond 0 to 1, cut to it: v",)
 
 
 @pytest.mark.parametrize("values", [np.full((4, 4), 0.5, np.float32), np.full((4, 4), 200, np.int32)])

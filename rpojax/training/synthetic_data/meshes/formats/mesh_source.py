@@ -12,14 +12,14 @@ from rpojax.errors import RpojaxError
 from rpojax.printable_text import cut, printable
 from rpojax.training.synthetic_data.meshes.formats.ear_clipping import PolygonError, Triangles, triangulate
 from rpojax.training.synthetic_data.meshes.target_mesh import Material
-from rpojax.untrusted.file_reading import FileKind, absolute_path, is_regular, read_bytes
+from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, is_regular, read_bytes
 from rpojax.untrusted.text_reading import EncodingError, decode_text
 from rpojax.vision.imaging.image_files import check_size
 
 FACE_LIMIT = 2_000_000
 """Most triangles of a mesh."""
-BEYOND_COLORS = "colours beyond 0 to 1, cut to it"
-"""Note of colours that are codes of 8 bit, or too bright."""
+BEYOND = "colours and factors of materials beyond 0 to 1, cut to it"
+"""Note of what may be codes of 8 bit, or no colours at all."""
 _COMMENT = re.compile(r"(?:^|\s)#(?:\s|$)")
 _MOST_DETAILS = 4
 """Details that a note lists; of further ones it has the number."""
@@ -155,21 +155,26 @@ class MeshSource:
         return None
 
     def read(self, name: str, kind: FileKind) -> bytes | None:
-        """Content of a file beside the mesh, None if there is none that can be read."""
+        """Content of a file beside the mesh, None if there is none.
+
+        Raises:
+            FileError: it cannot be read.
+        """
         path = self.find(name)
-        try:
-            return None if path is None else read_bytes(path, kind)
-        except RpojaxError:
-            return None
+        return None if path is None else read_bytes(path, kind)
 
     def text_of(self, name: str) -> str | None:
-        """Text of a file beside the mesh, None if there is none that can be read."""
-        content = self.read(name, FileKind.MESH)
+        """Text of a material library beside the mesh; None, with a note, if there is none that can be read."""
         try:
-            return None if content is None else _text(content)
+            content = self.read(name, FileKind.MESH)
+            if content is not None:
+                return _text(content)
+            self.notes.add("material libraries not found beside the mesh", repr(name))
         except EncodingError as error:
-            self.notes.add("files that are no text, not used", f"{name!r} has {error.found}")
-            return None
+            self.notes.add("material libraries that are no text, not used", f"{name!r} has {error.found}")
+        except FileError as error:
+            self.notes.add("material libraries that cannot be read, not used", f"{name!r} is {error.found}")
+        return None
 
     def picture(self, name: str) -> np.ndarray | None:
         """sRGB codes and opacity (h, w, 4) of a picture beside the mesh; None, with a note, if there is none."""

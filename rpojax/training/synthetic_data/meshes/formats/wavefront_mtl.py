@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from rpojax.training.synthetic_data.meshes.formats.mesh_source import (
-    BEYOND_COLORS,
+    BEYOND,
     MeshNotes,
     MeshSource,
     linear_colors,
@@ -126,8 +126,8 @@ def _color(
     found = numbers("kd")
     if len(found) not in (1, 3):
         raise source.fault(f"Kd {entries['kd']!r:.60} in {place}", "red, green and blue")
-    if max(found) > 1.0:
-        source.notes.add(BEYOND_COLORS, f"Kd {entries['kd']}")
+    if not 0.0 <= min(found) <= max(found) <= 1.0:
+        source.notes.add(BEYOND, f"Kd {entries['kd']}")
     return np.clip(np.resize(np.array(found), 3), 0.0, 1.0)
 
 
