@@ -228,6 +228,8 @@ def _from_xml(text: str, key: str) -> list[Segment]:
     for element in root.iter():
         if _tag(element) not in _CONTAINERS and len(element):
             raise ScenarioError(key, f"an element {_tag(element):.40}", "the XML of one OEM, OMM or OPM")
+        if _tag(element) in _CONTAINERS:
+            _check_container(element, key)
     messages = [element for element in root.iter() if _tag(element) in ("oem", "omm", "opm")]
     if len(messages) != 1:
         raise ScenarioError(key, f"{len(messages)} messages", "the XML of one OEM, OMM or OPM")
@@ -238,6 +240,17 @@ def _from_xml(text: str, key: str) -> list[Segment]:
     for outer, inner in ([root], messages), (list(messages[0]), segments):
         _fields({}, outer, message_keywords.HEADER, kind, key, apart=tuple(inner))
     return [_segment(element, kind, key) for element in segments]
+
+
+def _check_container(element: ElementTree.Element, key: str) -> None:
+    """Refuses text and attributes of an element that holds others, which mean nothing there."""
+    texts = [element.text, *(each.tail for each in element)]
+    loose = next((text.strip() for text in texts if text and text.strip()), None)
+    if loose is not None:
+        raise ScenarioError(key, f"{loose:.40} in {_tag(element)}, outside of an element", "elements alone")
+    own = [name for name in element.attrib if name[:1] != "{" and _tag(element) not in ("ndm", "oem", "omm", "opm")]
+    if own:
+        raise ScenarioError(key, f"{_tag(element)} with {own[0]} = {element.get(own[0]):.30}", "no attribute there")
 
 
 def _segment(element: ElementTree.Element, kind: MessageKind, key: str) -> Segment:

@@ -341,7 +341,32 @@ def test_an_attribute_of_no_standard_is_refused_by_its_name(tmp_path: Path) -> N
     assert "found 'X with unit = m'" in said
     noted = text.replace("<OBJECT_NAME>", "<COMMENT><![CDATA[a < b]]></COMMENT><OBJECT_NAME>")
     assert start_of(tmp_path, noted)["target_position_m"] == [6878137.0, 0.0, 0.0]
+    for where in ("<metadata>", "<segment>", "<stateVector>"):
+        said = refusal(tmp_path, text.replace(where, f'{where[:-1]} frame="ITRF">'))
+        assert f"{where[1:-1]} with frame = ITRF" in said
+        assert "found '99 in " in refusal(tmp_path, text.replace(where, f"{where}99 "))
     assert "a document type, as of a web page" in refusal(tmp_path, "<!DOCTYPE html><html></html>")
+
+
+@pytest.mark.parametrize(
+    ("elements", "found"),
+    [
+        ((6878.137, 0.0, 51.6), None),
+        ((6885.2, 0.001, 51.62), None),  # mean elements
+        ((7200.0, 0.0, 51.6), "SEMI_MAJOR_AXIS = 7200 beside a state with 6878"),
+        ((6878.137, 0.05, 51.6), "ECCENTRICITY = 0.05 beside a state with"),
+        ((6878.137, 0.0, 98.0), "INCLINATION = 98 beside a state with 51.6"),
+    ],
+)
+def test_elements_beside_a_state_are_those_of_the_state(
+    tmp_path: Path, elements: tuple[float, float, float], found: str | None
+) -> None:
+    axis, eccentricity, inclination = elements
+    further = f"SEMI_MAJOR_AXIS = {axis} [km]\nECCENTRICITY = {eccentricity}\nINCLINATION = {inclination} [deg]\n"
+    if found is None:
+        assert start_of(tmp_path, OPM + further)["target_position_m"] == [6878137.0, 0.0, 0.0]
+    else:
+        assert found in refusal(tmp_path, OPM + further)
 
 
 IN_METRES = row(NOON, 1e3 * position(0.0)[0])
