@@ -31,6 +31,8 @@ from rpojax.untrusted.text_reading import read_text
 from rpojax.untrusted.toml_reading import parse_toml
 
 _MAX_EXTENDS_DEPTH = 8
+_READ_FIRST = ("plugin", "start")
+"""A key and a section whose files are read before overrides are applied."""
 _MOST_BESIDE = 500
 """Most files beside one that is not there that are compared with its name."""
 
@@ -71,11 +73,11 @@ def load(
     changes: dict[str, Any] = {}
     for override in overrides:
         changes = merge(changes, apply_override(tables, override))
-    if "start" in changes:
-        found = ", ".join(each for each in overrides if each.lstrip().startswith("start"))
-        raise ScenarioError(
-            "overrides", found, "start in the scenario file alone, since its files are read first", is_argument=True
-        )
+    for name in _READ_FIRST:
+        if name in changes:
+            found = next(each for each in overrides if each.strip().startswith(name))
+            expected = f"{name} in the scenario file, which is read before overrides"
+            raise ScenarioError("overrides", found, expected, is_argument=True)
     _load_case_table(tables)
     file = validate(tables)
     check_no_replaced_key_is_set([*layers, Layer(before, changes, is_override=True)], tables)

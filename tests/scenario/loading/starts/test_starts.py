@@ -283,7 +283,9 @@ def test_what_a_start_would_replace_is_not_set_beside_it(tmp_path: Path, rest: s
 def test_an_override_of_a_start_is_refused(tmp_path: Path) -> None:
     (tmp_path / "iss.tle").write_text(TLE)
     path = write_scenario(tmp_path, 'target = "iss.tle"')
-    with pytest.raises(ScenarioError, match=r"found 'start.target=other.tle', expected start in the scenario file"):
+    with pytest.raises(
+        ScenarioError, match=r"found 'start.target=other.tle', expected start in the scenario file, which"
+    ):
         scenario_loader.load(path, ["start.target=other.tle"])
 
 
