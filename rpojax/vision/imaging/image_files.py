@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpojax.errors import RpojaxError
+from rpojax.errors import Notice, RpojaxError
 from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ PIXEL_LIMIT = 50_000_000
 """Most pixels of an image, checked before it is decoded."""
 UPRIGHT = 1
 """EXIF orientation of a picture that is shown as it is stored."""
+_FEWER_BITS = 0.25
+"""Largest value of pictures of 14 bit and less in files of 16."""
 _EXIF_ORIENTATION = 0x0112
 _FORMATS = ("JPEG", "MPO", "PNG")
 
@@ -29,7 +31,7 @@ def read_image(path: Path) -> np.ndarray:
     """sRGB codes (h, w, 3) in 0..1 float32, upright as its EXIF orientation says, transparent parts black.
 
     Raises `ImageFileError` unless the file is a single JPEG or PNG image of at most `PIXEL_LIMIT` pixels. Of a JPEG
-    with previews (MPO) the first image is taken.
+    with previews (MPO) the first image is taken. A grey one of 16 bit that has the codes of fewer gives a `Notice`.
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -39,7 +41,11 @@ def read_image(path: Path) -> np.ndarray:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(io.BytesIO(read_bytes(path, FileKind.PICTURE))) as image:
                 _check(path, image)
-                return _codes(image)
+                codes = _codes(image)
+                if image.mode.startswith("I") and 0.0 < codes.max() < _FEWER_BITS:
+                    note = f"{path}: no code of 16 bit is above {round(65535 * float(codes.max()))}: has it fewer bits?"
+                    warnings.warn(f"warning: {note}", Notice, stacklevel=2)
+                return codes
     except UnidentifiedImageError:
         raise ImageFileError(f"{path}: found {_other(path)}, expected a JPEG or PNG image") from None
     except FileError as error:
