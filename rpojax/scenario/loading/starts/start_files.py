@@ -84,6 +84,9 @@ def resolve_start(tables: dict[str, Any]) -> dict[str, Any]:
                 found = f"{state.kind} beside a file of the {'servicer' if who == 'target' else 'target'}"
                 expected = "OEM or OPM of both, since mean elements are off by kilometres"
                 raise ScenarioError(f"start.{who}", found, expected)
+        if servicer.name == target.name:
+            note = f"start.servicer: {servicer.name:.60} is the name of the target, too; are both states of one object?"
+            warnings.warn(f"warning: {note}", Notice, stacklevel=2)
         position, velocity = relative_state(servicer, target)
         changes["initial"] = {"relative_position_m": position, "relative_velocity_m_s": velocity}
         tables["initial"] = {**tables.get("initial", {}), **changes["initial"]}

@@ -301,6 +301,14 @@ def test_mean_elements_are_no_relative_state(tmp_path: Path, who: str) -> None:
         rpojax.load(write_scenario(tmp_path, start))
 
 
+def test_two_states_of_one_object_are_noticed(tmp_path: Path) -> None:
+    times = np.zeros(1)
+    for name, phase in (("t", 0.3), ("s", 0.3 - 50.0 / 7e6)):
+        (tmp_path / f"{name}.oem").write_text(oem_of("the same", *circular(times, phase), times))
+    with pytest.warns(Notice, match="THE SAME is the name of the target, too"):
+        rpojax.load(write_scenario(tmp_path, 'target = "t.oem"\nservicer = "s.oem"'))
+
+
 def test_a_recorded_start_whose_file_has_changed_says_so(tmp_path: Path) -> None:
     (tmp_path / "iss.tle").write_text(TLE)
     file = rpojax.load(write_scenario(tmp_path, 'target = "iss.tle"'))

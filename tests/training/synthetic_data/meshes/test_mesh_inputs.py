@@ -273,6 +273,15 @@ def test_colours_of_8_bit_in_a_library_are_named(tmp_path: Path, color: str) -> 
     assert mesh.notes == (f"colours and factors of materials beyond 0 to 1, cut to it: Kd {color}",)
 
 
+@pytest.mark.parametrize(("side", "units", "is_noted"), [(100.0, None, True), (100.0, "m", False), (30.0, None, False)])
+def test_a_mesh_that_may_be_in_millimetres_is_named(tmp_path: Path, side: float, units: str, is_noted: bool) -> None:
+    path = obj(tmp_path / "mesh.obj", [(0.0, 0.0), (side, 0.0), (0.0, side)], "f 1 2 3")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mesh = load_mesh(path, units, center=True)
+    assert any(f"a span of {side:g} m" in note for note in mesh.notes) == is_noted
+
+
 def test_normals_where_colours_stand_are_named(tmp_path: Path) -> None:
     path = tmp_path / "mesh.obj"
     path.write_text("v 0 0 0 0 0 -1\nv 1 0 0 0 0 -1\nv 0 1 0 0 0 -1\nf 1 2 3\n")
