@@ -1,5 +1,6 @@
 """Folders in YOLO's layout: `images`, and `labels` with a text file of boxes for each picture."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -37,6 +38,9 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     if not paths:
         raise DatasetError(f"{images}: found no pictures, expected at least one")
     files = [(texts / path.relative_to(images)).with_suffix(".txt") for path in paths]
+    if len(set(files)) < len(files):
+        file = next(file for file, times in Counter(files).items() if times > 1)
+        raise DatasetError(f"{file}: found two pictures of this name, expected one")
     if not any(file.exists() for file in files):
         raise DatasetError(f"{files[0]}: found no such file, nor that of another picture, expected boxes of some")
     _check_others(texts, files)
@@ -73,6 +77,8 @@ def _boxes(path: Path, classes: set[int]) -> np.ndarray:
                 of = "detections with their scores" if len(words) == _WORDS + 1 else "outlines"
                 likely = f", as of {of}" if len(words) > _WORDS else ""
                 raise ValueError(f"a line of {len(words)} words{likely}")
+            if any("_" in word for word in words):  # Python would read 1_0 as ten
+                raise ValueError(f"{' '.join(words)!r:.60}")
             x, y, width, height = map(float, words[1:])
             classes.add(int(words[0]))
             found.append([x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height])

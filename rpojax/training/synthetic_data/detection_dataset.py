@@ -22,6 +22,8 @@ from rpojax.vision.imaging.image_files import UPRIGHT, check_size, orientation
 
 CATEGORY = "spacecraft"
 ANNOTATIONS = "annotations.json"
+_LEFT_TOP_SIZES = 1
+"""Value of `bbox_mode`, which Detectron2 adds, of boxes as in COCO."""
 
 
 class DatasetError(RpojaxError):
@@ -253,8 +255,11 @@ def _parse(path: Path) -> _Parsed:
         for note in content["annotations"]:
             if note["image_id"] not in by_number:
                 raise ValueError(f"an annotation of image {note['image_id']}, which is not listed")
-            if note.get("iscrowd"):
-                raise ValueError(f"a crowd in image {note['image_id']}, where each spacecraft has its box")
+            if note.get("iscrowd") or note.get("ignore"):
+                what = "a crowd" if note.get("iscrowd") else "a box to ignore"
+                raise ValueError(f"{what} in image {note['image_id']}, where each spacecraft has its box")
+            if note.get("bbox_mode", _LEFT_TOP_SIZES) != _LEFT_TOP_SIZES:
+                raise ValueError(f"bbox_mode {note['bbox_mode']!r:.20}, where left, top, width and height are meant")
             left, top, width, height = _box(note["bbox"], by_number[note["image_id"]])
             box = [left, top, left + width, top + height]
             by_image[note["image_id"]].append(box)
@@ -280,7 +285,11 @@ def _around_outline(segmentation: Any) -> list[float] | None:
     """
     if not isinstance(segmentation, list) or not segmentation:
         return None
-    points = np.concatenate([np.array(polygon, dtype=float).reshape(-1, 2) for polygon in segmentation])
+    polygons = segmentation if isinstance(segmentation[0], list) else [segmentation]
+    try:
+        points = np.concatenate([np.array(polygon, dtype=float).reshape(-1, 2) for polygon in polygons])
+    except (TypeError, ValueError):
+        raise ValueError(f"segmentation {segmentation!r:.60}, which is no list of polygons") from None
     return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else None
 
 

@@ -172,6 +172,9 @@ def test_a_picture_that_its_exif_turns_is_refused(tmp_path: Path, turn: int) -> 
         ),
         ({"annotations": [{"image_id": 7, "bbox": [1, 1, 9, 9]}]}, "an annotation of image 7, which is not listed"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, -9, 9]}]}, "bbox"),
+        ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "bbox_mode": 0}]}, "bbox_mode 0"),
+        ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "ignore": 1}]}, "a box to ignore in image 0"),
+        ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "segmentation": [[1, 2, 3]]}]}, "no list of polygons"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "category_id": 9}]}, "category 9, which is not listed"),
     ],
 )

@@ -292,7 +292,7 @@ def _look(file: GltfFile, entry: dict[str, Any]) -> _Look:
     if not np.isfinite([*factor, metallic, roughness]).all():
         raise file.source.fault("a factor of a material that is not finite", "0 to 1")
     for name, values in (("baseColorFactor", factor), ("metallicFactor", metallic), ("roughnessFactor", roughness)):
-        if (values != np.clip(values, 0.0, 1.0)).any():
+        if not ((np.asarray(values) >= 0.0) & (np.asarray(values) <= 1.0)).all():
             notes.add(BEYOND, name)
     factor = np.clip(factor, 0.0, 1.0)
     if "metallicRoughnessTexture" in found:
