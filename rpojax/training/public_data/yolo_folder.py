@@ -34,7 +34,7 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     for place in (images, texts):
         if not place.is_dir():
             raise DatasetError(f"{place}: found no such folder, expected images and labels, as in YOLO's layout")
-    paths = sorted(path for path in images.rglob("*") if path.suffix.lower() in _PICTURES)
+    paths = sorted(path for path in images.rglob("*") if path.suffix.lower() in _PICTURES and not _is_hidden(path))
     if not paths:
         raise DatasetError(f"{images}: found no pictures, expected at least one")
     files = [(texts / path.relative_to(images)).with_suffix(".txt") for path in paths]
@@ -43,7 +43,7 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
         raise DatasetError(f"{file}: found two pictures of this name, expected one")
     if not any(file.exists() for file in files):
         raise DatasetError(f"{files[0]}: found no such file, nor that of another picture, expected boxes of some")
-    _check_others(texts, files)
+    _check_others(files)
     classes: set[int] = set()
     pictures = [
         LabelledPicture(path, _boxes(file, classes), in_fractions=True) for path, file in zip(paths, files, strict=True)
@@ -53,11 +53,17 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     return pictures
 
 
-def _check_others(texts: Path, files: Sequence[Path]) -> None:
+def _is_hidden(path: Path) -> bool:
+    """Whether a file is one that systems keep beside others, such as `._a.png`."""
+    return path.name.startswith(".")
+
+
+def _check_others(files: Sequence[Path]) -> None:
     """Refuses texts of boxes that belong to no picture, without which another one would count as empty."""
     wanted, lacking = set(files), [file for file in files if not file.exists()]
-    others = [path for path in texts.rglob("*") if path.suffix.lower() == ".txt" and path not in wanted]
-    unknown = sorted(path for path in others if path.name not in _NO_BOXES)
+    folders = {file.parent for file in files if file.parent.is_dir()}
+    others = [path for folder in folders for path in folder.iterdir() if path.suffix.lower() == ".txt"]
+    unknown = sorted(path for path in others if not (path in wanted or path.name in _NO_BOXES or _is_hidden(path)))
     if unknown and lacking:
         raise DatasetError(
             f"{unknown[0]}: found no picture of this name ({len(unknown)} such files), expected one, since "

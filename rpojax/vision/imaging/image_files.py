@@ -17,6 +17,8 @@ PIXEL_LIMIT = 50_000_000
 """Most pixels of an image, checked before it is decoded."""
 UPRIGHT = 1
 """EXIF orientation of a picture that is shown as it is stored."""
+_TURNED = range(2, 9)
+"""Orientations of EXIF that turn or mirror a picture; cameras write 0, too."""
 _FEWER_BITS = 0.25
 """Largest value of pictures of 14 bit and less in files of 16."""
 _EXIF_ORIENTATION = 0x0112
@@ -85,7 +87,8 @@ def orientation(content: bytes) -> int:
 
     try:
         with Image.open(io.BytesIO(content)) as image:
-            return int(image.getexif().get(_EXIF_ORIENTATION, UPRIGHT))
+            found = image.getexif().get(_EXIF_ORIENTATION, UPRIGHT)
+        return found if found in _TURNED else UPRIGHT
     # Damaged headers raise errors of many kinds.
     except Exception:
         return UPRIGHT

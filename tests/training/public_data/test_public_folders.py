@@ -319,6 +319,8 @@ def test_a_picture_that_is_listed_twice_is_refused(
 def test_other_texts_beside_labels_are_no_boxes(tmp_path: Path) -> None:
     folder = yolo(tmp_path)
     (folder / "labels" / "val" / "classes.txt").write_text("spacecraft\n")
+    for hidden in ("labels/val/._a.txt", "images/val/._a.png"):
+        (folder / hidden).write_bytes(b"\0\5\x16\7")
     assert len(data_formats.read_folder(folder, "yolo")) == 2
 
 
