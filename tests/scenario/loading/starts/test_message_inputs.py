@@ -399,6 +399,12 @@ def test_a_state_whose_velocity_is_not_that_of_its_positions_is_refused(tmp_path
         text = oem(segment([row(*each) for each in zip(texts, wrong, strict=True)]))
         for epoch in (None, texts[5], texts[-1]):
             assert "a velocity that misses the next state by" in refusal(tmp_path, text, epoch)
+    pushed = states.copy()  # by an engine that gives 8 m/s^2
+    pushed[:, 2] += 4.0 * seconds**2
+    pushed[:, 5] += 8.0 * seconds
+    text = oem(segment([row(*each) for each in zip(texts, pushed, strict=True)]))
+    found = start_of(tmp_path, text, texts[3])["target_position_m"]
+    np.testing.assert_allclose(found, pushed[3, :3], rtol=0.0, atol=1e-5)
     burnt = states.copy()
     burnt[6:] = position(seconds[6:] + 20.0)[:, :]
     text = oem(segment([row(*each) for each in zip(texts, burnt, strict=True)]))
