@@ -7,6 +7,9 @@ from pathlib import Path
 
 from rpojax.errors import RpojaxError
 
+_LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+"""Beginning of the text that Git has in place of a large file that was not fetched."""
+
 
 class FileKind(enum.Enum):
     """Kinds of files, with their names and the most bytes of one."""
@@ -70,6 +73,10 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
         raise _unreadable(path, error, kind) from None
     if len(content) > kind.most_bytes:
         raise _too_large(path, kind)
+    if content.startswith(_LFS_POINTER):
+        raise FileError(
+            path, "a pointer of Git LFS in place of the file", f"{kind.words}, as `git lfs pull` fetches it"
+        )
     return content
 
 

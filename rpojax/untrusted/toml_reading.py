@@ -6,6 +6,7 @@ are counted before it begins.
 
 import re
 import tomllib
+import unicodedata
 from typing import Any, Final
 
 from rpojax.untrusted.structure_limits import StructureError, check_structure
@@ -29,6 +30,7 @@ _OPAQUE: Final = re.compile(
 )
 """Comments and texts, in which no character is part of the structure."""
 _ENDS: Final = re.compile(r"[\n,={}]")
+_PLACE: Final = re.compile(r"\(at line (\d+), column (\d+)\)")
 _HEADS: Final = re.compile(r"^[ \t]*\[[^,\n]*$", re.MULTILINE)
 
 
@@ -44,9 +46,22 @@ def parse_toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise StructureError("found TOML that is too deep, expected a few levels") from None
     except ValueError as error:
-        raise StructureError(f"found {error!s:.200}, expected a valid TOML file") from None
+        found = f"{error!s:.200}{_character_at(str(error), text)}"
+        raise StructureError(f"found {found}, expected a valid TOML file") from None
     check_structure(content, finite=False)  # the schema names the key of a number that is not finite
     return content
+
+
+def _character_at(message: str, text: str) -> str:
+    """The character at the place of an error if it is beyond ASCII, as typographic quotes and spaces are."""
+    place = _PLACE.search(message)
+    if place is None:
+        return ""
+    line = text.split("\n")[int(place[1]) - 1 : int(place[1])]
+    character = "".join(line)[int(place[2]) - 1 : int(place[2])]
+    if not character or character.isascii():
+        return ""
+    return f", the character U+{ord(character):04X} ({unicodedata.name(character, 'without a name')})"
 
 
 def _check_counts(text: str) -> None:

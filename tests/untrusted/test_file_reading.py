@@ -52,6 +52,14 @@ def test_a_file_is_read_up_to_its_limit(tmp_path: Path) -> None:
         read_bytes(path, FileKind.MANIFEST)
 
 
+@pytest.mark.parametrize("kind", list(FileKind))
+def test_a_pointer_of_git_lfs_is_named(tmp_path: Path, kind: FileKind) -> None:
+    path = tmp_path / "large"
+    path.write_text(f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 12345\n")
+    with pytest.raises(FileError, match="found a pointer of Git LFS in place of the file"):
+        read_bytes(path, kind)
+
+
 def test_what_cannot_be_a_path_is_an_error() -> None:
     with pytest.raises(FileError, match="null byte"):
         read_bytes(Path("a\0b"), FileKind.SCENARIO)

@@ -15,6 +15,22 @@ from rpojax.untrusted.toml_reading import MOST_KEY_PARTS, MOST_KEYS, parse_toml
 
 
 @pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("extends = \u201cinspection\u201d\n", "U+201C (LEFT DOUBLE QUOTATION MARK)"),
+        ("extends\u00a0= 1\n", "U+00A0 (NO-BREAK SPACE)"),
+        ("a = 1\ndur\u0430tion_s = 600\n", "U+0430 (CYRILLIC SMALL LETTER A)"),
+        ("a = \uff16\n", "U+FF16 (FULLWIDTH DIGIT SIX)"),
+        ("a = 1\n\ue000 = 2\n", "U+E000 (without a name)"),
+    ],
+)
+def test_a_character_that_only_looks_right_is_named(text: str, name: str) -> None:
+    with pytest.raises(StructureError) as caught:
+        parse_toml(text)
+    assert f"the character {name}" in str(caught.value)
+
+
+@pytest.mark.parametrize(
     "text", ["NaN", "[1e999]", "1" + "0" * 400, "9" * 5000, "[" * 100_000, "[" * 80 + "]" * 80, ""]
 )
 def test_json_beyond_the_limits_is_refused(text: str) -> None:

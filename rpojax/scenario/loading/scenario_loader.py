@@ -31,6 +31,8 @@ from rpojax.untrusted.text_reading import read_text
 from rpojax.untrusted.toml_reading import parse_toml
 
 _MAX_EXTENDS_DEPTH = 8
+_READ_FIRST = ("plugin", "start")
+"""A key and a section whose files are read before overrides are applied."""
 _MOST_BESIDE = 500
 """Most files beside one that is not there that are compared with its name."""
 
@@ -64,12 +66,18 @@ def load(
         # Imported here because it needs JAX's constants, which other scenarios do without.
         from rpojax.scenario.loading.starts import start_files
 
+        start_files.check_nothing_is_set_beside([layer.changes for layer in layers])
         without_start = copy.deepcopy(tables)
         layers.append(Layer(without_start, start_files.resolve_start(tables)))
     before = copy.deepcopy(tables)
     changes: dict[str, Any] = {}
     for override in overrides:
         changes = merge(changes, apply_override(tables, override))
+    for name in _READ_FIRST:
+        if name in changes:
+            found = next(each for each in overrides if each.strip().startswith(name))
+            expected = f"{name} in the scenario file, which is read before overrides"
+            raise ScenarioError("overrides", found, expected, is_argument=True)
     _load_case_table(tables)
     file = validate(tables)
     check_no_replaced_key_is_set([*layers, Layer(before, changes, is_override=True)], tables)

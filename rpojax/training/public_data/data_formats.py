@@ -6,6 +6,7 @@ from typing import Literal
 
 from rpojax.training.public_data import spark_folder, speed_folder, yolo_folder
 from rpojax.training.public_data.labelled_picture import LabelledPicture, evenly_chosen, to_dataset
+from rpojax.training.synthetic_data.box_plausibility import BoxForm
 from rpojax.training.synthetic_data.composites import SIZE_PX
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
@@ -14,6 +15,11 @@ _LISTS: Mapping[PublicFormat, Callable[[Path, Path | None], list[LabelledPicture
     "speed": speed_folder.list_pictures,
     "spark": spark_folder.list_pictures,
     "yolo": yolo_folder.list_pictures,
+}
+_BOX_FORMS: Mapping[PublicFormat, BoxForm] = {
+    "speed": BoxForm.POSES,
+    "spark": BoxForm.CORNERS,
+    "yolo": BoxForm.CENTRES,
 }
 
 
@@ -31,4 +37,5 @@ def read_folder(
     Raises:
         DatasetError: a file is missing or not as expected.
     """
-    return to_dataset(evenly_chosen(_LISTS[form](folder, labels), limit), SIZE_PX)
+    listed = _LISTS[form](folder, labels)
+    return to_dataset(evenly_chosen(listed, limit), SIZE_PX, _BOX_FORMS[form], labels or folder)

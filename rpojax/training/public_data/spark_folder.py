@@ -66,6 +66,8 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
             f"{labels}: cannot be read ({reason_in_short(error)}), expected a table as in SPARK"
         ) from None
     columns = next((each for each in _EDITIONS if {each.name, each.craft, each.box} <= set(names)), None)
+    if len(set(names)) < len(names):
+        raise DatasetError(f"{labels}: found columns {', '.join(names)!r:.120}, expected each once")
     if columns is None or not rows:
         found = f"columns {', '.join(map(str, names))}"[:120] if names and columns is None else "no rows"
         known = "; ".join(f"{each.name}, {each.craft} and {each.box}" for each in _EDITIONS)
@@ -81,7 +83,7 @@ def _picture(
         raise DatasetError(f"{labels} line {line}: found {name!r:.60} of {craft!r:.60}, expected names without folders")
     try:
         edges = np.array([float(word) for word in box.strip(" ()[]").split(",")]).reshape(4)
-        if not np.isfinite(edges).all():
+        if "_" in box or not np.isfinite(edges).all():
             raise ValueError
     except ValueError:
         words = ("left", "top", "right", "bottom")

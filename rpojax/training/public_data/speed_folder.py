@@ -5,6 +5,7 @@ Spacecraft Pose Estimation across Domain Gap, 2022; Park and D'Amico, Adaptive N
 Filter, 2022 (SHIRT).
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,6 +113,10 @@ def _read_camera(path: Path) -> _Camera:
         raise DatasetError(
             f"{path}: found a fault at {reason_in_short(error)}, expected cameraMatrix, distCoeffs, Nu and Nv"
         ) from None
+    (fx, skew, _), (low, fy, _), last = camera.matrix.tolist()
+    if not (fx > 0.0 and fy > 0.0 and abs(skew) < fx and low == 0.0 and last == [0.0, 0.0, 1.0]):
+        found = json.dumps(camera.matrix.tolist())[:120]
+        raise DatasetError(f"{path}: found cameraMatrix {found}, expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
     if len(camera.distortion) not in (4, 5, 8, 12, 14) or min(camera.width, camera.height) < 1:
         raise DatasetError(f"{path}: found {len(camera.distortion)} coefficients, expected a camera of OpenCV")
     return camera

@@ -1,5 +1,7 @@
 """Folders in YOLO's layout: `images`, and `labels` with a text file of boxes for each picture."""
 
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,10 @@ from rpojax.training.synthetic_data.detection_dataset import DatasetError
 from rpojax.untrusted.file_reading import FileKind
 from rpojax.untrusted.text_reading import read_text
 
+_WORDS = 5
+"""Words of a line: a class and four numbers."""
+_NO_BOXES = frozenset({"classes.txt", "notes.txt", "obj.names.txt", "train.txt", "val.txt", "test.txt"})
+"""Texts that programs put beside those of boxes."""
 _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
 
 
@@ -21,18 +27,23 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
         labels: folder of the text files, by default `labels`
 
     Raises:
-        DatasetError: a folder is missing, a file is not as expected, or boxes are of several classes.
+        DatasetError: a folder is missing, a file is not as expected, boxes are of several classes, or of no picture
+            while other pictures have none.
     """
     images, texts = folder / "images", labels or folder / "labels"
     for place in (images, texts):
         if not place.is_dir():
             raise DatasetError(f"{place}: found no such folder, expected images and labels, as in YOLO's layout")
-    paths = sorted(path for path in images.rglob("*") if path.suffix.lower() in _PICTURES)
+    paths = sorted(path for path in images.rglob("*") if path.suffix.lower() in _PICTURES and not _is_hidden(path))
     if not paths:
         raise DatasetError(f"{images}: found no pictures, expected at least one")
     files = [(texts / path.relative_to(images)).with_suffix(".txt") for path in paths]
+    if len(set(files)) < len(files):
+        file = next(file for file, times in Counter(files).items() if times > 1)
+        raise DatasetError(f"{file}: found two pictures of this name, expected one")
     if not any(file.exists() for file in files):
         raise DatasetError(f"{files[0]}: found no such file, nor that of another picture, expected boxes of some")
+    _check_others(files)
     classes: set[int] = set()
     pictures = [
         LabelledPicture(path, _boxes(file, classes), in_fractions=True) for path, file in zip(paths, files, strict=True)
@@ -40,6 +51,24 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     if len(classes) > 1:
         raise DatasetError(f"{texts}: found classes {sorted(classes)[:9]}, expected one, a spacecraft")
     return pictures
+
+
+def _is_hidden(path: Path) -> bool:
+    """Whether a file is one that systems keep beside others, such as `._a.png`."""
+    return path.name.startswith(".")
+
+
+def _check_others(files: Sequence[Path]) -> None:
+    """Refuses texts of boxes that belong to no picture, without which another one would count as empty."""
+    wanted, lacking = set(files), [file for file in files if not file.exists()]
+    folders = {file.parent for file in files if file.parent.is_dir()}
+    others = [path for folder in folders for path in folder.iterdir() if path.suffix.lower() == ".txt"]
+    unknown = sorted(path for path in others if not (path in wanted or path.name in _NO_BOXES or _is_hidden(path)))
+    if unknown and lacking:
+        raise DatasetError(
+            f"{unknown[0]}: found no picture of this name ({len(unknown)} such files), expected one, since "
+            f"{len(lacking)} pictures without such a file, as {lacking[0].name}, would count as empty"
+        )
 
 
 def _boxes(path: Path, classes: set[int]) -> np.ndarray:
@@ -50,6 +79,12 @@ def _boxes(path: Path, classes: set[int]) -> np.ndarray:
         lines = read_text(path, FileKind.ANNOTATIONS).split("\n")
         found = []
         for words in filter(None, map(str.split, lines)):
+            if len(words) != _WORDS:
+                of = "detections with their scores" if len(words) == _WORDS + 1 else "outlines"
+                likely = f", as of {of}" if len(words) > _WORDS else ""
+                raise ValueError(f"a line of {len(words)} words{likely}")
+            if any("_" in word for word in words):  # Python would read 1_0 as ten
+                raise ValueError(f"{' '.join(words)!r:.60}")
             x, y, width, height = map(float, words[1:])
             classes.add(int(words[0]))
             found.append([x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height])

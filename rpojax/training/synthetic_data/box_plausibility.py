@@ -1,24 +1,46 @@
 """Boxes of a data set that are formally right and look as if they were meant in another way."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from enum import Enum
+from typing import Final
 
 import numpy as np
 
-_LEAST_SIDE_PX = 2.0
-_SLACK = 0.02
+
+class BoxForm(Enum):
+    """What labels say of a box."""
+
+    SIZES = "left, top, width and height [px], as in COCO"
+    CORNERS = "left, top, right and bottom [px], as in SPARK"
+    CENTRES = "centre, width and height in fractions of the picture, as in YOLO"
+    POSES = "the pose of the spacecraft, whose points are projected, as in SPEED+"
+
+
+_LEAST_SIDE_PX: Final = 2.0
+_SLACK: Final = 0.02
 """Share of a picture by which a box may reach beyond it: labels are rounded, and of pictures that were cropped."""
-_MANY = 0.05
+_MANY: Final = 0.05
 """Share of boxes beyond their pictures that is no accident."""
-_LEAST_BOXES = 20
+_MANY_POSES: Final = 0.5
+"""The same of spacecraft that are projected, which a picture may show in part."""
+_LEAST_CODE: Final = 16
+_MOST_DARK: Final = 0.5
+"""Share of boxes that may be dark, as in eclipse."""
+_LEAST_OVERLAP: Final = 0.5
+"""Least intersection over union of a box and that around its outline."""
+_LEAST_BOXES: Final = 20
 """Fewer boxes may lie in one part of their pictures by chance, such as those of one sequence."""
 
 
-def implausible_boxes(boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, int]]) -> tuple[str, ...]:
+def implausible_boxes(
+    boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, int]], form: BoxForm = BoxForm.SIZES
+) -> tuple[str, ...]:
     """Sentences on what is unlikely about boxes, each with its likely cause; empty for plausible ones.
 
     Args:
-        boxes: for every picture (m, 4) left, top, right, bottom [px]
+        boxes: for every picture (m, 4) left, top, right, bottom [px], not cut to the picture
         sizes: width and height of every picture [px]
+        form: of the labels from which they are
     """
     counts = [len(each) for each in boxes]
     total = sum(counts)
@@ -28,24 +50,103 @@ def implausible_boxes(boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, in
     picture = np.repeat(np.array(sizes, dtype=float), counts, axis=0)
     size, found = high - low, []
     if (size.max(axis=1) < _LEAST_SIDE_PX).all():
-        found.append(f"all {total} boxes are below {_LEAST_SIDE_PX:g} px: are they fractions of the picture?")
+        found.append(f"all {total} boxes are below {_LEAST_SIDE_PX:g} px: {_SMALL[form]}")
     beyond = ((high > (1.0 + _SLACK) * picture) | (low < -_SLACK * picture)).any(axis=1)
-    if beyond.sum() >= max(1.0, _MANY * total):
-        cause = _cause_of_boxes_beyond(low, size, picture)
+    if beyond.sum() >= max(1.0, (_MANY_POSES if form is BoxForm.POSES else _MANY) * total):
+        cause = _CAUSES[form](low, size, picture)
         found.append(f"{beyond.sum()} of {total} boxes reach beyond their pictures: {cause}")
     elif total >= _LEAST_BOXES and not found and (high < 0.5 * picture).all():
         found.append(
             f"all {total} boxes lie in the upper left quarter of their pictures: were these scaled after labelling?"
         )
+    twice = sum(len(each) - len(np.unique(each, axis=0)) for each in boxes if len(each))
+    if twice:
+        found.append(f"{twice} of {total} boxes stand once more in the same picture: are labels merged twice?")
     return tuple(found)
 
 
-def _cause_of_boxes_beyond(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:
+def outlines_elsewhere(boxes: np.ndarray, outlines: np.ndarray) -> tuple[str, ...]:
+    """A sentence if boxes (n, 4) are not around their outlines, of which `outlines` (n, 4) are the boxes."""
+    if not len(boxes):
+        return ()
+    sides = np.minimum(boxes[:, 2:], outlines[:, 2:]) - np.maximum(boxes[:, :2], outlines[:, :2])
+    common = np.prod(np.maximum(sides, 0.0), axis=1)
+    total = sum(np.prod(each[:, 2:] - each[:, :2], axis=1) for each in (boxes, outlines)) - common
+    apart = (common < _LEAST_OVERLAP * total) & (np.abs(boxes - outlines).max(axis=1) > _LEAST_SIDE_PX)
+    if apart.sum() < max(1.0, _MANY * len(boxes)):
+        return ()
+    return (
+        f"{apart.sum()} of {len(boxes)} boxes are not around their outlines (segmentation): which of them is right?",
+    )
+
+
+def dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, ...]:
+    """A sentence if images (n, p, p, 3) of 8 bit show nothing in most of their boxes (m, 4) [px]."""
+    brightest = []
+    for image, found in zip(images, boxes, strict=True):
+        for left, top, right, bottom in np.asarray(found, dtype=float):
+            rows = slice(max(0, int(top)), max(1, int(np.ceil(bottom))))
+            part = image[rows, max(0, int(left)) : max(1, int(np.ceil(right)))]
+            brightest.append(int(part.max(initial=0)))
+    dark = sum(code < _LEAST_CODE for code in brightest)
+    if dark <= _MOST_DARK * len(brightest):
+        return ()
+    return (
+        f"{dark} of {len(brightest)} boxes show no code above {_LEAST_CODE - 1} of 255: "
+        "are pictures of 10 to 14 bit stored in 16?",
+    )
+
+
+_FRACTIONS: Final = "are they fractions of the picture?"
+_SMALL: Final = {
+    BoxForm.SIZES: _FRACTIONS,
+    BoxForm.CORNERS: _FRACTIONS,
+    BoxForm.CENTRES: "were they divided by the sides of the picture twice?",
+    BoxForm.POSES: "is the position in metres, and the camera's matrix in pixels?",
+}
+"""Likely causes of boxes below a pixel or two."""
+_SCALED: Final = "were the pictures scaled after labelling?"
+_EXCHANGED: Final = "are x and y, or width and height, exchanged?"
+
+
+def _of_sizes(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:
     if ((size >= low).all(axis=1) & (size <= (1.0 + _SLACK) * picture).all(axis=1)).all():
         return "are they corners (left, top, right, bottom) instead of left, top, width and height?"
-    turned = picture[:, ::-1]
-    if ((low + size <= (1.0 + _SLACK) * turned) & (low >= -_SLACK * turned)).all() and (picture != turned).any():
-        return "are x and y, or width and height, exchanged?"
+    if _fit_turned(low, size, picture):
+        return _EXCHANGED
     if (low >= 0.5 * size).all() and (low + 0.5 * size <= (1.0 + _SLACK) * picture).all():
         return "are left and top those of the centre of the box?"
-    return "were the pictures scaled after labelling?"
+    return _SCALED
+
+
+def _of_corners(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:
+    return _EXCHANGED if _fit_turned(low, size, picture) else _SCALED
+
+
+def _of_centres(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:
+    first, most = low + 0.5 * size, (1.0 + _SLACK) * picture
+    if (first >= 0.0).all() and (size >= first).all() and (size <= most).all():
+        return "are they corners (left, top, right, bottom) instead of centre, width and height?"
+    if (first >= 0.0).all() and (first + size <= most).all():
+        return "are they left, top, width and height instead of centre, width and height?"
+    return "are they centre, width and height in fractions of the whole picture?"
+
+
+def _of_poses(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:
+    del low, size, picture
+    return "is the camera that of these pictures?"
+
+
+def _fit_turned(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> bool:
+    """Whether boxes lie within pictures whose sides are exchanged."""
+    turned = picture[:, ::-1]
+    inside = (low + size <= (1.0 + _SLACK) * turned) & (low >= -_SLACK * turned)
+    return bool(inside.all() and (picture != turned).any())
+
+
+_CAUSES: Final[dict[BoxForm, Callable[[np.ndarray, np.ndarray, np.ndarray], str]]] = {
+    BoxForm.SIZES: _of_sizes,
+    BoxForm.CORNERS: _of_corners,
+    BoxForm.CENTRES: _of_centres,
+    BoxForm.POSES: _of_poses,
+}

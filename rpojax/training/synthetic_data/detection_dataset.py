@@ -4,24 +4,26 @@ import dataclasses
 import json
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rpojax.errors import Notice, OutputError, RpojaxError
-from rpojax.training.synthetic_data.box_plausibility import implausible_boxes
+from rpojax.training.synthetic_data.box_plausibility import dark_boxes, implausible_boxes, outlines_elsewhere
 from rpojax.training.synthetic_data.composites import GENERATORS, SIZE_PX, Composite, CompositeMix, random_composite
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
 from rpojax.untrusted.json_reading import read_json
-from rpojax.vision.imaging.image_files import check_size
+from rpojax.vision.imaging.image_files import UPRIGHT, check_size, orientation
 
 CATEGORY = "spacecraft"
 ANNOTATIONS = "annotations.json"
+_LEFT_TOP_SIZES = 1
+"""Value of `bbox_mode`, which Detectron2 adds, of boxes as in COCO."""
 
 
 class DatasetError(RpojaxError):
@@ -167,7 +169,7 @@ def _annotation(number: int, image: int, box: np.ndarray, known: np.ndarray, cra
 
 def summary(folder: Path) -> dict[str, int]:
     """Numbers of images, of those without a spacecraft, and of boxes."""
-    _, boxes, _ = _parse(folder / ANNOTATIONS)
+    boxes = _parse(folder / ANNOTATIONS)[1]
     return {
         "images": len(boxes),
         "empty": sum(len(found) == 0 for found in boxes),
@@ -182,11 +184,9 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     `Notice`. Raises `DatasetError` if the folder, its annotations or an image cannot be used.
     """
     path = folder / ANNOTATIONS
-    images, boxes, known = _parse(path)
+    images, boxes, known, outlines = _parse(path)
     sizes = [(entry["width"], entry["height"]) for entry in images]
-    notes = tuple(f"{path}: {note}" for note in implausible_boxes(boxes, sizes))
-    for note in notes:
-        warnings.warn(f"warning: {note}", Notice, stacklevel=2)
+    notes = noticed(path, (*implausible_boxes(boxes, sizes), *outlines_elsewhere(*outlines)))
     images, boxes, known = images[:limit], boxes[:limit], known[:limit]
     arrays, scaled, masks = [], [], []
     for entry, found in zip(images, boxes, strict=True):
@@ -200,11 +200,27 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
     craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
     covered = np.stack(masks) if len(masks) == len(images) else None
-    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft, tuple(known), covered, notes)
+    codes = np.stack(arrays)
+    notes = (*notes, *noticed(path, dark_boxes(codes, scaled)))
+    return DetectionDataset(codes, tuple(scaled), backgrounds, craft, tuple(known), covered, notes)
 
 
-def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.ndarray]]:
-    """Entries of the images of an annotations file, their boxes (n, 4), and which edges (n, 4) are known."""
+def noticed(place: Path, sentences: Iterable[str]) -> tuple[str, ...]:
+    """What is unlikely about a data set, each sentence with its place, and told to the user as a `Notice`."""
+    notes = tuple(f"{place}: {sentence}" for sentence in sentences)
+    for note in notes:
+        warnings.warn(f"warning: {note}", Notice, stacklevel=3)
+    return notes
+
+
+_Parsed = tuple[list[dict[str, Any]], list[np.ndarray], list[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def _parse(path: Path) -> _Parsed:
+    """Entries of the images of an annotations file, their boxes (n, 4), and which edges (n, 4) are known.
+
+    Last are the boxes (k, 4) that have an outline of polygons, and the boxes (k, 4) around these.
+    """
     try:
         content = read_json(path, FileKind.ANNOTATIONS)
     except RpojaxError as error:
@@ -222,10 +238,14 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.
         ]
         by_image: dict[Any, list[list[float]]] = {entry["id"]: [] for entry in images}
         known: dict[Any, list[list[bool]]] = {entry["id"]: [] for entry in images}
+        outlined: list[tuple[list[float], list[float]]] = []
         by_number = {entry["id"]: entry for entry in images}
         if len(by_number) < len(images):
             counted = Counter(entry["id"] for entry in images)
             raise ValueError(f"two images of id {next(number for number, times in counted.items() if times > 1)}")
+        files = Counter(entry["file_name"] for entry in images)
+        if len(files) < len(images):
+            raise ValueError(f"two images of the file {next(name for name, times in files.items() if times > 1)}")
         kinds = {note.get("category_id") for note in content["annotations"]}
         if len(kinds) > 1:
             raise ValueError(f"categories {sorted(map(str, kinds))}, of which one is meant to be a spacecraft")
@@ -235,10 +255,16 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.
         for note in content["annotations"]:
             if note["image_id"] not in by_number:
                 raise ValueError(f"an annotation of image {note['image_id']}, which is not listed")
-            if note.get("iscrowd"):
-                raise ValueError(f"a crowd in image {note['image_id']}, where each spacecraft has its box")
+            if note.get("iscrowd") or note.get("ignore"):
+                what = "a crowd" if note.get("iscrowd") else "a box to ignore"
+                raise ValueError(f"{what} in image {note['image_id']}, where each spacecraft has its box")
+            if note.get("bbox_mode", _LEFT_TOP_SIZES) != _LEFT_TOP_SIZES:
+                raise ValueError(f"bbox_mode {note['bbox_mode']!r:.20}, where left, top, width and height are meant")
             left, top, width, height = _box(note["bbox"], by_number[note["image_id"]])
-            by_image[note["image_id"]].append([left, top, left + width, top + height])
+            box = [left, top, left + width, top + height]
+            by_image[note["image_id"]].append(box)
+            if (around := _around_outline(note.get("segmentation"))) is not None:
+                outlined.append((box, around))
             known[note["image_id"]].append(_four_flags(note.get("known_edges", [True] * 4)))
             by_number[note["image_id"]]["craft"] = note.get("craft")
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
@@ -246,7 +272,25 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray], list[np.
     if not images:
         raise DatasetError(f"{path}: found no images, expected at least one")
     boxes = [np.array(by_image[entry["id"]]).reshape(-1, 4) for entry in images]
-    return images, boxes, [np.array(known[entry["id"]], bool).reshape(-1, 4) for entry in images]
+    pairs = np.array(outlined, dtype=float).reshape(-1, 2, 4)
+    flags = [np.array(known[entry["id"]], bool).reshape(-1, 4) for entry in images]
+    return images, boxes, flags, (pairs[:, 0], pairs[:, 1])
+
+
+def _around_outline(segmentation: Any) -> list[float] | None:
+    """Box around the polygons of an annotation; None if it has none, as with a mask.
+
+    Raises:
+        ValueError: they are no polygons.
+    """
+    if not isinstance(segmentation, list) or not segmentation:
+        return None
+    polygons = segmentation if isinstance(segmentation[0], list) else [segmentation]
+    try:
+        points = np.concatenate([np.array(polygon, dtype=float).reshape(-1, 2) for polygon in polygons])
+    except (TypeError, ValueError):
+        raise ValueError(f"segmentation {segmentation!r:.60}, which is no list of polygons") from None
+    return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else None
 
 
 def _four_flags(values: Any) -> list[bool]:
@@ -312,12 +356,18 @@ def read_square_picture(path: Path, size_px: int, declared: tuple[int, int] | No
     try:
         content = read_bytes(path, FileKind.PICTURE)
         check_size(path, content)
+        turned = orientation(content)
         found = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     except (RpojaxError, cv2.error) as error:
         reason = str(error) if isinstance(error, RpojaxError) else "it cannot be decoded"
         raise DatasetError(f"{path}: cannot be read ({reason}), expected an image that the annotations name") from None
     if found is None:
         raise DatasetError(f"{path}: cannot be read, expected an image that the annotations name")
+    if turned != UPRIGHT:
+        raise DatasetError(
+            f"{path}: found a picture that its EXIF orientation {turned} turns, expected one as it is stored, since "
+            "boxes may be of either"
+        )
     height, width = found.shape[:2]
     if declared is not None and (width, height) != declared:
         raise DatasetError(f"{path}: found {width} x {height} px, expected {declared[0]} x {declared[1]}")

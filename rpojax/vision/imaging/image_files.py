@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rpojax.errors import RpojaxError
+from rpojax.errors import Notice, RpojaxError
 from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
 if TYPE_CHECKING:
@@ -15,6 +15,13 @@ if TYPE_CHECKING:
 
 PIXEL_LIMIT = 50_000_000
 """Most pixels of an image, checked before it is decoded."""
+UPRIGHT = 1
+"""EXIF orientation of a picture that is shown as it is stored."""
+_TURNED = range(2, 9)
+"""Orientations of EXIF that turn or mirror a picture; cameras write 0, too."""
+_FEWER_BITS = 0.25
+"""Largest value of pictures of 14 bit and less in files of 16."""
+_EXIF_ORIENTATION = 0x0112
 _FORMATS = ("JPEG", "MPO", "PNG")
 
 
@@ -26,7 +33,7 @@ def read_image(path: Path) -> np.ndarray:
     """sRGB codes (h, w, 3) in 0..1 float32, upright as its EXIF orientation says, transparent parts black.
 
     Raises `ImageFileError` unless the file is a single JPEG or PNG image of at most `PIXEL_LIMIT` pixels. Of a JPEG
-    with previews (MPO) the first image is taken.
+    with previews (MPO) the first image is taken. A grey one of 16 bit that has the codes of fewer gives a `Notice`.
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -36,7 +43,11 @@ def read_image(path: Path) -> np.ndarray:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(io.BytesIO(read_bytes(path, FileKind.PICTURE))) as image:
                 _check(path, image)
-                return _codes(image)
+                codes = _codes(image)
+                if image.mode.startswith("I") and 0.0 < codes.max() < _FEWER_BITS:
+                    note = f"{path}: no code of 16 bit is above {round(65535 * float(codes.max()))}: has it fewer bits?"
+                    warnings.warn(f"warning: {note}", Notice, stacklevel=2)
+                return codes
     except UnidentifiedImageError:
         raise ImageFileError(f"{path}: found {_other(path)}, expected a JPEG or PNG image") from None
     except FileError as error:
@@ -68,6 +79,19 @@ def check_size(path: Path, content: bytes) -> None:
         raise
     except Exception:
         raise ImageFileError(f"{path}: found no image, expected one of at most {PIXEL_LIMIT} pixels") from None
+
+
+def orientation(content: bytes) -> int:
+    """EXIF orientation of an image, which says how it is to be turned; `UPRIGHT` if it has none or cannot be read."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(content)) as image:
+            found = image.getexif().get(_EXIF_ORIENTATION, UPRIGHT)
+        return found if found in _TURNED else UPRIGHT
+    # Damaged headers raise errors of many kinds.
+    except Exception:
+        return UPRIGHT
 
 
 def _check_pixels(path: Path, image: "Image") -> None:

@@ -77,6 +77,13 @@ def test_the_command_line_needs_its_option_and_says_so_in_one_line(example: Path
     assert allowed.stdout.startswith("with a plugin: valid")
 
 
+def test_an_override_does_not_exchange_the_plugin(example: Path) -> None:
+    with pytest.raises(
+        ScenarioError, match=r"found 'plugin=other.py:setup', expected plugin in the scenario file, which"
+    ):
+        rpojax.load(example, ["plugin=other.py:setup"], allow_plugin=True)
+
+
 def test_a_scenario_carries_the_hash_of_its_plugin_and_the_sections_of_its_sensors(example: Path) -> None:
     file = rpojax.load(example, ["lidar.reach_m=35"], allow_plugin=True)
     digest = hashlib.sha256((example.parent / "mine.py").read_bytes()).hexdigest()

@@ -1,6 +1,7 @@
 """Folders as SPEED+, SPARK and YOLO have them are read with their boxes, and faults are told in one line."""
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rpojax.cli import main
+from rpojax.errors import Notice
 from rpojax.training.public_data import data_formats, speed_folder
 from rpojax.training.public_data.data_formats import PublicFormat
 from rpojax.training.public_data.labelled_picture import LabelledPicture, evenly_chosen
@@ -17,7 +19,10 @@ from rpojax.training.synthetic_data.detection_dataset import DatasetError
 
 WIDTH, HEIGHT = 480, 300
 MATRIX = [[750.0, 0.0, 240.0], [0.0, 750.0, 150.0], [0.0, 0.0, 1.0]]
+TRANSPOSED = [[750.0, 0.0, 0.0], [0.0, 750.0, 0.0], [240.0, 150.0, 1.0]]
+MIRRORED = [[-750.0, 0.0, 240.0], [0.0, -750.0, 150.0], [0.0, 0.0, 1.0]]
 DISTORTION = [-0.22, 0.51, -0.0006, -0.0002, -0.13]
+SPARK_OF = 'Class,Image name,Bounding box\nSoho,0.png,"({})"\n'
 CAMERA = {"Nu": WIDTH, "Nv": HEIGHT, "cameraMatrix": MATRIX, "distCoeffs": DISTORTION}
 
 
@@ -236,7 +241,16 @@ def test_a_limit_takes_pictures_evenly() -> None:
         ("spark", spark_2022, "val.csv", "filename,class,bbox\n0.png,soho,\n", "(top, left, bottom, right)"),
         ("speed", speed_plus, "camera.json", json.dumps(CAMERA | {"Nu": 1920, "Nv": 1200}), "1920 x 1200"),
         ("speed", shirt, "roe1/roe1.json", "[]", "an empty list"),
+        ("speed", speed_plus, "camera.json", json.dumps(CAMERA | {"cameraMatrix": TRANSPOSED}), "cameraMatrix [[750.0"),
+        ("speed", speed_plus, "camera.json", json.dumps(CAMERA | {"cameraMatrix": MIRRORED}), "cameraMatrix [[-750.0"),
+        ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,0.png,"(1_0, 2, 30, 4)"\n', "line 2"),
+        ("spark", spark, "val.csv", 'Class,Image name,Bounding box,Class\nSoho,0.png,"(1, 2, 3, 4)",a\n', "each once"),
+        ("yolo", yolo, "labels/val/a.txt", "0 0.5 0.5 0_1 0.1\n", "'0 0.5 0.5 0_1 0.1'"),
+        ("yolo", yolo, "images/val/a.jpg", "", "two pictures of this name"),
         ("yolo", yolo, "labels/val/a.txt", "0 0.1 0.2\n", "class"),
+        ("yolo", yolo, "labels/val/a.txt", "0 .1 .1 .2 .1 .2 .2 .1 .2\n", "a line of 9 words, as of outlines"),
+        ("yolo", yolo, "labels/val/a.txt", "0 .3 .3 .2 .2 .97\n", "a line of 6 words, as of detections"),
+        ("yolo", yolo, "labels/val/img_b.txt", "0 .3 .3 .2 .2\n", "1 pictures without such a file, as b.txt"),
         ("yolo", yolo, "labels/val/a.txt", "0 nan 0.2 0.1 0.1\n", "fractions"),
         ("yolo", yolo, "labels/val/a.txt", "0 0.5 0.5 0.1 0.1\n1 0.5 0.5 0.1 0.1\n", "classes"),
     ],
@@ -250,6 +264,64 @@ def test_faults_are_told_in_one_line(
         data_formats.read_folder(folder, form)
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def far_away(entries: str) -> str:
+    """Labels of SPEED+ whose positions are in millimetres."""
+    listed = json.loads(entries)
+    for entry in listed:
+        entry["r_Vo2To_vbs_true"] = [1e3 * value for value in entry["r_Vo2To_vbs_true"]]
+    return json.dumps(listed)
+
+
+@pytest.mark.parametrize(
+    ("form", "make", "name", "changed", "cause"),
+    [
+        ("speed", speed_plus, "lightbox/test.json", far_away, "all 3 boxes are below 2 px: is the position in metres"),
+        ("spark", spark, "val.csv", lambda _: SPARK_OF.format("0.1, 0.2, 0.4, 0.5"), "are they fractions"),
+        ("spark", spark, "val.csv", lambda _: SPARK_OF.format("400, 200, 800, 500"), "scaled after labelling"),
+        ("yolo", yolo, "labels/val/a.txt", lambda _: "0 0.55 0.3 0.95 0.4", "are they corners"),
+        ("yolo", yolo, "labels/val/a.txt", lambda _: "0 0.5 0.5 0.2 0.2\n" * 2, "stand once more"),
+    ],
+)
+def test_implausible_labels_of_each_format_are_noticed(
+    tmp_path: Path,
+    form: PublicFormat,
+    make: Callable[[Path], Path],
+    name: str,
+    changed: Callable[[str], str],
+    cause: str,
+) -> None:
+    folder = make(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert data_formats.read_folder(folder, form).notes == ()
+    (tmp_path / name).write_text(changed((tmp_path / name).read_text()))
+    with pytest.warns(Notice, match=cause):
+        assert cause in data_formats.read_folder(folder, form).notes[0]
+
+
+@pytest.mark.parametrize(
+    ("form", "make", "name"), [("spark", spark, "val.csv"), ("speed", speed_plus, "lightbox/test.json")]
+)
+def test_a_picture_that_is_listed_twice_is_refused(
+    tmp_path: Path, form: PublicFormat, make: Callable[[Path], Path], name: str
+) -> None:
+    folder, text = make(tmp_path), (tmp_path / name).read_text()
+    if form == "spark":
+        (tmp_path / name).write_text(text + text.splitlines()[-1])
+    else:
+        (tmp_path / name).write_text(json.dumps(json.loads(text) + json.loads(text)[:1]))
+    with pytest.raises(DatasetError, match=r"found 2 entries of .* with this picture"):
+        data_formats.read_folder(folder, form)
+
+
+def test_other_texts_beside_labels_are_no_boxes(tmp_path: Path) -> None:
+    folder = yolo(tmp_path)
+    (folder / "labels" / "val" / "classes.txt").write_text("spacecraft\n")
+    for hidden in ("labels/val/._a.txt", "images/val/._a.png"):
+        (folder / hidden).write_bytes(b"\0\5\x16\7")
+    assert len(data_formats.read_folder(folder, "yolo")) == 2
 
 
 def test_labels_of_no_picture_are_refused(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Image files are read as upright codes; other files are refused."""
 
 import struct
+import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -31,6 +32,16 @@ def test_grey_palette_alpha_and_16_bit_give_same_codes(tmp_path: Path) -> None:
         codes = read_image(path)
         assert codes.dtype == np.float32
         np.testing.assert_allclose(codes, expected, atol=1e-4, err_msg=name)
+
+
+@pytest.mark.parametrize(("bits", "is_noted"), [(16, False), (14, True), (12, True), (10, True)])
+def test_a_grey_picture_with_codes_of_fewer_bits_is_noticed(tmp_path: Path, bits: int, is_noted: bool) -> None:
+    path = tmp_path / "grey.png"
+    Image.fromarray(np.array([[0, 2**bits - 1]], np.uint16)).save(path)
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        read_image(path)
+    assert [f"no code of 16 bit is above {2**bits - 1}" in str(each.message) for each in found] == [True] * is_noted
 
 
 def test_transparent_pixels_are_black(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from rpojax.core.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.starts.inertial_frames import to_inertial
 from rpojax.scenario.loading.starts.message_text import Segment, number_in
-from rpojax.scenario.loading.starts.orbit_states import OrbitState
+from rpojax.scenario.loading.starts.orbit_states import OrbitState, check_bound
 from rpojax.time_scales import Instant
 
 _NODES: Final = 6
@@ -22,6 +22,8 @@ _LARGEST_ERROR_M: Final = 1.0
 """Estimate of an interpolation's error beyond which it is refused."""
 _LARGEST_UNMODELLED_M_S2: Final = 5e-4
 """More than the attraction beyond the Earth's flattening, the air, Sun and Moon accelerate a spacecraft by."""
+_LARGEST_MISS: Final = 0.02
+"""Share of the way to a neighbour; attraction and an even thrust are followed, and an impulse is on one side."""
 _OFF_AT_BURN: Final = 0.25
 """Interpolation's largest error at a burn over the product of the burn and the spacing of rows."""
 _LONGEST_FLIGHT_S: Final = 21600.0
@@ -92,8 +94,9 @@ def _ephemeris(segment: Segment, key: str) -> _Ephemeris:
         raise ScenarioError(key, "no states", "an OEM with META_START and lines of states")
     rows = [_row(words, segment, where) for where, words in segment.rows]
     times, states = [time for time, _ in rows], 1e3 * np.array([values for _, values in rows])
-    if any(second <= first for first, second in pairwise(times)):
-        raise ScenarioError(key, "states that are not in order of time", "increasing times")
+    for (first, second), (where, _) in zip(pairwise(times), segment.rows[1:], strict=True):
+        if second <= first:
+            raise ScenarioError(where, f"{second.utc()} after {first.utc()}", "increasing times in a segment")
     limits = {
         name: segment.time(name) if segment.fields.get(name) else None
         for name in ("START_TIME", "STOP_TIME", "USEABLE_START_TIME", "USEABLE_STOP_TIME")
@@ -119,8 +122,12 @@ def _row(words: list[str], segment: Segment, where: str) -> tuple[Instant, list[
 
 
 def _state(part: _Ephemeris, epoch: Instant, key: str) -> OrbitState:
+    used = _nodes(part, epoch)
+    for (where, _), state in zip(part.segment.rows[used], part.states[used], strict=True):
+        check_bound(state[:3], state[3:], where)
     nearest = min(range(len(part.times)), key=lambda number: abs(part.times[number].tai_ps - epoch.tai_ps))
     if part.times[nearest] == epoch:
+        _check_velocity(part, nearest)
         state, error = part.states[nearest], None
     else:
         state, error = _interpolated(part, epoch)
@@ -133,6 +140,23 @@ def _state(part: _Ephemeris, epoch: Instant, key: str) -> OrbitState:
     R = to_inertial(frame, part.segment.time("REF_FRAME_EPOCH") if fixed else epoch, key)
     name = fields.get("OBJECT_NAME", "UNKNOWN")
     return OrbitState(epoch, R @ state[:3], R @ state[3:], "OEM", frame, name, error)
+
+
+def _check_velocity(part: _Ephemeris, row: int) -> None:
+    """Refuses a state whose velocity leads to neither neighbour, as one of axes that turn with the Earth."""
+    state, where = part.states[row], part.segment.rows[row][0]
+    missed = []
+    for other in (row - 1, row + 1):
+        if 0 <= other < len(part.times) and abs(span := part.times[other] - part.times[row]) <= _LONGEST_FLIGHT_S:
+            way = _LARGEST_MISS * abs(span) * float(np.linalg.norm(state[3:]))
+            there, flown = part.states[other], _flown(state, span, 0.0)
+            miss = flown[:3] - there[:3]
+            pushed = miss + 0.5 * span * (there[3:] - flown[3:])  # by an even thrust beside gravity
+            off = min(float(np.linalg.norm(each)) for each in (miss, pushed))
+            missed.append((off > max(way, _LARGEST_ERROR_M), off))
+    if missed and all(is_off for is_off, _ in missed):
+        found = f"a velocity that misses the next state by {min(off for _, off in missed):.3g} m"
+        raise ScenarioError(where, found, "that of the positions, in the frame of the message")
 
 
 def _check_without_burn(part: _Ephemeris, epoch: Instant, key: str) -> None:

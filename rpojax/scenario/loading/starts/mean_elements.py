@@ -27,6 +27,7 @@ _RAD_PER_DEG: Final = math.pi / 180.0
 _RAD_MIN_PER_REV_DAY: Final = 2.0 * math.pi / 1440.0
 _FURTHEST_S: Final = 30.0 * 86400.0
 """Mean elements say nothing of times farther from their epoch than this."""
+_LARGEST_INCLINATION_DEG: Final = 180.0 + 1e-9
 _COLUMNS: Final = (
     re.compile(
         r"1 (?P<object>[ \dA-HJ-NP-Z][ \d]{3}\d)[ A-Z] .{8} (?P<year>[ \d]\d)(?P<day>[ \d]{2}\d\.\d{8}) "
@@ -56,7 +57,9 @@ def from_two_lines(text: str, epoch: Instant | None, key: str) -> OrbitState:
         ScenarioError: there are other lines than a name and those of one element set, or SGP4 refuses them.
     """
     lines = [line.rstrip() for line in text.splitlines() if line.strip()]
-    elements = [line for line in lines if line[:2] in ("1 ", "2 ")]
+    # The name of an object may begin like an element line.
+    named = lines[1:] if len(lines) == 3 and lines[1][:2] == "1 " else lines
+    elements = [line for line in named if line[:2] in ("1 ", "2 ")]
     if [line[0] for line in elements] != ["1", "2"]:
         raise ScenarioError(key, f"{len(elements)} element lines", "line 1 and line 2 of one object")
     if lines[-2:] != elements or len(lines) > 3:
@@ -137,6 +140,10 @@ def from_message(segment: Segment, epoch: Instant | None, key: str) -> OrbitStat
 
 def _state(satellite: Any, begin: Instant, epoch: Instant | None, key: str, label: tuple[str, str]) -> OrbitState:
     """State by SGP4 in N: at the epoch of the elements or at another one; `label` is format and object."""
+    eccentricity, inclination_deg = satellite.ecco, math.degrees(satellite.inclo)
+    if not (0.0 <= eccentricity < 1.0 and 0.0 <= inclination_deg <= _LARGEST_INCLINATION_DEG):
+        found = f"eccentricity {eccentricity:g} and inclination {inclination_deg:g} deg"
+        raise ScenarioError(key, found, "0 to below 1, and 0 to 180 deg")
     at = epoch or begin
     if abs(at - begin) > _FURTHEST_S:
         raise ScenarioError(key, f"elements of {begin.utc()[:10]}", f"elements within 30 days of {at.utc()[:10]}")

@@ -106,7 +106,12 @@ _OPM: Final = (
     HEADER
     | _METADATA
     | _STATE
-    | _rows(Use.IGNORED, "the state says the same", "SEMI_MAJOR_AXIS", "TRUE_ANOMALY", "GM", *_ELEMENTS)
+    | _numbers("must be those of the state", SEMI_MAJOR_AXIS="km", ECCENTRICITY="", INCLINATION="deg")
+    | _rows(
+        Use.IGNORED,
+        "the state says the same",
+        *("RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "TRUE_ANOMALY", "MEAN_ANOMALY", "GM"),
+    )
     | _BODY
     | COVARIANCE
     | _rows(

@@ -217,8 +217,10 @@ def _put(fields: dict[str, str], name: str, value: str, rows: Mapping[str, Keywo
 
 def _from_xml(text: str, key: str) -> list[Segment]:
     """Segments of the one message of an XML file, which may define no entities of its own."""
-    if len(text) > _LARGEST_XML_BYTES or "<!" in text.replace("<!--", ""):
-        raise ScenarioError(key, "a large XML file or one with a document type", "the XML of one message")
+    if len(text) > _LARGEST_XML_BYTES:
+        raise ScenarioError(key, f"XML of {len(text)} characters", f"at most {_LARGEST_XML_BYTES}")
+    if "<!" in re.sub(r"<!(?:--|\[CDATA\[)", "", text):
+        raise ScenarioError(key, "XML with a document type, as of a web page", "the XML of one message")
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
@@ -226,6 +228,8 @@ def _from_xml(text: str, key: str) -> list[Segment]:
     for element in root.iter():
         if _tag(element) not in _CONTAINERS and len(element):
             raise ScenarioError(key, f"an element {_tag(element):.40}", "the XML of one OEM, OMM or OPM")
+        if _tag(element) in _CONTAINERS:
+            _check_container(element, key)
     messages = [element for element in root.iter() if _tag(element) in ("oem", "omm", "opm")]
     if len(messages) != 1:
         raise ScenarioError(key, f"{len(messages)} messages", "the XML of one OEM, OMM or OPM")
@@ -236,6 +240,17 @@ def _from_xml(text: str, key: str) -> list[Segment]:
     for outer, inner in ([root], messages), (list(messages[0]), segments):
         _fields({}, outer, message_keywords.HEADER, kind, key, apart=tuple(inner))
     return [_segment(element, kind, key) for element in segments]
+
+
+def _check_container(element: ElementTree.Element, key: str) -> None:
+    """Refuses text and attributes of an element that holds others, which mean nothing there."""
+    texts = [element.text, *(each.tail for each in element)]
+    loose = next((text.strip() for text in texts if text and text.strip()), None)
+    if loose is not None:
+        raise ScenarioError(key, f"{loose:.40} in {_tag(element)}, outside of an element", "elements alone")
+    own = [name for name in element.attrib if name[:1] != "{" and _tag(element) not in ("ndm", "oem", "omm", "opm")]
+    if own:
+        raise ScenarioError(key, f"{_tag(element)} with {own[0]} = {element.get(own[0]):.30}", "no attribute there")
 
 
 def _segment(element: ElementTree.Element, kind: MessageKind, key: str) -> Segment:
@@ -271,6 +286,11 @@ def _fields(
     for element in _leaves(within, set(apart)):
         name, unit, value = _tag(element), element.get("units"), (element.text or "").strip()
         row = rows.get(name)
+        others = [] if message_keywords.is_free(name) else [each for each in element.attrib if each[:1] != "{"]
+        if unknown := [each for each in others if each != "units"]:
+            raise ScenarioError(
+                key, f"{name} with {unknown[0]} = {element.get(unknown[0]):.30}", "units alone beside it"
+            )
         if unit is not None and row is not None and row.unit is not None:
             value = f"{value} [{unit}]"
         _put(fields, name, value, rows, (kind, key))

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rpojax.core.constants import MU_EARTH
+from rpojax.errors import ScenarioError
 from rpojax.time_scales import Instant
 
+_LEAST_RADIUS_M, _LARGEST_RADIUS_M = 1e6, 1e9
 _NO_DIRECTION = 1e-14
 """Length of the eccentricity vector, or of the normal's part in the equator, below which it has no direction.
 
@@ -36,6 +38,19 @@ class OrbitState:
     frame: str
     name: str
     interpolation_error_m: float | None = None
+
+
+def check_bound(position_m: np.ndarray, velocity_m_s: np.ndarray, where: str) -> None:
+    """Refuses a state (3,), (3,) of no orbit about the Earth, as one in other units; `where` stands first in errors.
+
+    Raises:
+        ScenarioError: its distance is none of orbits about the Earth, it is at rest, or it escapes.
+    """
+    radius, speed = float(np.linalg.norm(position_m)), float(np.linalg.norm(velocity_m_s))
+    if _LEAST_RADIUS_M <= radius <= _LARGEST_RADIUS_M and 0.0 < speed**2 < 2.0 * MU_EARTH / radius:
+        return
+    found = f"a state {radius / 1e3:.6g} km from the centre of the Earth at {speed / 1e3:.6g} km/s"
+    raise ScenarioError(where, found, "one of an orbit about it, in km and km/s")
 
 
 def orbit_section(state: OrbitState) -> dict[str, float]:

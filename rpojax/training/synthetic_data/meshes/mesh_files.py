@@ -24,6 +24,8 @@ _READERS = {
 }
 SUFFIXES = tuple(_READERS)
 _SPAN_LIMITS_M = (0.05, 200.0)
+_LARGEST_UNASKED_M = 60.0
+"""Few spacecraft are larger; a CubeSat in millimetres looks so."""
 _MAX_OFFSET_FRACTION = 0.25
 _MAX_COLOR_PARTS = 64
 """Most parts made of the vertex or face colours of one geometry."""
@@ -64,6 +66,10 @@ def load_mesh(source: str | Path, units: str | None = None, center: bool = False
         moved = (dataclasses.replace(part, vertices=part.vertices - box_center) for part in mesh.parts)
         mesh = dataclasses.replace(mesh, parts=tuple(moved))
     _check_size(path, mesh, units)
+    span = float(np.ptp(mesh.bounds, axis=0).max())
+    if units is None and span > _LARGEST_UNASKED_M:
+        note = f"a span of {span:.4g} m, since metres are assumed unless units are given: is it in mm?"
+        mesh = dataclasses.replace(mesh, notes=(*mesh.notes, note))
     for note in mesh.notes:
         warnings.warn(f"{path}: {note}", MeshWarning, stacklevel=2)
     return mesh

@@ -324,6 +324,130 @@ def test_a_message_in_xml_is_that_in_key_value_notation(tmp_path: Path, kind: Me
             assert "a finite number in" in refusal(tmp_path, wrong)
 
 
+def test_an_attribute_of_no_standard_is_refused_by_its_name(tmp_path: Path) -> None:
+    fields = [line.split(" = ") for line in (HEADER + METADATA).splitlines()]
+    header, metadata = (
+        "".join(f"<{name}>{value}</{name}>" for name, value in part) for part in (fields[:2], fields[2:])
+    )
+    state = "".join(
+        f"<{name}>{value}</{name}>" for name, value in [line.split(" = ") for line in OPM.splitlines()[-7:]]
+    )
+    text = (
+        f'<opm id="CCSDS_OPM_VERS" version="2.0"><header>{header}</header><body><segment>'
+        f"<metadata>{metadata}</metadata><data><stateVector>{state}</stateVector></data></segment></body></opm>"
+    )
+    assert start_of(tmp_path, text)["target_position_m"] == [6878137.0, 0.0, 0.0]
+    said = refusal(tmp_path, text.replace("<X>6878.137", '<X unit="m">6878137.0'))
+    assert "found 'X with unit = m'" in said
+    noted = text.replace("<OBJECT_NAME>", "<COMMENT><![CDATA[a < b]]></COMMENT><OBJECT_NAME>")
+    assert start_of(tmp_path, noted)["target_position_m"] == [6878137.0, 0.0, 0.0]
+    for where in ("<metadata>", "<segment>", "<stateVector>"):
+        said = refusal(tmp_path, text.replace(where, f'{where[:-1]} frame="ITRF">'))
+        assert f"{where[1:-1]} with frame = ITRF" in said
+        assert "found '99 in " in refusal(tmp_path, text.replace(where, f"{where}99 "))
+    assert "a document type, as of a web page" in refusal(tmp_path, "<!DOCTYPE html><html></html>")
+
+
+@pytest.mark.parametrize(
+    ("elements", "found"),
+    [
+        ((6878.137, 0.0, 51.6), None),
+        ((6885.2, 0.001, 51.62), None),  # mean elements
+        ((7200.0, 0.0, 51.6), "SEMI_MAJOR_AXIS = 7200 beside a state with 6878"),
+        ((6878.137, 0.05, 51.6), "ECCENTRICITY = 0.05 beside a state with"),
+        ((6878.137, 0.0, 98.0), "INCLINATION = 98 beside a state with 51.6"),
+    ],
+)
+def test_elements_beside_a_state_are_those_of_the_state(
+    tmp_path: Path, elements: tuple[float, float, float], found: str | None
+) -> None:
+    axis, eccentricity, inclination = elements
+    further = f"SEMI_MAJOR_AXIS = {axis} [km]\nECCENTRICITY = {eccentricity}\nINCLINATION = {inclination} [deg]\n"
+    if found is None:
+        assert start_of(tmp_path, OPM + further)["target_position_m"] == [6878137.0, 0.0, 0.0]
+    else:
+        assert found in refusal(tmp_path, OPM + further)
+
+
+IN_METRES = row(NOON, 1e3 * position(0.0)[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (OPM.replace("6878.137", "6878137.0"), "a state 6.87814e+06 km from the centre of the Earth"),
+        (OPM.replace("Z_DOT = 5.9", "Z_DOT = 5965.9"), "at 5965.97 km/s"),
+        (
+            OPM.replace("Y_DOT = 4.728554668927", "Y_DOT = 0").replace("Z_DOT = 5.965951218541", "Z_DOT = 0"),
+            "at 0 km/s",
+        ),
+        (oem(segment([IN_METRES])), "line 11: found 'a state 6.87814e+06 km"),
+        (OEM.replace(f" {position(0.0)[0, 4] / 1e3:.9f}", " 4728.554668"), "line 11: found 'a state 6878.14 km"),
+    ],
+)
+def test_a_state_in_other_units_is_refused_as_such(tmp_path: Path, text: str, found: str) -> None:
+    message = refusal(tmp_path, text)
+    assert found in message and "in km and km/s" in message
+
+
+def test_a_state_whose_velocity_is_not_that_of_its_positions_is_refused(tmp_path: Path) -> None:
+    seconds = np.arange(0.0, 601.0, 60.0)
+    texts, states = labels(Time(NOON, scale="utc"), seconds), position(seconds)
+    turning = states.copy()
+    turning[:, 3:] -= np.cross([0.0, 0.0, 7.292115e-5], states[:, :3])
+    for wrong in (turning, states * [1, 1, 1, -1, -1, -1]):
+        text = oem(segment([row(*each) for each in zip(texts, wrong, strict=True)]))
+        for epoch in (None, texts[5], texts[-1]):
+            assert "a velocity that misses the next state by" in refusal(tmp_path, text, epoch)
+    pushed = states.copy()  # by an engine that gives 8 m/s^2
+    pushed[:, 2] += 4.0 * seconds**2
+    pushed[:, 5] += 8.0 * seconds
+    text = oem(segment([row(*each) for each in zip(texts, pushed, strict=True)]))
+    found = start_of(tmp_path, text, texts[3])["target_position_m"]
+    np.testing.assert_allclose(found, pushed[3, :3], rtol=0.0, atol=1e-5)
+    burnt = states.copy()
+    burnt[6:] = position(seconds[6:] + 20.0)[:, :]
+    text = oem(segment([row(*each) for each in zip(texts, burnt, strict=True)]))
+    for number in (5, 6):
+        found = start_of(tmp_path, text, texts[number])["target_position_m"]
+        np.testing.assert_allclose(found, burnt[number, :3], rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("text", "looks"),
+    [
+        ("", "an empty file"),
+        ('[{"OBJECT_NAME": "ISS", "EPOCH": "2026-03-20T12:00:00", "MEAN_MOTION": 15.49}]', "JSON"),
+        (
+            "OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY\nISS,1998-067A,2026-03-20,15.49,0.1\n",
+            "a table in CSV",
+        ),
+        ("  " + TLE.replace("\n", "\n  ").rstrip(), "element lines that do not begin in the first column"),
+        ("No GP data found\n", "'No GP data found' in its first line"),
+        ("stk.v.11.0\nBEGIN Ephemeris\n", "'stk.v.11.0' in its first line"),
+    ],
+)
+def test_a_file_that_is_no_message_is_named_for_what_it_is(tmp_path: Path, text: str, looks: str) -> None:
+    assert f"({looks})" in refusal(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ("0.0006317", "-0.0006317", "eccentricity -0.0006317"),
+        ("0.0006317", "0006317", "eccentricity 6317"),
+        ("51.64", "251.64", "inclination 251.64 deg"),
+        ("51.64", "-51.64", "inclination -51.64 deg"),
+    ],
+)
+def test_elements_beyond_their_ranges_are_refused(tmp_path: Path, old: str, new: str, found: str) -> None:
+    assert found in refusal(tmp_path, OMM.replace(old, new))
+
+
+def test_the_name_of_an_object_may_begin_like_an_element_line(tmp_path: Path) -> None:
+    assert start_of(tmp_path, "2 BRAVO\n" + TLE)["target_object"] == "2 BRAVO"
+
+
 def test_an_omm_of_a_catalogue_is_read_as_sgp4_reads_it(tmp_path: Path) -> None:
     text = sgp4.tests.MARIO_XML
     satellite = Satrec()

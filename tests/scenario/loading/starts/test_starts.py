@@ -1,8 +1,10 @@
 """Starts from two-line elements, OMM and OEM: against sgp4's own test cases, published frames and the oem library."""
 
 import datetime
+import json
 import math
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ import rpojax
 from rpojax.campaign import single_run
 from rpojax.core.orbits import keplerian_elements
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
-from rpojax.errors import ScenarioError
+from rpojax.errors import Notice, ScenarioError
 from rpojax.interop.ccsds import navigation_messages
 from rpojax.interop.spacecraft_states import SpacecraftStates
 from rpojax.scenario.loading import scenario_loader
@@ -252,6 +254,76 @@ def test_a_run_begins_where_the_opm_that_was_exported_says(tmp_path: Path) -> No
     np.testing.assert_allclose(truth.v_TN_N + truth.v_ST_N, v[0], rtol=0.0, atol=2e-9)
 
 
+@pytest.mark.parametrize(
+    ("rest", "key"),
+    [
+        ("[orbit]\ninclination_deg = 97.0\n", "orbit"),
+        ("[initial]\nrelative_position_m = [0.0, -300.0, 0.0]\n", "initial.relative_position_m"),
+        ("[initial]\nrelative_velocity_m_s = [0.0, 0.0, 0.0]\n", "initial.relative_velocity_m_s"),
+        ("epoch_utc = 2020-01-01T00:00:00\n", "epoch_utc"),
+    ],
+)
+def test_what_a_start_would_replace_is_not_set_beside_it(tmp_path: Path, rest: str, key: str) -> None:
+    times = np.zeros(1)
+    for name, phase in (("t", 0.3), ("s", 0.3 - 50.0 / 7e6)):
+        (tmp_path / f"{name}.oem").write_text(oem_of(name, *circular(times, phase), times))
+    first = f'extends = "inspection"\nname = "mine"\n{rest if rest[0] != "[" else ""}'
+    start = '[start]\ntarget = "t.oem"\nservicer = "s.oem"\n'
+    together = tmp_path / "together.toml"
+    together.write_text(f"{first}{start}{rest if rest[0] == '[' else ''}{REMOVED}")
+    (tmp_path / "base.toml").write_text(f'extends = "inspection"\nname = "base"\n{start}{REMOVED}')
+    above = tmp_path / "above.toml"
+    above.write_text(f'extends = "base.toml"\nname = "mine"\n{rest}')
+    assert rpojax.load(tmp_path / "base.toml").start is not None
+    for path in (together, above):
+        with pytest.raises(ScenarioError, match=f"^{key}: found .* beside start"):
+            rpojax.load(path)
+
+
+def test_an_override_of_a_start_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "iss.tle").write_text(TLE)
+    path = write_scenario(tmp_path, 'target = "iss.tle"')
+    with pytest.raises(
+        ScenarioError, match=r"found 'start.target=other.tle', expected start in the scenario file, which"
+    ):
+        scenario_loader.load(path, ["start.target=other.tle"])
+
+
+@pytest.mark.parametrize("who", ["target", "servicer"])
+def test_mean_elements_are_no_relative_state(tmp_path: Path, who: str) -> None:
+    (tmp_path / "e.tle").write_text(TLE)
+    times = np.zeros(1)
+    (tmp_path / "o.oem").write_text(oem_of("o", *circular(times, 0.3), times))
+    files = {"target": "o.oem", "servicer": "o.oem", who: "e.tle"}
+    lines = [f'{name} = "{file}"' for name, file in files.items()]
+    start = "\n".join([*lines, "epoch_utc = 2026-03-20T14:46:00"])
+    with pytest.raises(ScenarioError, match=f"^start.{who}: found 'TLE beside a file of the"):
+        rpojax.load(write_scenario(tmp_path, start))
+
+
+def test_two_states_of_one_object_are_noticed(tmp_path: Path) -> None:
+    times = np.zeros(1)
+    for name, phase in (("t", 0.3), ("s", 0.3 - 50.0 / 7e6)):
+        (tmp_path / f"{name}.oem").write_text(oem_of("the same", *circular(times, phase), times))
+    with pytest.warns(Notice, match="THE SAME is the name of the target, too"):
+        rpojax.load(write_scenario(tmp_path, 'target = "t.oem"\nservicer = "s.oem"'))
+
+
+def test_a_recorded_start_whose_file_has_changed_says_so(tmp_path: Path) -> None:
+    (tmp_path / "iss.tle").write_text(TLE)
+    file = rpojax.load(write_scenario(tmp_path, 'target = "iss.tle"'))
+    assert file.start is not None
+    kept = file.start.model_dump(mode="json", exclude_none=True)
+    record = "\n".join(f"{key} = {json.dumps(value)}" for key, value in kept.items())
+    path = write_scenario(tmp_path, record)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rpojax.load(path)
+    (tmp_path / "iss.tle").write_text(f"0 ISS\n{TLE}")
+    with pytest.warns(Notice, match="iss.tle is not the file of target_sha256"):
+        rpojax.load(path)
+
+
 def test_the_record_of_a_start_is_not_read_again_and_changes_no_hash(tmp_path: Path) -> None:
     (tmp_path / "iss.tle").write_text(TLE)
     file = rpojax.load(write_scenario(tmp_path, 'target = "iss.tle"'))
@@ -289,7 +361,7 @@ META_STOP
         (OMM.replace("BSTAR", "BSTAT"), "line 17: found 'BSTAT', expected a keyword of the OMM"),
         (OMM.replace("BSTAR", "COMMENT"), "no BSTAR"),
         (OMM.replace("0.0006317", "nan"), "ECCENTRICITY = nan', expected a finite number"),
-        (OMM.replace("0.0006317", "1.7"), "of SGP4"),
+        (OMM.replace("0.0006317", "1.7"), "eccentricity 1.7"),
         (OMM.replace("SGP4", "DSST"), "MEAN_ELEMENT_THEORY = DSST"),
         (EMPTY_OEM, "no states"),
         (EMPTY_OEM + "2026-03-20T00:00:00 1 2 3 4 5\n", "line 8: found .* a time and six numbers"),

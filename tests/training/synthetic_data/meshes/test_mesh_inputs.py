@@ -12,6 +12,7 @@ import pytest
 import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from rpojax.errors import RpojaxError
 from rpojax.training.synthetic_data.meshes.mesh_files import MeshError, load_mesh
@@ -70,6 +71,9 @@ def material(**values: Any) -> dict[str, Any]:
 
 
 RED_VERTICES = {"COLOR_0": np.tile(np.array([1, 0, 0], "<f4"), (3, 1))}
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 36\n"
+IDENTITY = np.eye(4).ravel().tolist()
+ROW_BY_ROW = [1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 WHITE = {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1]}}
 
 
@@ -109,11 +113,16 @@ def test_colours_of_gltf(tmp_path: Path, arrays: dict[str, np.ndarray], content:
         ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 99, "type": "VEC3"}]}, {}, "mesh.glb"),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, {}, "mesh.glb"),
         ({"nodes": [{"mesh": 4}]}, {}, "meshes 4"),
+        ({"nodes": [{"mesh": 0, "matrix": ROW_BY_ROW}]}, {}, "node 0 with a matrix whose last row is 0.5, 0, 0, 1"),
+        ({"nodes": [{"mesh": 0, "rotation": [0, 0, 90, 1]}]}, {}, "node 0 with a rotation of length 90"),
+        ({"buffers": [{"byteLength": 36, "uri": "pointer.bin"}]}, {}, "pointer.bin: found a pointer of Git LFS"),
+        ({"nodes": [{"mesh": 0, "matrix": IDENTITY, "scale": [2, 2, 2]}]}, {}, "node 0 with a matrix and scale"),
     ],
 )
 def test_gltf_that_cannot_be_drawn_is_refused_in_one_line(
     tmp_path: Path, content: Any, primitive: Any, reason: str
 ) -> None:
+    (tmp_path / "pointer.bin").write_text(POINTER)
     with pytest.raises(MeshError, match=reason) as raised:
         read(glb(tmp_path / "mesh.glb", {}, content, **primitive))
     assert "\n" not in str(raised.value)
@@ -127,6 +136,8 @@ def test_gltf_that_cannot_be_drawn_is_refused_in_one_line(
         ({}, {"animations": [{"channels": [], "samplers": []}]}, "animation"),
         ({}, material(normalTexture={"index": 0}), "normalTexture"),
         ({}, material(emissiveFactor=[1, 1, 1]), "emissiveFactor"),
+        ({}, material(pbrMetallicRoughness={"baseColorFactor": [255, 0, 0, 255]}), "0 to 1, cut to it: baseColor"),
+        ({"COLOR_0": np.full((3, 3), 200.0, "<f4")}, {}, "beyond 0 to 1, cut to it: COLOR_0"),
         ({}, material(pbrMetallicRoughness={"baseColorTexture": {"index": 0}}) | {
             "textures": [{"source": 0}], "images": [{"uri": "lost.png"}]}, "lost.png"),
     ],
@@ -221,14 +232,99 @@ def test_pictures_of_obj(tmp_path: Path, picture: str, is_found: bool) -> None:
 
 @pytest.mark.parametrize(
     ("head", "note"),
-    [("mtllib lost.mtl\nusemtl paint", "lost.mtl"), ("usemtl paint", "paint"), ("curv 0 1 1 2", "curv")],
+    [
+        ("mtllib lost.mtl\nusemtl paint", "not found beside the mesh: 'lost.mtl'"),
+        ("mtllib pointer.mtl\nusemtl paint", "'pointer.mtl' is a pointer of Git LFS"),
+        ("usemtl paint", "paint"),
+        ("curv 0 1 1 2", "curv"),
+    ],
 )
 def test_what_of_obj_is_not_used_is_named(tmp_path: Path, head: str, note: str) -> None:
+    (tmp_path / "pointer.mtl").write_text(POINTER)
     corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
     mesh = read(obj(tmp_path / "mesh.obj", corners, "f 1 2 3", head))
     assert any(note in each for each in mesh.notes)
     (part,) = mesh.parts
     np.testing.assert_allclose(part.material.color, 0.5)  # grey, as without a library
+
+
+@pytest.mark.parametrize(
+    ("library", "name"),
+    [
+        ("newmtl Material #25\nKd 0 0 1\nnewmtl Material #26\nKd 1 0 0  # red\n", "Material #26"),
+        ("newmtl paint # of the panel\nKd 1 0 0\n", "paint    # red"),
+        ("# newmtl\n#newmtl x\nnewmtl paint\n# Kd 0 0 1\n#Kd 0 0 1\nKd 1 0 0\n", "paint"),
+    ],
+)
+def test_a_hash_is_part_of_a_name_unless_a_space_follows(tmp_path: Path, library: str, name: str) -> None:
+    (tmp_path / "m.mtl").write_text(library)
+    corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+    mesh = read(obj(tmp_path / "mesh.obj", corners, "f 1 2 3", "mtllib m.mtl", f"usemtl {name}"))
+    (part,) = mesh.parts
+    np.testing.assert_allclose(part.material.color, RED, atol=1e-3)
+    assert mesh.notes == ()
+
+
+@pytest.mark.parametrize("color", ["200 30 30", "-0.5 0.5 0.5", "1.5"])
+def test_colours_of_8_bit_in_a_library_are_named(tmp_path: Path, color: str) -> None:
+    (tmp_path / "m.mtl").write_text(f"newmtl paint\nKd {color}\n")
+    corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+    mesh = read(obj(tmp_path / "mesh.obj", corners, "f 1 2 3", "mtllib m.mtl", "usemtl paint"))
+    assert mesh.notes == (f"colours and factors of materials beyond 0 to 1, cut to it: Kd {color}",)
+
+
+@pytest.mark.parametrize(("side", "units", "is_noted"), [(100.0, None, True), (100.0, "m", False), (30.0, None, False)])
+def test_a_mesh_that_may_be_in_millimetres_is_named(tmp_path: Path, side: float, units: str, is_noted: bool) -> None:
+    path = obj(tmp_path / "mesh.obj", [(0.0, 0.0), (side, 0.0), (0.0, side)], "f 1 2 3")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mesh = load_mesh(path, units, center=True)
+    assert any(f"a span of {side:g} m" in note for note in mesh.notes) == is_noted
+
+
+def test_normals_where_colours_stand_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text("v 0 0 0 0 0 -1\nv 1 0 0 0 0 -1\nv 0 1 0 0 0 -1\nf 1 2 3\n")
+    assert read(path).notes == ("colours and factors of materials beyond 0 to 1, cut to it: v",)
+
+
+@pytest.mark.parametrize("values", [np.full((4, 4), 0.5, np.float32), np.full((4, 4), 200, np.int32)])
+def test_a_picture_without_codes_is_named_and_not_black(tmp_path: Path, values: np.ndarray) -> None:
+    Image.fromarray(values).save(tmp_path / "t.tif")
+    (tmp_path / "m.mtl").write_text("newmtl paint\nmap_Kd t.tif\n")
+    path = tmp_path / "mesh.obj"
+    path.write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl paint\nf 1/1 2/2 3/3\n")
+    mesh = read(path)
+    assert mesh.parts[0].material.texture is None
+    assert "pictures that cannot be read" in mesh.notes[0] and "t.tif" in mesh.notes[0]
+
+
+@pytest.mark.parametrize(("kind", "value", "is_noted"), [("uchar", 1, True), ("uchar", 2, False), ("float", 1, False)])
+def test_whole_numbers_of_0_and_1_are_named_as_colours(tmp_path: Path, kind: str, value: int, is_noted: bool) -> None:
+    head = ["ply", "format ascii 1.0", "element vertex 3", *(f"property float {axis}" for axis in "xyz")]
+    head += [f"property {kind} {name}" for name in ("red", "green", "blue")]
+    head += ["element face 1", "property list uchar int vertex_indices", "end_header"]
+    rows = [f"{x} {y} 0 {value} 0 0" for x, y in ((0, 0), (1, 0), (0, 1))]
+    path = tmp_path / "mesh.ply"
+    path.write_text("\n".join([*head, *rows, "3 0 1 2"]) + "\n")
+    assert any("almost black" in note for note in read(path).notes) == is_noted
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"ISO-10303-21;\nHEADER;\nFILE_NAME('a');\n" * 9, "b'ISO-10303-21;"),
+        (b"PK\x03\x04" + bytes(200), "b'PK"),
+        (b"ply\nformat ascii 1.0\n", "b'ply"),
+        (bytes(80) + struct.pack("<I", 12) + bytes(500), "584 bytes"),
+    ],
+)
+def test_what_is_no_stl_is_named_for_its_beginning(tmp_path: Path, content: bytes, found: str) -> None:
+    path = tmp_path / "mesh.stl"
+    path.write_bytes(content)
+    with pytest.raises(MeshError) as raised:
+        read(path)
+    assert f"found {found}" in str(raised.value) and "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])

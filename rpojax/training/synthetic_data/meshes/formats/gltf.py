@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from rpojax.training.synthetic_data.meshes.formats.gltf_file import GltfFile
-from rpojax.training.synthetic_data.meshes.formats.mesh_source import FACE_LIMIT, MeshSource, Surface, scaled_texture
+from rpojax.training.synthetic_data.meshes.formats.mesh_source import (
+    BEYOND,
+    FACE_LIMIT,
+    MeshSource,
+    Surface,
+    scaled_texture,
+)
 from rpojax.training.synthetic_data.meshes.target_mesh import Material
 
 _MIN_ROUGHNESS = 0.2
@@ -20,6 +26,9 @@ _COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mes
 _KNOWN_ATTRIBUTES = frozenset({"POSITION", "NORMAL", "TANGENT", "COLOR_0"})
 """Attributes that are used, or that change no flat-shaded triangle."""
 _REPEAT = 10497
+_LONGEST_ROUNDING = 0.01
+"""Of the length of a unit quaternion."""
+_LARGEST_COLOR = 1.0 + 1e-6
 _LEAST_SPREAD = 1.5 / 255.0
 """Differences of colours and reflection below this are not noted."""
 
@@ -113,7 +122,7 @@ def _placed_meshes(file: GltfFile) -> Iterator[tuple[int, dict[str, Any], np.nda
         if index in seen:
             raise file.source.fault(f"node {index} in two places", "a tree of nodes")
         seen.add(index)
-        transform = above @ _transform(node)
+        transform = above @ _transform(file, index, node)
         if "mesh" in node:
             if "skin" in node:
                 file.source.notes.add("skins, without which meshes are drawn as they are modelled")
@@ -121,13 +130,22 @@ def _placed_meshes(file: GltfFile) -> Iterator[tuple[int, dict[str, Any], np.nda
         left += [(child, transform) for child in reversed(node.get("children", []))]
 
 
-def _transform(node: dict[str, Any]) -> np.ndarray:
+def _transform(file: GltfFile, index: int, node: dict[str, Any]) -> np.ndarray:
     """Transform (4, 4) of a node to the one above."""
     if "matrix" in node:
-        return np.array(node["matrix"], float).reshape(4, 4).T
-    x, y, z, w = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), float) / np.linalg.norm(
-        node.get("rotation", [0.0, 0.0, 0.0, 1.0])
-    )
+        beside = [name for name in ("translation", "rotation", "scale") if name in node]
+        if beside:
+            raise file.source.fault(f"node {index} with a matrix and {', '.join(beside)}", "one of both")
+        matrix = np.array(node["matrix"], float).reshape(4, 4).T
+        if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+            found = f"node {index} with a matrix whose last row is {', '.join(f'{each:g}' for each in matrix[3])}"
+            raise file.source.fault(found, "0, 0, 0, 1, of one that is written column by column")
+        return matrix
+    rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), float).reshape(4)
+    length = float(np.linalg.norm(rotation))
+    if not abs(length - 1.0) < _LONGEST_ROUNDING:
+        raise file.source.fault(f"node {index} with a rotation of length {length:.3g}", "a unit quaternion")
+    x, y, z, w = rotation / length
     turn = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -245,7 +263,9 @@ def _vertex_colors(file: GltfFile, attributes: dict[str, Any], count: int) -> np
         colors = colors / (255.0 if entry["componentType"] in (5120, 5121) else 65535.0)
     if len(colors) != count:
         raise file.source.fault(f"{len(colors)} colours of {count} vertices", "one for each")
-    colors = np.clip(file.source.finite(colors), 0.0, 1.0)
+    if (np.abs(file.source.finite(colors) - 0.5) > _LARGEST_COLOR - 0.5).any():
+        file.source.notes.add(BEYOND, "COLOR_0")
+    colors = np.clip(colors, 0.0, 1.0)
     return np.column_stack([colors, np.ones((count, 4 - colors.shape[1]))])
 
 
@@ -271,6 +291,9 @@ def _look(file: GltfFile, entry: dict[str, Any]) -> _Look:
     metallic, roughness = float(found.get("metallicFactor", 1.0)), float(found.get("roughnessFactor", 1.0))
     if not np.isfinite([*factor, metallic, roughness]).all():
         raise file.source.fault("a factor of a material that is not finite", "0 to 1")
+    for name, values in (("baseColorFactor", factor), ("metallicFactor", metallic), ("roughnessFactor", roughness)):
+        if not ((np.asarray(values) >= 0.0) & (np.asarray(values) <= 1.0)).all():
+            notes.add(BEYOND, name)
     factor = np.clip(factor, 0.0, 1.0)
     if "metallicRoughnessTexture" in found:
         picture = _texture_picture(file, found["metallicRoughnessTexture"])

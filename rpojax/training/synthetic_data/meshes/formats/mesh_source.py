@@ -12,12 +12,15 @@ from rpojax.errors import RpojaxError
 from rpojax.printable_text import cut, printable
 from rpojax.training.synthetic_data.meshes.formats.ear_clipping import PolygonError, Triangles, triangulate
 from rpojax.training.synthetic_data.meshes.target_mesh import Material
-from rpojax.untrusted.file_reading import FileKind, absolute_path, is_regular, read_bytes
+from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, is_regular, read_bytes
 from rpojax.untrusted.text_reading import EncodingError, decode_text
 from rpojax.vision.imaging.image_files import check_size
 
 FACE_LIMIT = 2_000_000
 """Most triangles of a mesh."""
+BEYOND = "colours and factors of materials beyond 0 to 1, cut to it"
+"""Note of what may be codes of 8 bit, or no colours at all."""
+_COMMENT = re.compile(r"(?:^|\s)#(?:\s|$)")
 _MOST_DETAILS = 4
 """Details that a note lists; of further ones it has the number."""
 _LONGEST_DETAIL = 80
@@ -152,21 +155,26 @@ class MeshSource:
         return None
 
     def read(self, name: str, kind: FileKind) -> bytes | None:
-        """Content of a file beside the mesh, None if there is none that can be read."""
+        """Content of a file beside the mesh, None if there is none.
+
+        Raises:
+            FileError: it cannot be read.
+        """
         path = self.find(name)
-        try:
-            return None if path is None else read_bytes(path, kind)
-        except RpojaxError:
-            return None
+        return None if path is None else read_bytes(path, kind)
 
     def text_of(self, name: str) -> str | None:
-        """Text of a file beside the mesh, None if there is none that can be read."""
-        content = self.read(name, FileKind.MESH)
+        """Text of a material library beside the mesh; None, with a note, if there is none that can be read."""
         try:
-            return None if content is None else _text(content)
+            content = self.read(name, FileKind.MESH)
+            if content is not None:
+                return _text(content)
+            self.notes.add("material libraries not found beside the mesh", repr(name))
         except EncodingError as error:
-            self.notes.add("files that are no text, not used", f"{name!r} has {error.found}")
-            return None
+            self.notes.add("material libraries that are no text, not used", f"{name!r} has {error.found}")
+        except FileError as error:
+            self.notes.add("material libraries that cannot be read, not used", f"{name!r} is {error.found}")
+        return None
 
     def picture(self, name: str) -> np.ndarray | None:
         """sRGB codes and opacity (h, w, 4) of a picture beside the mesh; None, with a note, if there is none."""
@@ -233,9 +241,18 @@ def _picture_codes(content: bytes) -> np.ndarray:
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         with Image.open(io.BytesIO(content)) as image:
             if image.mode.startswith("I"):  # grey of 16 bit, which a conversion would cut at 255
+                if image.format == "TIFF" and image.mode == "I":
+                    raise ValueError("codes of 32 bit, expected 8 or 16")
                 grey = np.clip(np.asarray(image).astype(np.int64) >> 8, 0, 255).astype(np.uint8)
                 return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+            if image.mode == "F":
+                raise ValueError("numbers that are no codes of 8 or 16 bit")
             return np.asarray(image.convert("RGBA"))
+
+
+def name_in(words: str) -> str:
+    """A name as it stands in a line of OBJ and its libraries; `#` is part of it unless a space follows it."""
+    return _COMMENT.split(words, maxsplit=1)[0].strip()
 
 
 def linear_colors(codes: np.ndarray) -> np.ndarray:

@@ -118,6 +118,8 @@ class _Appearance:
                 if (element.columns[name] < _full_scale(element, name)).any():
                     self._source.notes.add("opacity of vertices or faces, drawn opaque", name)
         codes = self._source.finite(np.stack([element.columns[name] for name in names], axis=1))
+        if _full_scale(element, names[0]) > 1.0 and codes.max() == 1.0:
+            self._source.notes.add("colours of 0 and 1 in whole numbers, read as codes, almost black", ", ".join(names))
         return np.clip(codes / max(_full_scale(element, name) for name in names), 0.0, 1.0)
 
     def _uv(self, corners: np.ndarray, sizes: np.ndarray) -> np.ndarray | None:

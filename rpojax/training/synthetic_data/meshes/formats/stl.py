@@ -5,8 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from rpojax.training.synthetic_data.meshes.formats.mesh_source import MeshSource, Surface
+from rpojax.untrusted.text_reading import EncodingError, decode_text
 
 _HEADER = 84
+_SHOWN = 16
+_MOST_MISSING = 100.0
+"""A file that says that it has so much more than it has is not cut off, but of another kind."""
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -31,6 +35,8 @@ def _is_binary(content: bytes) -> bool:
 def _binary(source: MeshSource) -> np.ndarray:
     content = source.content
     count = int.from_bytes(content[80:_HEADER], "little")
+    if len(content) != _HEADER and (count == 0 or count * _FACET.itemsize > _MOST_MISSING * len(content)):
+        raise source.fault(_what_it_is(content), "a mesh in STL")
     if len(content) < _HEADER + count * _FACET.itemsize:
         size = f"{len(content)} bytes"
         raise source.fault(size, f"a mesh in STL, of which one of {count} facets has more")
@@ -41,6 +47,16 @@ def _binary(source: MeshSource) -> np.ndarray:
     if colored or b"COLOR=" in content[:80]:
         source.notes.add("colours of facets, which programs write in different ways, not used", "", max(1, colored))
     return facets["corners"]
+
+
+def _what_it_is(content: bytes) -> str:
+    """What a file that is no mesh is: text of a wide encoding, or its first bytes."""
+    try:
+        decode_text(content)
+    except EncodingError as error:
+        if "UTF" in error.found.partition("(")[2]:
+            return error.found
+    return f"{content[:_SHOWN]!r} at its beginning"
 
 
 def _text(source: MeshSource) -> np.ndarray:

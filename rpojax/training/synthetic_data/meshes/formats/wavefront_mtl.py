@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from rpojax.training.synthetic_data.meshes.formats.mesh_source import (
+    BEYOND,
     MeshNotes,
     MeshSource,
     linear_colors,
+    name_in,
     scaled_texture,
 )
 from rpojax.training.synthetic_data.meshes.target_mesh import Material
@@ -66,13 +68,14 @@ def read_library(source: MeshSource, name: str) -> dict[str, ObjMaterial] | None
     materials: dict[str, dict[str, str]] = {}
     entries: dict[str, str] | None = None
     for line in _joined(text).split("\n"):
-        key, _, value = line.split("#")[0].strip().replace("\t", " ").partition(" ")
-        key, value = key.lower(), value.strip()
+        key, _, value = line.strip().replace("\t", " ").partition(" ")
+        key = key.lower()
+        value = name_in(value) if key == "newmtl" or key.startswith("map_") else value.partition("#")[0].strip()
         if key == "newmtl":
             if value in materials:
                 source.notes.add("materials with the name of another one, not used", repr(value))
             entries = materials.setdefault(value, {}) if value not in materials else {}
-        elif key and entries is not None:
+        elif key and key[0] != "#" and entries is not None:
             entries[key] = value
     return {each: _material(source, name, each, found) for each, found in materials.items()}
 
@@ -123,6 +126,8 @@ def _color(
     found = numbers("kd")
     if len(found) not in (1, 3):
         raise source.fault(f"Kd {entries['kd']!r:.60} in {place}", "red, green and blue")
+    if not 0.0 <= min(found) <= max(found) <= 1.0:
+        source.notes.add(BEYOND, f"Kd {entries['kd']}")
     return np.clip(np.resize(np.array(found), 3), 0.0, 1.0)
 
 

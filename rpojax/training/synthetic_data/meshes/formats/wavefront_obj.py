@@ -5,7 +5,13 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from rpojax.training.synthetic_data.meshes.formats.mesh_source import MeshSource, Surface, linear_colors
+from rpojax.training.synthetic_data.meshes.formats.mesh_source import (
+    BEYOND,
+    MeshSource,
+    Surface,
+    linear_colors,
+    name_in,
+)
 from rpojax.training.synthetic_data.meshes.formats.wavefront_mtl import ObjMaterial, read_library
 
 _HARMLESS = frozenset({"vn", "vp", "g", "o", "s", "mg", "bevel", "c_interp", "d_interp", "lod"})
@@ -75,7 +81,7 @@ def _parse(source: MeshSource) -> _Content:
         try:
             rest = rest.strip()
             if key in ("usemtl", "mtllib"):
-                statements[key](rest, [])
+                statements[key](name_in(rest), [])
             elif "_" in rest:  # Python would read 1_0 as ten
                 raise ValueError
             else:
@@ -139,10 +145,7 @@ def _materials(source: MeshSource, content: _Content) -> dict[str, ObjMaterial]:
         # A line names one library, whose name may have spaces, or several.
         names = [line] if source.find(line) is not None or " " not in line else line.split()
         for name in names:
-            library = read_library(source, name)
-            if library is None:
-                source.notes.add("material libraries not found beside the mesh", repr(name))
-            found = {**(library or {}), **found}
+            found = {**(read_library(source, name) or {}), **found}
     return found
 
 
@@ -154,6 +157,8 @@ def _vertex_colors(source: MeshSource, content: _Content) -> np.ndarray | None:
         source.notes.add("colours of some vertices alone, not used", "", len(content.colors))
         return None
     colors = source.finite(np.array([content.colors[index] for index in range(len(content.vertices))]))
+    if colors.min() < 0.0:
+        source.notes.add(BEYOND, "v")
     return np.clip(colors / (_CODES if colors.max() > 1.0 else 1.0), 0.0, 1.0)
 
 
