@@ -6,7 +6,6 @@ import numpy as np
 
 from rpojax.vision.detector import proposal_network
 
-
 initialize, forward = jax.jit(proposal_network.initialize), jax.jit(proposal_network.forward)
 
 
