@@ -275,4 +275,4 @@ class RolloutEvaluator:
 
 def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
     """Random keys (runs, 2) of the runs of a campaign with a given seed."""
-    return np.asarray(jax.vmap(partial(run_key, seed))(jnp.asarray(ids)))
+    return np.asarray(jax.jit(jax.vmap(partial(run_key, seed)))(np.asarray(ids)))
