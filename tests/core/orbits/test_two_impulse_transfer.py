@@ -32,17 +32,18 @@ def test_a_short_transfer_is_nearly_straight() -> None:
     np.testing.assert_allclose(velocity(1.0), END - START, rtol=0.02, atol=0.5)
 
 
+@jax.jit
+@jax.value_and_grad
+def speed(seconds: jax.Array) -> jax.Array:
+    matrix = clohessy_wiltshire.transition_matrix(jnp.asarray(RATE), seconds)
+    return jnp.sum(
+        two_impulse_transfer.departure_velocity(matrix, jnp.asarray(START), jnp.asarray(END), seconds, RATE * seconds)
+    )
+
+
 @pytest.mark.parametrize("turns", [0.5, 1.0, 1.5])
 def test_at_times_without_a_solution_velocity_and_derivative_are_finite(turns: float) -> None:
-    def speed(seconds: jax.Array) -> jax.Array:
-        matrix = clohessy_wiltshire.transition_matrix(jnp.asarray(RATE), seconds)
-        return jnp.sum(
-            two_impulse_transfer.departure_velocity(
-                matrix, jnp.asarray(START), jnp.asarray(END), seconds, RATE * seconds
-            )
-        )
-
-    value, slope = jax.jit(jax.value_and_grad(speed))(jnp.asarray(turns * 2.0 * np.pi / RATE))
+    value, slope = speed(turns * 2.0 * np.pi / RATE)
     assert np.isfinite(value) and np.isfinite(slope)
 
 
