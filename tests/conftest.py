@@ -36,7 +36,7 @@ pytest_plugins = ["campaign_fixtures", "time_by_cause"]
 settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=True, database=None)
 settings.load_profile("rpojax")
 
-from named_loops import name_loop, unnamed_loops, watch_loops  # noqa: E402
+from named_loops import unnamed_loops, watch_loops  # noqa: E402
 
 from rpojax.scenario import params as parameters  # noqa: E402  (after the hook)
 from rpojax.scenario.loading import scenario_loader as scenarios  # noqa: E402
@@ -62,7 +62,13 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     unnamed = unnamed_loops()
     if unnamed and os.environ.get("COLLECT_LOOPS"):
         import hashlib
-        open(os.environ["COLLECT_LOOPS"],"a").write("".join(f"{item.nodeid} {item.get_closest_marker('slow') is not None} {hashlib.sha1(repr(one).encode()).hexdigest()[:6]} {one}\n" for one in unnamed))
+
+        open(os.environ["COLLECT_LOOPS"], "a").write(
+            "".join(
+                f"{item.nodeid} {item.get_closest_marker('slow') is not None} {hashlib.sha1(repr(one).encode()).hexdigest()[:6]} {one}\n"
+                for one in unnamed
+            )
+        )
     return_freed_memory()
     if nextitem is None or nextitem.path != item.path:
         drop_programs()
