@@ -91,8 +91,9 @@ def _content(file: ScenarioFile) -> dict[str, Any]:
     """Values of a scenario by key; those of servicers and phases by their names, dispersions by their keys."""
     tables = file.model_dump()
     found = dict(_leaves({name: value for name, value in tables.items() if isinstance(value, dict)}, ""))
-    for phase in tables["phases"]:
-        found |= _leaves(phase, f"phases.{phase['name']}.")
+    for phase in file.phases:
+        # Of a phase without a packaged one of its name only the defaults say what was not given.
+        found |= _leaves(phase.model_dump(exclude_defaults=True), f"phases.{phase.name}.")
     for changes in file.servicers:
         found |= _leaves(changes.tables, f"servicers.{changes.name}.")
     return found | {

@@ -57,6 +57,12 @@ class Situation:
             kinds = list(self.file.design.values.get("fault.kind", kinds))
         return set(kinds) - {"none"}
 
+    @property
+    def can_hold(self) -> bool:
+        """Whether a mission of phases may come to hold its place, by command or after a timeout."""
+        waits = any(phase.timeout_s is not None and phase.on_timeout == "hold" for phase in self.file.phases)
+        return waits or not self.ends_before("mission.hold_at_s")
+
     def ends_before(self, key: str) -> bool:
         """Whether all runs end before the time of a key."""
         return self.reach.low(key) >= self.file.duration_s
@@ -257,6 +263,11 @@ _FLIGHT: Final = (
     *(
         Use((key,), "a longer duration_s", lambda at, key=key: not at.file.phases or not at.ends_before(key))
         for key in ("mission.hold_at_s", "mission.resume_at_s", "mission.abort_at_s")
+    ),
+    Use(
+        ("mission.resume_at_s",),
+        "mission.hold_at_s or a phase with on_timeout = 'hold'",
+        lambda at: not at.file.phases or at.can_hold,
     ),
 )
 

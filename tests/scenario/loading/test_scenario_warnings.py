@@ -51,6 +51,7 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "formation.desired_position_m": ("vbar_approach", ["formation.desired_position_m=[0,-20,0]"], "no [[phases]]"),
     "health.clearance": ("vbar_approach", ["health.clearance=0.1"], "no [[phases]]"),
     "mission.abort_at_s": ("vbar_approach", ["mission.abort_at_s=10000"], "a longer duration_s"),
+    "mission.resume_at_s": ("vbar_approach", ["mission.resume_at_s=5000"], "mission.hold_at_s or a phase with"),
     "gps.common_share": ("inspection", ["gps.common_share=0.5"], "[[servicers]]"),
     "navigation.difference_noise_m": ("inspection", ["navigation.difference_noise_m=1"], "[[servicers]] and"),
     "gps_differences.noise_m": (
@@ -142,6 +143,23 @@ def test_there_is_no_warning_about_a_packaged_scenario_or_a_complete_copy(name: 
 )
 def test_there_is_no_warning_about_keys_that_are_used_or_were_not_given(source: str, overrides: list[str]) -> None:
     assert unused_key_warnings(scenario_loader.load(source, overrides)) == []
+
+
+def test_defaults_of_phases_of_your_own_are_not_given() -> None:
+    tables: dict[str, Any] = scenario_loader.load("inspection").model_dump()
+    tables["phases"] = [
+        {
+            "name": "drift",
+            "reference": {"kind": "relative_orbit", "along_track_m": -50.0},
+            "until": {"time_s": 1000.0},
+            "pointing": "velocity",
+        },
+        {"name": "over", "reference": {"kind": "transfer", "position_m": [0.0, -30.0, 0.0], "duration_s": 3000.0}},
+    ]
+    assert unused_key_warnings(scenario_loader.validate(tables)) == []
+    tables["phases"][0]["reference"]["radial_phase_deg"] = 20.0
+    (line,) = unused_key_warnings(scenario_loader.validate(tables))
+    assert line.startswith("phases.drift.reference.radial_phase_deg: found 20.0, ")
 
 
 def test_a_copy_of_a_scenario_says_as_much_as_the_scenario(tmp_path: Path) -> None:
