@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ pytest_plugins = ["campaign_fixtures", "time_by_cause"]
 settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=True, database=None)
 settings.load_profile("rpojax")
 
-from named_loops import unnamed_loops, watch_loops  # noqa: E402
+from named_loops import name_loop, unnamed_loops, watch_loops  # noqa: E402
 
 from rpojax.scenario import params as parameters  # noqa: E402  (after the hook)
 from rpojax.scenario.loading import scenario_loader as scenarios  # noqa: E402
@@ -45,6 +46,7 @@ from rpojax.scenario.schema import ScenarioFile  # noqa: E402
 from rpojax.scenario.static_settings import Scenario, static_settings  # noqa: E402
 
 watch_loops()
+name_loop("inspection", scenarios.load("inspection"))
 
 # Tracing creates millions of objects of which few are garbage.
 gc.freeze()
@@ -59,19 +61,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
     """Gives freed memory back, and drops programs after the last test of a module and the teardown of its fixtures."""
-    unnamed = unnamed_loops()
-    if unnamed and os.environ.get("COLLECT_LOOPS"):
-        import hashlib
-
-        open(os.environ["COLLECT_LOOPS"], "a").write(
-            "".join(
-                f"{item.nodeid} {item.get_closest_marker('slow') is not None} {hashlib.sha1(repr(one).encode()).hexdigest()[:6]} {one}\n"
-                for one in unnamed
-            )
-        )
     return_freed_memory()
     if nextitem is None or nextitem.path != item.path:
         drop_programs()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Fails a default test that has traced, with its fixtures, a closed loop that has no name."""
+    result = yield
+    unnamed = unnamed_loops()
+    if unnamed and not any(map(item.get_closest_marker, ("slow", "traces"))):
+        raise AssertionError(f"traced a loop that is none of tests/named_loops.py: {unnamed[0]}")
+    return result
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling:

@@ -29,7 +29,7 @@ def shared_programs() -> Iterator[None]:
 
     def loop_traces(engine: BatchEngine) -> Any:
         kept = engines.get(key(engine))
-        return trace_loop(engine) if kept is None else kept._loop_traces
+        return trace_loop(engine) if kept in (None, engine) else kept._loop_traces
 
     def compile_once(engine: BatchEngine) -> None:
         kept = engines.pop(key(engine), engine)

@@ -2,6 +2,7 @@
 
 import pytest
 from fault_and_eclipse_runs import Runs, simulate_cases
+from named_loops import name_loop
 from short_run import OVERRIDES, STAGES, TICKS, Run, init, rollout
 
 from rpojax.scenario import params as parameters
@@ -15,7 +16,7 @@ from rpojax.simulation.state import State
 @pytest.fixture(scope="session")
 def loop() -> tuple[Scenario, Params]:
     """Static settings and parameters of the short run."""
-    file = scenario_loader.load("inspection", OVERRIDES)
+    file = name_loop("short run", scenario_loader.load("inspection", OVERRIDES))
     scenario = static_settings(file)
     return scenario, parameters.build_params(file.model_dump(), scenario.width_px, scenario.height_px)
 

@@ -5,6 +5,7 @@ from functools import cache, partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from named_loops import name_loop
 
 from rpojax.core.pytree import replace
 from rpojax.physics import equipment_faults
@@ -66,7 +67,7 @@ Runs = dict[str, tuple[State, Telemetry]]
 @cache
 def nominal() -> tuple[ScenarioFile, Scenario, Params]:
     """The scenario, its static settings and the parameters that the cases change."""
-    file = scenario_loader.load("inspection_faults", OVERRIDES)
+    file = name_loop("faults", scenario_loader.load("inspection_faults", OVERRIDES))
     static = static_settings(file)
     return file, static, parameters.build_params(file.model_dump(), static.width_px, static.height_px)
 

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from named_loops import name_loop
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
 from rpojax.campaign import single_run
@@ -99,7 +100,7 @@ def campaign(programs: None, traces: list[int], tmp_path_factory: pytest.TempPat
         return simulate_tick(*arguments)
 
     columns = {key: list(values) for key, values in OWN_VALUES.items()}
-    file = mission(design={"kind": "table", "file": "", "values": columns})
+    file = name_loop("phases", mission(design={"kind": "table", "file": "", "values": columns}))
     out = tmp_path_factory.mktemp("phases") / "runs"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_programs, "step", counted)
@@ -191,6 +192,7 @@ def test_rerun_and_resume_give_the_same_bits(campaign: Campaign, tmp_path: Path)
     np.testing.assert_array_equal(resumed.outcomes, campaign.outcomes)
 
 
+@pytest.mark.traces
 def test_missions_with_the_statistical_camera_in_single_precision_have_channels_of_the_mission() -> None:
     tables = mission().model_dump()
     tables["camera"]["model"] = "statistical"

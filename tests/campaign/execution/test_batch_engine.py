@@ -1,4 +1,4 @@
-"""Results of a run depend only on scenario, seed and run number, and a campaign traces the loop once."""
+"""Results of a run depend only on scenario, seed and run number, and numbers compile nothing anew."""
 
 import json
 import os
@@ -14,15 +14,12 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.runtime.device_programs import DeviceTraces
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.step import step
 
-BATCH = 64
+BATCH = 20
 ROUNDING = {"rtol": 1e-5, "atol": 1e-5}
 """Programs for other block sizes round differently; over 400 s the differences stay below single precision."""
 
@@ -46,7 +43,7 @@ def simulate(engine: BatchEngine, ids: Sequence[int] | np.ndarray) -> Channels:
 
 @pytest.fixture(scope="module")
 def channels(engine: BatchEngine) -> Channels:
-    """Runs 0 to 63, in order."""
+    """The first runs, in order."""
     return simulate(engine, np.arange(BATCH))
 
 
@@ -63,8 +60,8 @@ def test_run_is_equal_to_the_last_bit_at_any_place_of_any_batch(engine: BatchEng
     first = simulate(engine, np.arange(17, 17 + BATCH))
     assert different_channels(channels, 17, first, 0) == []
     ids = 500 - 7 * np.arange(BATCH)  # other runs, other order
-    ids[41] = 17
-    assert different_channels(channels, 17, simulate(engine, ids), 41) == []
+    ids[11] = 17
+    assert different_channels(channels, 17, simulate(engine, ids), 11) == []
     assert different_channels(channels, 17, channels, 18) != []
 
 
@@ -87,23 +84,6 @@ def test_closing_an_unfinished_batch_ends_its_threads(engine: BatchEngine, chann
     assert set(threading.enumerate()) <= before
     assert not different_channels(first.channels, 5, {name: values[:200] for name, values in channels.items()}, 5)
     assert not different_channels(simulate(engine, np.arange(BATCH)), 5, channels, 5)
-
-
-def test_campaign_of_many_blocks_traces_the_loop_once(
-    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls = []
-    simulate_tick = step
-
-    def counted(*arguments: Any) -> Any:
-        calls.append(len(arguments))
-        return simulate_tick(*arguments)
-
-    monkeypatch.setattr(run_programs, "step", counted)
-    unique = mission.model_copy(update={"name": "not compiled by another test"})
-    result = run_campaign(unique, 3, tmp_path / "runs", block_size=1, devices=jax.devices()[:1])
-    assert result.missing_blocks() == []
-    assert len(calls) == 1
 
 
 OTHER_NUMBERS = [

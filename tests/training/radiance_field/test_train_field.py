@@ -11,16 +11,9 @@ from rpojax.training.radiance_field.train_field import FieldTrainingOptions, Fie
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 from rpojax.training.synthetic_data.ray_traced_views import Views
 from rpojax.vision.radiance_field.grid_field import GridField
-from rpojax.vision.radiance_field.target_field import RadianceField
 
 SHORT = FieldTrainingOptions(steps=350, rays=256, rows=8000)
 SMALL = FieldTrainingOptions(steps=120, rays=16, rows=500)
-
-
-@pytest.fixture(scope="module")
-def trained(box: TargetMesh, views: Views) -> tuple[RadianceField, list[FieldTrainingProgress]]:
-    """A short training without interruption."""
-    return train_field.train(box, views, SHORT)
 
 
 def empty_views(views: Views) -> evaluate_field.RenderedViews:
@@ -28,8 +21,8 @@ def empty_views(views: Views) -> evaluate_field.RenderedViews:
     return evaluate_field.RenderedViews(np.zeros_like(views.rgb), np.zeros_like(views.alpha))
 
 
-def test_training_reduces_image_error(trained: tuple[RadianceField, list[FieldTrainingProgress]], views: Views) -> None:
-    field, history = trained
+def test_training_reduces_image_error(box: TargetMesh, views: Views) -> None:
+    field, history = train_field.train(box, views, SHORT)
     assert [step.done for step in history] == [250, 350]
     found = evaluate_field.field_metrics(evaluate_field.render_views(field, views), views)
     assert found["psnr_db"] > evaluate_field.field_metrics(empty_views(views), views)["psnr_db"] + 8.0
@@ -44,10 +37,8 @@ def test_nerf_trains(box: TargetMesh, views: Views) -> None:
     assert found["silhouette_iou"] > 0.8
 
 
-def test_interrupted_training_continues_to_same_field(
-    trained: tuple[RadianceField, list[FieldTrainingProgress]], box: TargetMesh, views: Views, tmp_path: Path
-) -> None:
-    checkpoint = tmp_path / "checkpoint"
+def test_interrupted_training_continues_to_same_field(box: TargetMesh, views: Views, tmp_path: Path) -> None:
+    options, checkpoint = replace(SMALL, steps=350), tmp_path / "checkpoint"
     reported: list[int] = []
 
     def report(step: FieldTrainingProgress) -> None:
@@ -56,10 +47,10 @@ def test_interrupted_training_continues_to_same_field(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train_field.train(box, views, SHORT, checkpoint, report)
-    resumed, _ = train_field.train(box, views, SHORT, checkpoint, report)
+        train_field.train(box, views, options, checkpoint, report)
+    resumed, _ = train_field.train(box, views, options, checkpoint, report)
     assert reported == [250, 350]
-    whole = trained[0]
+    whole, _ = train_field.train(box, views, options)
     assert isinstance(resumed, GridField)
     assert isinstance(whole, GridField)
     np.testing.assert_array_equal(resumed.node_row, whole.node_row)
