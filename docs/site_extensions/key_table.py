@@ -1,4 +1,4 @@
-"""Keys of a scenario: form, default and packaged value from the schema, meaning from the page on scenario files."""
+"""Keys of a scenario: form and values from the schema, meaning from the page on scenario files, and their condition."""
 
 import re
 import tomllib
@@ -66,14 +66,22 @@ def _table(
         "",
         text,
         "",
-        "| key | form | in `inspection` | varies | meaning |",
-        "|---|---|---|---|---|",
+        "| key | form | in `inspection` | varies | meaning | has an effect with |",
+        "|---|---|---|---|---|---|",
     )
     for name in names:
         key = f"{section}.{name}" if section else name
-        shown = _value(values.get(name), keys[name])
-        yield f"| `{key}` | {_form(keys[name])} | {shown} | {_varies(file, key)} | {meanings.get(name, '')} |"
+        cells = _form(keys[name]), _value(values.get(name), keys[name]), _varies(file, key), meanings.get(name, "")
+        yield f"| `{key}` | {' | '.join(cells)} | {_needed(key)} |"
     yield ""
+
+
+def _needed(key: str) -> str:
+    """What a key needs beside it to have an effect, nothing for most."""
+    from rpojax.scenario.warnings.key_uses import USES, keys_of
+
+    found = [use.needs for use in USES if any(key in keys_of(pattern) for pattern in use.keys)]
+    return "; ".join(dict.fromkeys(found))
 
 
 def _varies(file: Any, key: str) -> str:

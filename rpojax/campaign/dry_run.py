@@ -16,10 +16,10 @@ from rpojax.core.pytree import concatenate
 from rpojax.errors import RpojaxError
 from rpojax.runtime import device_programs
 from rpojax.scenario.dispersed_numbers import dispersion_keys
+from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.team.team_warnings import mission_warnings
 
 TYPICAL_SPEEDS = {"geometric": 85_000.0, "statistical": 85_000.0, "rendered": 92.0}
 """Simulated seconds of all runs per second on a core of a CPU, measured with `inspection`; by `camera.model`."""
@@ -152,5 +152,5 @@ def as_json(plan: Plan) -> dict[str, Any]:
         "run_ids": plan.run_ids.tolist(),
         "values": {key: values.tolist() for key, values in plan.values.items()},
         "estimate": asdict(plan.estimate),
-        "warnings": mission_warnings(plan.file),
+        "warnings": scenario_warnings(plan.file),
     }

@@ -132,9 +132,16 @@ def _with_detail(failure: Mapping[str, Any]) -> str:
 
 def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
     """Prints on stderr why the mission may not work as the scenario declares it, unless `quiet`."""
-    from rpojax.scenario.team.team_warnings import mission_warnings
+    from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 
-    show_lines([] if quiet else mission_warnings(file))
+    show_lines([] if quiet else scenario_warnings(file))
+
+
+def show_unused_keys(file: "ScenarioFile", quiet: bool) -> None:
+    """Prints on stderr which keys were given and have no effect in the scenario, unless `quiet`."""
+    from rpojax.scenario.loading.scenario_warnings import unused_key_warnings
+
+    show_lines([] if quiet else unused_key_warnings(file))
 
 
 def show_lines(warnings: Iterable[str]) -> None:

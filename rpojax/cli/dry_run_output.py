@@ -77,7 +77,7 @@ def show(
 
 
 def _lines(plan: "Plan", table: Path | None) -> list[str]:
-    from rpojax.scenario.team.team_warnings import mission_warnings
+    from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 
     found = plan.estimate
     lines = [
@@ -92,5 +92,5 @@ def _lines(plan: "Plan", table: Path | None) -> list[str]:
         time = datetime.timedelta(seconds=round(found.time_s))
         speed = f"{found.run_seconds_per_s:,.0f} run-s/s, {found.speed_source}"
         lines.append(f"time: about {time} beside compilation and report ({speed})")
-    lines += [f"warning: {warning}" for warning in mission_warnings(plan.file)]
+    lines += [f"warning: {warning}" for warning in scenario_warnings(plan.file)]
     return lines + ([] if table is None else [f"plan: {table}"])

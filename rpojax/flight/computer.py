@@ -253,19 +253,21 @@ def predict(
     memory: FlightMemory,
     q_BN_before: Float[Array, "4"],
     delta_v_N: Vector,
-    thrust_ratio: Scalar,
+    thrust_ratio: Scalar | None,
     third_body_acceleration_N: Vector,
     end: Scalar,
     dt: float,
 ) -> FlightMemory:
     """Memory with both filters propagated over the `dt` [s] up to `end` [s] with the expected change `delta_v_N` [m/s].
 
-    `thrust_ratio` is the chamber pressure over its nominal value while the valve was open. A burn without thrust marks
-    the thruster as failed.
+    `thrust_ratio` is the chamber pressure over its nominal value while the valve was open, None without a sensor: then
+    the thrust is its nominal one. A burn without thrust marks the thruster as failed.
     """
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
-    estimated = thrust_estimator.update(params.navigation, memory.thrust_estimate, thrust_ratio, dt)
-    thrust_estimate = select(burning, estimated, memory.thrust_estimate)
+    thrust_estimate = memory.thrust_estimate
+    if thrust_ratio is not None:
+        estimated = thrust_estimator.update(params.navigation, thrust_estimate, thrust_ratio, dt)
+        thrust_estimate = select(burning, estimated, thrust_estimate)
     return replace(
         memory,
         thrust_estimate=thrust_estimate,

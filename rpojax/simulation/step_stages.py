@@ -248,7 +248,7 @@ def _fed(params: Params, truth: Truth, health: Health) -> Health:
 def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     """Memory of the flight software propagated to the end of the tick."""
     scenario, params = loop.scenario, loop.params
-    ratio = jnp.ones_like(tick.time)
+    ratio = None
     if scenario.chamber_pressure:
         ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
     acceleration_N = _luni_solar_acceleration(scenario, tick.flight, tick.sky)

@@ -3,7 +3,11 @@
 import json
 from pathlib import Path
 
+import pytest
 from command_line_calls import Call
+
+import rpojax
+from rpojax.cli.console import show_unused_keys
 
 NOISY = ("--set", "gps.noise_m=20.0")
 WARNING = "navigation.gps_noise_m: the filter believes 2, the truth is 20"
@@ -36,3 +40,16 @@ def test_a_run_warns_on_stderr_first_and_in_its_report(call: Call, tmp_path: Pat
     assert listed.startswith(WARNING)
     page = (out / "report.html").read_text()
     assert page.index("the filter believes 2, the truth is 20") < page.index('<section id="identity">')
+
+
+def test_a_key_without_effect_is_named_before_anything_is_simulated(
+    call: Call, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = "fault.start_s: found 9.0, which has no effect, expected effects.faults = true beside it"
+    mine = tmp_path / "mine.toml"
+    mine.write_text('format_version = 3\nextends = "inspection"\nname = "mine"\n[fault]\nstart_s = 9.0\n')
+    assert call("validate", mine).out.splitlines()[1:] == [f"warning: {line}"]
+    assert call("validate", "inspection", "--set", "fault.start_s=9", "--json").json["warnings"] == [line]
+    show_unused_keys(rpojax.load(mine), quiet=False)
+    show_unused_keys(rpojax.load(mine), quiet=True)
+    assert capsys.readouterr().err == f"rpojax: warning: {line}\n"

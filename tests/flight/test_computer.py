@@ -324,13 +324,13 @@ def carry(
     flight: FlightParams,
     memory: FlightMemory,
     delta_v_N: np.ndarray | None = None,
-    ratio: float = 1.0,
+    ratio: float | None = 1.0,
     end: float = 1.0,
 ) -> FlightMemory:
-    """Memory a second later, with expected `delta_v_N` [m/s] and chamber pressure over nominal `ratio`."""
+    """Memory a second later, with expected `delta_v_N` [m/s] and chamber pressure over nominal `ratio`, if measured."""
     delta_v_N = np.zeros(3) if delta_v_N is None else delta_v_N
     q_BN = memory.attitude.q_BN
-    numbers = np.float64(ratio), np.zeros(3), np.float64(end)
+    numbers = None if ratio is None else np.float64(ratio), np.zeros(3), np.float64(end)
     return predict(Stages(), flight, 2, memory, q_BN, delta_v_N, *numbers, 1.0)
 
 
@@ -392,6 +392,23 @@ def test_thrust_estimated_from_the_pressure_alone_inflates_the_burn_covariance(
     np.testing.assert_allclose(
         added(0.5), (thrust_ratio * 1e-3) * (thrust_ratio * 0.02) * (inflation * 0.015) ** 2, rtol=1e-6
     )
+
+
+def test_without_a_pressure_sensor_the_belief_in_one_changes_nothing(flight: FlightParams, ready: FlightMemory) -> None:
+    planned = replace(ready, plan=replace(ready.plan, delta_v_N=jnp.array([0.0, 0.0, 0.02])))
+
+    def burnt(pressure_noise: float, ratio: float | None) -> FlightMemory:
+        tuning = replace(flight.navigation, pressure_noise=jnp.asarray(pressure_noise), thrust_walk=jnp.asarray(0.1))
+        memory = planned
+        for _ in range(3):
+            memory = carry(replace(flight, navigation=tuning), memory, BURN, ratio)
+        return memory
+
+    fine, coarse = burnt(0.03, None), burnt(1.0, None)
+    np.testing.assert_array_equal(fine.orbit.relative.covariance, coarse.orbit.relative.covariance)
+    np.testing.assert_array_equal(fine.thrust_estimate.variance, flight.navigation.thrust_sigma**2)
+    # A sensor as bad as that leaves the random walk of the thrust, and so a less certain burn.
+    assert burnt(1.0, 1.0).orbit.relative.covariance[3, 3] > fine.orbit.relative.covariance[3, 3]
 
 
 def test_after_a_burn_without_thrust_no_burn_is_planned_until_the_retry(

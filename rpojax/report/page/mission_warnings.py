@@ -1,9 +1,8 @@
-"""Warnings about the mission of a campaign that were known before its runs."""
+"""Warnings about the scenario of a campaign that were known before its runs."""
 
 from rpojax.errors import ScenarioError
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.team import team_warnings
+from rpojax.scenario.loading import scenario_loader, scenario_warnings
 
 
 def known_before(campaign: CampaignResults) -> list[str]:
@@ -12,4 +11,4 @@ def known_before(campaign: CampaignResults) -> list[str]:
         file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
     except ScenarioError:
         return []
-    return team_warnings.mission_warnings(file)
+    return scenario_warnings.scenario_warnings(file)

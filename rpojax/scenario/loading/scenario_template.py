@@ -21,7 +21,7 @@ _FIRST_KEYS: Final = (
     ),
     ("initial", (("relative_position_m", "servicer from target: radial, along track, orbit normal"),)),
     ("servicer", (("mass_kg", ""),)),
-    ("target", (("mass_kg", ""), ("tumble_rate_deg_s", ""))),
+    ("target", (("mass_kg", "with effects.drag or solar_pressure"), ("tumble_rate_deg_s", ""))),
     ("thruster", (("force_n", ""),)),
     (
         "camera",

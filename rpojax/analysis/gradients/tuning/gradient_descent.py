@@ -7,6 +7,7 @@ quarter of the iterates, which averages the remaining noise out (Polyak and Judi
 import json
 import math
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -21,9 +22,9 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_ke
 from rpojax.analysis.gradients.tuning import descent_state, gradient_estimator, tunable_parameters
 from rpojax.analysis.gradients.tuning.descent_state import DescentState, TuningStep
 from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
-from rpojax.analysis.gradients.tuning.tuning_objective import Objective, part_metrics
+from rpojax.analysis.gradients.tuning.tuning_objective import Objective, part_metrics, weight_key
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
-from rpojax.errors import RpojaxError
+from rpojax.errors import Notice, RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
@@ -75,6 +76,8 @@ def descend(
     After each step `on_step` gets their number and the step; `on_stage` gets that number and what else begins: a
     compilation, the simulation after it.
 
+    A part of the objective that is constant over the runs of the first step is warned of.
+
     Raises:
         RpojaxError: the scenario cannot be tuned, or its start gives no finite objective.
     """
@@ -113,7 +116,7 @@ def _check_start(undefined: dict[str, int], settings: TuningSettings) -> None:
         if runs == settings.runs:
             names = " and ".join(part_metrics(part))
             raise RpojaxError(
-                f"tuning.{part}: found no run of {runs} with {names}, expected some; "
+                f"{weight_key(part)}: found no run of {runs} with {names}, expected some; "
                 "runs of a longer horizon may have it, and a weight of 0 leaves it out"
             )
 
@@ -144,6 +147,8 @@ def _step(
     undefined = objective.undefined_runs(found.metrics)
     if not state.steps:
         _check_start(undefined, settings)
+        for line in objective.constant_parts(found.metrics):
+            warnings.warn(f"warning: {line}", Notice, stacklevel=3)
     if not math.isfinite(value):
         raise RpojaxError(f"step {number + 1}: found an objective of {value}, expected a finite one; try a lower rate")
     if not np.isfinite(found.gradient).all():

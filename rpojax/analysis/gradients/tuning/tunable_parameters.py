@@ -18,6 +18,7 @@ from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.key_uses import Situation, unused_keys
 
 
 def _lead_time_coordinate(file: ScenarioFile) -> LogitCoordinate:
@@ -76,7 +77,7 @@ class TunableParameters:
     Attributes:
         nominal: initial value by key, in the user's units
         coordinates: of each, by key
-        held_fixed: keys of the selected groups that cannot be tuned from their value
+        held_fixed: keys of the selected groups that cannot be tuned from their value, or have no effect
     """
 
     nominal: dict[str, np.ndarray]
@@ -120,13 +121,14 @@ class TunableParameters:
 def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParameters:
     """Numbers to tune, from names of groups and keys.
 
-    A key of a group that cannot be tuned from its value, such as a weight of zero, is held fixed; one that is named
-    itself is refused.
+    A key of a group that cannot be tuned from its value, such as a weight of zero, or that has no effect in the
+    scenario, is held fixed; one that is named itself is refused.
 
     Raises:
-        ScenarioError: a name is neither a group nor a tunable key, the key is dispersed or without effect in a mission
-            with phases, or nothing is left.
+        ScenarioError: a name is neither a group nor a tunable key, the key is dispersed or without effect, or nothing
+            is left.
     """
+    unused = unused_keys(Situation(file, is_of_team=bool(file.servicers)))
     selected: dict[str, bool] = {}
     for name in names:
         if name in GROUPS:
@@ -145,7 +147,9 @@ def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParame
         if key in dispersion_keys.varied_keys(file):
             raise ScenarioError(key, "a dispersion of it", "a number that all runs share, to tune it")
         coordinate = _coordinate(file, key)
-        if coordinate.contains(value):
+        if key in unused and by_name:
+            raise ScenarioError(key, value.tolist(), f"{unused[key]} beside it, without which it has no effect")
+        if key not in unused and coordinate.contains(value):
             nominal[key], coordinates[key] = value, coordinate
         elif by_name:
             raise ScenarioError(key, value.tolist(), _expected(coordinate))

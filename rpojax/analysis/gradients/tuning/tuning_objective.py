@@ -61,6 +61,11 @@ def part_metrics(part: str) -> tuple[str, ...]:
     return PART_METRICS.get(part, (part,))
 
 
+def weight_key(part: str) -> str:
+    """Key of the weight of a part in a scenario."""
+    return f"tuning.{part}" if part in PART_METRICS else f"tuning.metrics.{part}"
+
+
 class Objective:
     """Weighted sum of parts, as a function of the metrics of a batch.
 
@@ -88,7 +93,7 @@ class Objective:
         for name, values in zip(self.metric_names, np.asarray(metrics).T, strict=True):
             if name in self.weights and np.any(values < 0.0):
                 expected = "0 or more in every run, since its logarithm counts"
-                raise ScenarioError(f"tuning.metrics.{name}", float(np.nanmin(values)), expected)
+                raise ScenarioError(weight_key(name), float(np.nanmin(values)), expected)
         value, parts = self._value(jnp.asarray(metrics), jnp.ones(len(metrics)))
         return float(value), {name: float(part) for name, part in parts.items()}
 
@@ -101,6 +106,23 @@ class Objective:
         missing = dict(zip(self.metric_names, ~np.isfinite(metrics).T, strict=True))
         by_part = {part: [missing[name] for name in part_metrics(part)] for part in self.weights}
         return {part: int(np.any(columns, axis=0).sum()) for part, columns in by_part.items()}
+
+    def constant_parts(self, metrics: np.ndarray) -> list[str]:
+        """One line for each part that no run of a batch (runs, metrics) has within its range: it has no gradient."""
+        columns = dict(zip(self.metric_names, metrics.T, strict=True))
+        lines = []
+        for part in self.weights:
+            if part == "consistency":
+                continue
+            name, (least, greatest) = part_metrics(part)[0], _RANGE.get(part, _RANGE_OF_ANY)
+            values = columns[name][np.isfinite(columns[name])]
+            if len(values) and np.all((values < least) | (values > greatest)):
+                found = " to ".join(f"{value:g}" for value in dict.fromkeys((values.min(), values.max())))
+                lines.append(
+                    f"{weight_key(part)}: found {name} = {found} in all {len(values)} runs that have it, expected some "
+                    f"between {least:g} and {greatest:g}, beyond which it counts as constant and has no gradient"
+                )
+        return lines
 
     def _total(self, metrics: MetricArray, mask: Array) -> tuple[Array, dict[str, Array]]:
         columns = dict(zip(self.metric_names, metrics.T, strict=True))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, load
+from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
 from rpojax.cli.standard_streams import print_json
@@ -38,6 +39,7 @@ def lincov(
     # The matrices are small: threads of the linear algebra would only wait for each other.
     blas_threads.start_with_one_thread()
     file = load(scenario, overrides)
+    show_unused_keys(file, quiet=as_json)
     prepare_jax(cache=not no_cache)
     set_loop_fusion_flag(rendered=False)
     from rpojax.analysis.linear_covariance import linear_covariance as analysis

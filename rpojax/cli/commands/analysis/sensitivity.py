@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import UseAppendAction, arg
 
 from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
+from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
 from rpojax.cli.standard_streams import print_json
@@ -43,6 +44,7 @@ def sensitivity(
     if out is not None:
         claim(out, force, (".json",))
     file = load(scenario, overrides)
+    show_unused_keys(file, quiet=as_json)
     prepare_jax(cache=not no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.analysis.gradients import derivative_sensitivity

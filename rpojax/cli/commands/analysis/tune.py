@@ -10,6 +10,7 @@ from tyro.conf import UseAppendAction, arg
 
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.cli.arguments import FLAT, Overrides, Session, Source, load
+from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.cli.standard_streams import print_json
@@ -57,6 +58,7 @@ def tune(
         claim(path, force, (suffix,))
     _check_progress(progress, resume, force)
     file = load(scenario, overrides)
+    show_unused_keys(file, quiet=session.as_json)
     prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.analysis.gradients.tuning import tunable_scenario

@@ -8,6 +8,7 @@ from tyro.conf import arg
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
 from rpojax.campaign.storage.atomic_outputs import check_replaceable
 from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
+from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder
 from rpojax.cli.standard_streams import print_json
@@ -29,6 +30,7 @@ def worst_case(
 ) -> int:
     """The most likely combination of dispersions that breaks a requirement, as a scenario to simulate."""
     file = load(scenario, overrides)
+    show_unused_keys(file, quiet=session.as_json)
     _claim(out, force)
     prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")

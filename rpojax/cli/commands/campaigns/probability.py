@@ -7,6 +7,7 @@ from tyro.conf import arg
 
 from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
+from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
@@ -31,7 +32,9 @@ def probability(
     """How likely a run is to break a requirement or a limit, or to end with an outcome; the same command resumes it."""
     from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate
 
-    return estimate(RecordedEstimate(load(scenario, overrides), choice, settings, seed), session, out, force)
+    file = load(scenario, overrides)
+    show_unused_keys(file, quiet=session.as_json)
+    return estimate(RecordedEstimate(file, choice, settings, seed), session, out, force)
 
 
 def estimate(asked: "RecordedEstimate", session: Session, out: Path, force: bool = False) -> int:

@@ -9,6 +9,7 @@ from tyro.conf import arg
 
 from rpojax.campaign import preflight
 from rpojax.cli.arguments import FLAT, Overrides, Seed, Session, Source, load
+from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.standard_streams import print_json
 from rpojax.interop.cosimulation.live_settings import LiveSettings
@@ -38,6 +39,7 @@ def bridge(
     Exit status beside the usual: 3 the run failed, 4 it ended early because external nodes fell silent.
     """
     file = load(scenario, overrides)
+    show_unused_keys(file, quiet=session.as_json)
     prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     preflight.check_numbers(1, run_id, seed, None)

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
     """Check a scenario without running it."""
     from rpojax.scenario.dispersed_numbers import dispersion_keys
+    from rpojax.scenario.loading.scenario_warnings import scenario_warnings
     from rpojax.scenario.scenario_digest import scenario_digest
     from rpojax.scenario.team.members import member_names
-    from rpojax.scenario.team.team_warnings import mission_warnings
 
     file = load(scenario, overrides)
     content = {
@@ -26,7 +26,7 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
         "dispersions": dispersion_keys.varied_keys(file),
         "design": file.design.kind,
         "servicers": list(member_names(file)),
-        "warnings": mission_warnings(file),
+        "warnings": scenario_warnings(file),
     }
     if as_json:
         print_json(content)

@@ -13,7 +13,7 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutResult
 from rpojax.analysis.gradients.tuning import gradient_descent
 from rpojax.analysis.gradients.tuning.descent_state import TuningStep
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
-from rpojax.errors import ResultError, RpojaxError
+from rpojax.errors import Notice, ResultError, RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 
 
@@ -147,6 +147,24 @@ def test_a_start_without_any_value_of_a_part_is_refused(file: ScenarioFile, monk
         RpojaxError, match=r"^tuning.formation: found no run of 4 with formation_error_rms_m, expected some; "
     ):
         gradient_descent.descend(file, TuningSettings(TUNED, runs=4, steps=2))
+
+
+def test_a_part_that_is_zero_in_every_run_is_warned_of_once(
+    file: ScenarioFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulate = QuadraticRuns.gradient
+
+    def zero(*arguments: Any) -> RolloutResult:
+        found = simulate(*arguments)
+        return replace(found, metrics=np.zeros_like(found.metrics))
+
+    monkeypatch.setattr(QuadraticRuns, "gradient", zero)
+    with pytest.warns(Notice) as caught:
+        gradient_descent.descend(file, TuningSettings(TUNED, runs=8, steps=2))
+    assert [str(each.message) for each in caught] == [
+        "warning: tuning.formation: found formation_error_rms_m = 0 in all 8 runs that have it, expected some between "
+        "1e-09 and 1e+07, beyond which it counts as constant and has no gradient"
+    ]
 
 
 @pytest.mark.slow

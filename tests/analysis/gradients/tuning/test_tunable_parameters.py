@@ -55,6 +55,8 @@ def test_names_may_overlap() -> None:
         (["formation.velocity_weight"], [], r"formation.velocity_weight: found \[0.0, 0.0, 0.0\], expected a positive"),
         (["gate"], ["navigation.gate_sigma=15"], "parameters: found 'gate', expected at least one number"),
         (["navigation.gate_sigma"], ["navigation.gate_sigma=15"], "found 15.0, expected a start between 1.5 and 12"),
+        (["navigation.gate_sigma"], ["navigation.gating=none"], "found 4.0, expected navigation.gating = 'covariance'"),
+        (["gate"], ["navigation.gating=none"], "parameters: found 'gate', expected at least one number"),
     ],
 )
 def test_what_cannot_be_tuned_is_refused_in_one_line(names: list[str], overrides: list[str], message: str) -> None:

@@ -117,6 +117,32 @@ def test_a_negative_value_of_a_metric_with_a_weight_of_its_own_is_refused() -> N
     )
 
 
+@pytest.mark.parametrize(
+    ("values", "found"), [([0.0, 0.0], "0"), ([0.0, np.nan, 1e-12], "0 to 1e-12"), ([3e9, 2e9], "2e+09 to 3e+09")]
+)
+@pytest.mark.parametrize("weight", [1.0, -1.0])
+def test_a_metric_that_is_beyond_its_range_in_every_run_is_named(
+    values: list[float], found: str, weight: float
+) -> None:
+    made, metrics = with_weight("min_range_m", weight), np.array(values)[:, None]
+    assert made.constant_parts(metrics) == [
+        f"tuning.metrics.min_range_m: found min_range_m = {found} in all 2 runs that have it, expected some between "
+        "1e-09 and 1e+09, beyond which it counts as constant and has no gradient"
+    ]
+    np.testing.assert_array_equal(gradient(made, metrics), 0.0)
+
+
+def test_a_part_with_a_value_within_its_range_is_not_constant() -> None:
+    made = with_weight("min_range_m", 1.0)
+    assert made.constant_parts(np.array([[0.0], [1e-8]])) == []
+    every = objective(**dict.fromkeys(PART_METRICS, 1.0))
+    assert every.constant_parts(np.ones((2, len(every.metric_names)))) == []
+    lines = every.constant_parts(np.zeros((2, len(every.metric_names))))
+    assert [line.partition(":")[0] for line in lines] == [
+        "tuning.navigation", "tuning.formation", "tuning.delta_v", "tuning.pointing",
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("metrics", [[[np.nan, np.nan]], [[12.0, np.nan]]])
 def test_a_batch_without_any_nees_is_as_inconsistent_as_one_of_a_million(metrics: list[list[float]]) -> None:
     made = objective(consistency=1.0)
