@@ -106,7 +106,7 @@ def unread(file: ScenarioFile) -> tuple[set[str], set[str]]:
     """Keys of all parameters, and of those that neither channels nor metrics of a run depend on."""
     file = file.model_copy(update={"dispersions": []})
     scenario = static_settings(file, allow_team=True)
-    run = run_program(file, scenario, Stages(), "jax")
+    run: Any = run_program(file, scenario, Stages(), "jax")
     leaves, tree = jax.tree.flatten(run.nominal)
     metrics = [METRICS[name] for name in DIFFERENTIABLE]
     key = jax.random.key_data(jax.random.key(0))
@@ -114,17 +114,17 @@ def unread(file: ScenarioFile) -> tuple[set[str], set[str]]:
 
     def simulate(leaves: list[Any]) -> Any:
         params = jax.tree.unflatten(tree, leaves)
-        _, _, state = run.prepare(params, nothing, key, {}, single=False)
+        _, _, first = run.prepare(params, nothing, key, {}, single=False)
 
         def body(carry: Any, _: None) -> tuple[Any, Any]:
             state, sums = carry
             after, channels = run.tick(params, {}, state)
             if not file.servicers:
-                _, telemetry = step(scenario, params, state)
+                telemetry = step(scenario, params, state)[1]
                 sums = running_metrics.add_tick(metrics, scenario, params, telemetry, sums)
             return (after, sums), channels
 
-        start = (state, running_metrics.initial_sums(metrics))
+        start = (first, running_metrics.initial_sums(metrics))
         (end, sums), channels = jax.lax.scan(body, start, None, length=TICKS)
         end = end.servicers if file.servicers else end
         return channels, sums, end.failure, end.failed_at
@@ -181,13 +181,12 @@ def test_a_parameter_without_effect_changes_no_bit(name: str) -> None:
     source, overrides, used = IDLE[name]
     file = rpojax.load(source, [*overrides, "dispersions=[]"])
     declared = unused_keys(Situation(file, False))
-    scenario = static_settings(file)
-    run = run_program(file, scenario, Stages(), "jax")
+    run: Any = run_program(file, static_settings(file), Stages(), "jax")
     key = jax.random.key_data(jax.random.key(1))
 
     @jax.jit
     def simulate(params: Params) -> Any:
-        _, _, state = run.prepare(params, {}, key, {}, single=False)  # pyright: ignore[reportArgumentType]
+        _, _, state = run.prepare(params, {}, key, {}, single=False)
         return jax.lax.scan(lambda state, _: run.tick(params, {}, state), state, None, length=500)[1]
 
     paths = dict(keys_with_leaves(file, run.nominal))
