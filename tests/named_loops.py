@@ -22,7 +22,6 @@ LOOPS = {
     "rendered": "images of the loop, films, and images again",
     "coverage": "maps of facets, and poses as channels",
     "replay": "a recorded run again, with the values of messages and of the viewer",
-    "gradient": "derivatives of a tick",
 }
 """Name -> what needs it."""
 
