@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import fast_compile_flags
 import jax
 import pytest
 from hypothesis import settings
-from memory_release import release_memory
+from memory_release import drop_programs, return_freed_memory
 from runtime_type_checks import check_package
 from worker_scheduling import GroupScheduling, sort_longest_group_first
 
@@ -36,11 +37,16 @@ pytest_plugins = ["campaign_fixtures", "time_by_cause"]
 settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=True, database=None)
 settings.load_profile("rpojax")
 
+from named_loops import name_loop, unnamed_loops, watch_loops  # noqa: E402
+
 from rpojax.scenario import params as parameters  # noqa: E402  (after the hook)
 from rpojax.scenario.loading import scenario_loader as scenarios  # noqa: E402
 from rpojax.scenario.params import Params  # noqa: E402
 from rpojax.scenario.schema import ScenarioFile  # noqa: E402
 from rpojax.scenario.static_settings import Scenario, static_settings  # noqa: E402
+
+watch_loops()
+name_loop("inspection", scenarios.load("inspection"))
 
 # Tracing creates millions of objects of which few are garbage.
 gc.freeze()
@@ -54,9 +60,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """Releases memory after the last test of a module and the teardown of its fixtures."""
+    """Gives freed memory back, and drops programs after the last test of a module and the teardown of its fixtures."""
+    return_freed_memory()
     if nextitem is None or nextitem.path != item.path:
-        release_memory()
+        drop_programs()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
+    """Fails a default test that has traced, with its fixtures, a closed loop that has no name."""
+    result = yield
+    unnamed = unnamed_loops()
+    if unnamed and not any(map(item.get_closest_marker, ("slow", "traces"))):
+        raise AssertionError(f"traced a loop that is none of tests/named_loops.py: {unnamed[0]}")
+    return result
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling:

@@ -1,4 +1,4 @@
-"""Release of memory in a test worker: compiled programs would otherwise accumulate to several gigabytes."""
+"""Release of memory in a test worker: compilation would otherwise leave several gigabytes behind."""
 
 import ctypes
 import gc
@@ -7,18 +7,31 @@ from pathlib import Path
 
 import jax
 
-_LIMIT_BYTES = 700e6
+_GROWTH_BYTES = 150e6
+"""Growth after which freed memory goes back to the system."""
+_LIMIT_BYTES = 900e6
+"""Size above which compiled programs and traces are dropped."""
 _PAGE_BYTES = 4096
+_resident_after_last = 0.0
 
 
-def release_memory() -> None:
+def return_freed_memory() -> None:
+    """Gives what compilation has freed back to the system; the allocator keeps some 300 MB of each closed loop."""
+    global _resident_after_last
+    if sys.platform == "linux" and _resident_bytes() > _resident_after_last + _GROWTH_BYTES:
+        ctypes.CDLL(None).malloc_trim(0)
+        _resident_after_last = _resident_bytes()
+
+
+def drop_programs() -> None:
     """Drops compiled programs and traces if the process is large; programs that are needed again come from disk."""
+    global _resident_after_last
     if _resident_bytes() < _LIMIT_BYTES:
         return
     jax.clear_caches()
     gc.collect()
-    if sys.platform == "linux":
-        ctypes.CDLL(None).malloc_trim(0)  # freed memory goes back to the system
+    _resident_after_last = 0.0
+    return_freed_memory()
 
 
 def _resident_bytes() -> float:

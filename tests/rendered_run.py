@@ -6,6 +6,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from named_loops import name_loop
 
 from rpojax.campaign import single_run
 from rpojax.flight.stages import Stages
@@ -47,6 +48,7 @@ class RenderedRun:
 def simulate_rendered_run() -> RenderedRun:
     """Simulates `TICKS` ticks of run `RUN` of `SEED`."""
     file = scenario_loader.load("inspection", ("camera.model=rendered", f"duration_s={TICKS}", *FRAME, *NEAR))
+    name_loop("rendered", file)
     scenario, params, start = single_run.initialise_run(file, SEED, RUN)
 
     def tick(state: State, _: None) -> tuple[State, Any]:

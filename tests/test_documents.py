@@ -395,6 +395,7 @@ def test_no_page_names_a_folder_of_one_machine() -> None:
     assert {name for name, text in texts.items() if re.search(r"(?<![\w.])/(tmp|home|root|Users|work)/", text)} == set()
 
 
+@pytest.mark.slow
 def test_the_stages_of_the_page_on_flight_software_act_in_the_loop() -> None:
     replaced: dict[str, Any] = {}
     for block in blocks(FLIGHT_PAGE, "python"):

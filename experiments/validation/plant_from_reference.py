@@ -1,5 +1,7 @@
 """Effects, parameters, surroundings and initial state of the plant as a reference file describes them."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,6 +39,11 @@ class AttitudeFeedback:
     damping: Array
 
 
+def _array(value: Any) -> Array:
+    """An array; `jnp.asarray` would compile a program for each shape."""
+    return jax.device_put(np.asarray(value))
+
+
 def plant_effects(reference: Reference, integrator: Method, gravity_gradient: str) -> Effects:
     """Effects of the plant; `gravity_gradient` is "on", "off", or "auto" as in the file."""
     zonals = reference["J"].size if "J" in reference else 0
@@ -69,8 +76,8 @@ def active_effects(reference: Reference, effects: Effects, feedback: bool) -> li
 
 def plant_params(reference: Reference) -> PlantParams:
     """Parameters of the plant; a single craft is the servicer."""
-    mass, inertia = jnp.asarray(reference.number("m", 1.0)), jnp.asarray(_inertia(reference))
-    zero, no_vector = jnp.zeros(()), jnp.zeros(3)
+    mass, inertia = _array(reference.number("m", 1.0)), _array(_inertia(reference))
+    zero, no_vector = jnp.zeros(()), _array(np.zeros(3))
     surface = _surface(reference)
     return PlantParams(
         servicer=Body(mass=mass, inertia=inertia),
@@ -78,14 +85,14 @@ def plant_params(reference: Reference) -> PlantParams:
         target=Target(
             mass=mass,
             inertia=inertia,
-            hull=jnp.zeros((1, 3)),
+            hull=_array(np.zeros((1, 3))),
             scale=jnp.ones(()),
             tumble_rate=zero,
             tumble_axis=no_vector,
-            attitude=jnp.array([1.0, 0.0, 0.0, 0.0]),
+            attitude=_array([1.0, 0.0, 0.0, 0.0]),
         ),
         target_surface=surface,
-        thruster=_thruster(zero, no_vector, jnp.array([1.0, 0.0, 0.0])),
+        thruster=_thruster(zero, no_vector, _array([1.0, 0.0, 0.0])),
         wheels=_wheels(reference),
         gravity=_gravity(reference),
         atmosphere=_atmosphere(reference),
@@ -102,9 +109,9 @@ def _gravity(reference: Reference) -> GravityField:
     moving = "r" in reference or "r_target" in reference
     zonals = reference["J"] if "J" in reference and reference["J"].size else np.zeros(1)
     return GravityField(
-        mu=jnp.asarray(reference.number("mu") if moving else 0.0),
-        radius=jnp.asarray(reference.number("Re", RADIUS_EARTH)),
-        zonals=jnp.asarray(zonals),
+        mu=_array(reference.number("mu") if moving else 0.0),
+        radius=_array(reference.number("Re", RADIUS_EARTH)),
+        zonals=_array(zonals),
     )
 
 
@@ -113,13 +120,13 @@ def _wheels(reference: Reference) -> ReactionWheels:
     present = any(key in reference for key in ("gs", "u_cmd", "K"))
     axes = reference["gs"] if present else np.zeros((3, 3))
     count = axes.shape[0]
-    none, unlimited = jnp.zeros(count), jnp.full(count, jnp.inf)
+    none, unlimited = _array(np.zeros(count)), _array(np.full(count, np.inf))
     return ReactionWheels(
-        axes=jnp.asarray(axes),
-        inertia=jnp.asarray(per_item(reference, "Js", count)) if present else jnp.ones(count),
-        torque_limit=jnp.asarray(per_item(reference, "u_max", count)) if "u_max" in reference else unlimited,
+        axes=_array(axes),
+        inertia=_array(per_item(reference, "Js", count)) if present else _array(np.ones(count)),
+        torque_limit=_array(per_item(reference, "u_max", count)) if "u_max" in reference else unlimited,
         speed_limit=unlimited,
-        initial_speed=jnp.asarray(reference["Omega0"]) if present else none,
+        initial_speed=_array(reference["Omega0"]) if present else none,
         viscous_friction=none,
         coulomb_friction=none,
         stiction_speed=jnp.ones(()),
@@ -137,7 +144,7 @@ def per_item(reference: Reference, key: str, count: int) -> Numbers:
 
 def _thruster(force: Array, position: Array, direction: Array) -> Thruster:
     """Thruster with an instant valve and without mass flow."""
-    zero, no_vector = jnp.zeros(()), jnp.zeros(3)
+    zero, no_vector = jnp.zeros(()), _array(np.zeros(3))
     return Thruster(
         force=force,
         force_scale=jnp.ones(()),
@@ -154,14 +161,17 @@ def _thruster(force: Array, position: Array, direction: Array) -> Thruster:
     )
 
 
+_thrusters = jax.jit(jax.vmap(_thruster))
+
+
 def thrusters(reference: Reference) -> Thruster:
     """Thrusters of the file, along the first axis."""
     if "burns" not in reference:
-        return jax.vmap(_thruster)(jnp.zeros(1), jnp.zeros((1, 3)), jnp.ones((1, 3)))
+        return _thrusters(np.zeros(1), np.zeros((1, 3)), np.ones((1, 3)))
     reference.number("m")
     directions = reference["thr_dir"]
     force = per_item(reference, "F_max", directions.shape[0]) * np.linalg.norm(directions, axis=1)
-    return jax.vmap(_thruster)(jnp.asarray(force), jnp.asarray(reference["thr_loc"]), jnp.asarray(directions))
+    return _thrusters(force, reference["thr_loc"], directions)
 
 
 def _surface(reference: Reference) -> Surface:
@@ -169,10 +179,10 @@ def _surface(reference: Reference) -> Surface:
     if exposed:
         reference.number("m")
     return Surface(
-        area=jnp.asarray(reference.number("A") if exposed else 0.0),
-        drag_coefficient=jnp.asarray(reference.number("Cd", 0.0)),
-        pressure_coefficient=jnp.asarray(reference.number("Cr", 0.0)),
-        center_of_pressure=jnp.zeros(3),
+        area=_array(reference.number("A") if exposed else 0.0),
+        drag_coefficient=_array(reference.number("Cd", 0.0)),
+        pressure_coefficient=_array(reference.number("Cr", 0.0)),
+        center_of_pressure=_array(np.zeros(3)),
     )
 
 
@@ -180,9 +190,9 @@ def _atmosphere(reference: Reference) -> Atmosphere:
     """Atmosphere that does not rotate; its density is that at the equatorial radius."""
     present = "Cd" in reference
     return Atmosphere(
-        density=jnp.asarray(reference.number("rho0") if present else 0.0),
+        density=_array(reference.number("rho0") if present else 0.0),
         altitude=jnp.zeros(()),
-        scale_height=jnp.asarray(reference.number("H") if present else 1.0),
+        scale_height=_array(reference.number("H") if present else 1.0),
         rotation=jnp.zeros(()),
     )
 
@@ -193,10 +203,10 @@ def sunlight(reference: Reference) -> Sunlight:
     own_speed = reference.number("c", SPEED_OF_LIGHT)
     return Sunlight(
         # The plant divides by its own speed of light.
-        flux=jnp.asarray(reference.number("flux") * SPEED_OF_LIGHT / own_speed if present else 0.0),
-        shadow_radius=jnp.asarray(reference.number("Re_eclipse") if "Re_eclipse" in reference else 1e-3),
-        sun_radius=jnp.asarray(reference.number("R_sun") if "R_sun" in reference else 6.957e8),
-        astronomical_unit=jnp.asarray(reference.number("AU", ASTRONOMICAL_UNIT)),
+        flux=_array(reference.number("flux") * SPEED_OF_LIGHT / own_speed if present else 0.0),
+        shadow_radius=_array(reference.number("Re_eclipse") if "Re_eclipse" in reference else 1e-3),
+        sun_radius=_array(reference.number("R_sun") if "R_sun" in reference else 6.957e8),
+        astronomical_unit=_array(reference.number("AU", ASTRONOMICAL_UNIT)),
     )
 
 
@@ -204,14 +214,19 @@ def sun_moon_positions(reference: Reference) -> SunMoonPositions:
     """Position of the Sun of the file; the Moon has no effect."""
     needed = "Cr" in reference or "illumination" in reference
     sun = reference["r_sun"] if needed else np.array([ASTRONOMICAL_UNIT, 0.0, 0.0])
-    return SunMoonPositions(sun_N=jnp.asarray(sun), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
+    return SunMoonPositions(sun_N=_array(sun), moon_N=_array([0.0, 3.8e8, 0.0]))
 
 
 def attitude_feedback(reference: Reference) -> AttitudeFeedback | None:
     """Feedback law of the file, if it has one."""
     if "K" not in reference:
         return None
-    return AttitudeFeedback(stiffness=jnp.asarray(reference.number("K")), damping=jnp.asarray(reference.number("P")))
+    return AttitudeFeedback(stiffness=_array(reference.number("K")), damping=_array(reference.number("P")))
+
+
+@jax.jit
+def _opposite_rotation(q: Array) -> Array:
+    return quaternion.conjugate(quaternion.normalize(q))
 
 
 def initial_truth(reference: Reference, params: PlantParams) -> Truth:
@@ -227,13 +242,13 @@ def initial_truth(reference: Reference, params: PlantParams) -> Truth:
         r, v, r_ST, v_ST = np.array([RADIUS_EARTH, 0.0, 0.0]), np.zeros(3), np.zeros(3), np.zeros(3)
     turning = "q" in reference
     q = reference.initial("q0", "q") if turning else np.array([1.0, 0.0, 0.0, 0.0])
-    omega = jnp.asarray(reference.initial("omega0", "omega") if turning else np.zeros(3))
-    q_BN = quaternion.conjugate(quaternion.normalize(jnp.asarray(q)))
+    omega = _array(reference.initial("omega0", "omega") if turning else np.zeros(3))
+    q_BN = _opposite_rotation(q)
     return Truth(
-        r_TN_N=jnp.asarray(r),
-        v_TN_N=jnp.asarray(v),
-        r_ST_N=jnp.asarray(r_ST),
-        v_ST_N=jnp.asarray(v_ST),
+        r_TN_N=_array(r),
+        v_TN_N=_array(v),
+        r_ST_N=_array(r_ST),
+        v_ST_N=_array(v_ST),
         q_BN=q_BN,
         omega_BN_B=omega,
         wheel_speed=params.wheels.initial_speed,

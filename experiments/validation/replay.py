@@ -106,7 +106,7 @@ def propagate(reference: Reference, chosen: ReplayOptions) -> tuple[Truth, float
     rows = int(sample_rows[-1]) + 1
     sky = sun_moon_positions(reference)
     outputs = _propagate(effects, rows, params, thrusters(reference), sky, feedback, start, steps)
-    return jax.tree.map(lambda history: history[sample_rows], outputs), float(jnp.max(steps.dt))
+    return jax.tree.map(lambda history: np.asarray(history)[sample_rows], outputs), float(np.max(steps.dt))
 
 
 @partial(jax.jit, static_argnums=(0, 1))

@@ -47,8 +47,8 @@ def attitude_errors(reference: Reference, truth: Truth) -> Numbers | None:
     """Angles between attitudes at the samples [rad]; the quaternion of the file is the conjugate of `q_BN`."""
     if "q" not in reference:
         return None
-    between = jax.vmap(quaternion.multiply)(truth.q_BN, jnp.asarray(reference["q"]))
-    return np.asarray(2.0 * jnp.arctan2(jnp.sqrt(jnp.sum(between[:, 1:] ** 2, axis=1)), jnp.abs(between[:, 0])))
+    between = np.asarray(jax.jit(jax.vmap(quaternion.multiply))(truth.q_BN, reference["q"]))
+    return 2.0 * np.arctan2(np.linalg.norm(between[:, 1:], axis=1), np.abs(between[:, 0]))
 
 
 def relative_errors(reference: Reference, truth: Truth) -> Numbers | None:
@@ -56,10 +56,14 @@ def relative_errors(reference: Reference, truth: Truth) -> Numbers | None:
     if "r_target" not in reference:
         return None
     if "rho" in reference:
-        frames = jax.vmap(hill_frame)(truth.r_TN_N, truth.v_TN_N)
-        rho_H, _ = jax.vmap(inertial_to_hill)(truth.r_ST_N, truth.v_ST_N, *frames)
-        return _distances(rho_H, reference["rho"])
+        return _distances(_positions_in_hill_frame(truth), reference["rho"])
     return _distances(truth.r_ST_N, reference["r_chaser"] - reference["r_target"])
+
+
+@jax.jit
+@jax.vmap
+def _positions_in_hill_frame(truth: Truth) -> Array:
+    return inertial_to_hill(truth.r_ST_N, truth.v_ST_N, *hill_frame(truth.r_TN_N, truth.v_TN_N))[0]
 
 
 def illumination_errors(reference: Reference) -> Numbers | None:

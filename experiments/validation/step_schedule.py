@@ -2,7 +2,7 @@
 
 import itertools
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array
 
@@ -72,13 +72,13 @@ def make_step_schedule(
     row = np.full(dt.size + 1, ends.size)
     row[ends] = np.arange(ends.size)
     steps = StepSchedule(
-        dt=jnp.asarray(dt),
-        output_row=jnp.asarray(row[1:]),
-        torque=jnp.asarray(_torque_in_effect(reference, commands, begin)),
-        update_feedback=jnp.asarray(_nearest_distance(decisions, begin) < TIME_TOLERANCE),
-        thruster=jnp.asarray(thruster),
-        ignition=jnp.asarray(ignition),
-        cutoff=jnp.asarray(cutoff),
+        dt=jax.device_put(dt),
+        output_row=jax.device_put(row[1:]),
+        torque=jax.device_put(_torque_in_effect(reference, commands, begin)),
+        update_feedback=jax.device_put(_nearest_distance(decisions, begin) < TIME_TOLERANCE),
+        thruster=jax.device_put(thruster),
+        ignition=jax.device_put(ignition),
+        cutoff=jax.device_put(cutoff),
     )
     return steps, rows_of_samples
 

@@ -1,5 +1,6 @@
 """One run of a scenario in memory: its parameters, its initial state, and its simulation without a campaign folder."""
 
+import dataclasses
 from functools import partial
 
 import jax
@@ -28,6 +29,9 @@ from rpojax.simulation.team import initial_team, member_axes
 from rpojax.simulation.team.initial_team import member_key
 from rpojax.simulation.team.member_axes import TeamParams
 from rpojax.simulation.team.team_state import TeamState
+
+# One program instead of two hundred small ones, each of which would be compiled.
+_init = jax.jit(initial_state.init, static_argnums=0)
 
 
 def nominal_parameters(file: ScenarioFile) -> tuple[Scenario, Params]:
@@ -69,7 +73,7 @@ def initialise_run(
     GPS errors that the servicers of a team have in common are not in that state.
     """
     scenario, dispersed, key = dispersed_parameters(file, seed, run_id, run_range, servicer)
-    return scenario, dispersed, initial_state.init(scenario, dispersed, key)
+    return scenario, dispersed, _init(scenario, dispersed, key)
 
 
 def initialise_team_run(
@@ -87,7 +91,8 @@ def initialise_team_run(
     team = member_axes.with_values(
         member_axes.stack_members(member_params(file)), values, dispersion_keys.common_keys(file)
     )
-    return scenario, team, initial_team.init(scenario, team, key)
+    init = jax.jit(lambda leaves, key: initial_team.init(scenario, dataclasses.replace(team, leaves=leaves), key))
+    return scenario, team, init(team.leaves, key)
 
 
 def simulate(

@@ -278,19 +278,28 @@ def _navigation(tables: Mapping[str, Any]) -> OrbitFilterTuning:
     return _record(OrbitFilterTuning, {**tables["navigation"], **others})
 
 
+@jax.jit
+def _normalized(vector: Array) -> Array:
+    return vector / jnp.linalg.norm(vector)
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def _focal_px(field_of_view: Array, width_px: int, height_px: int) -> Array:
+    return pinhole.pinhole_intrinsics(field_of_view, width_px, height_px).focal_px
+
+
 def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_px: int) -> VehicleModel:
-    direction = plant.thruster.direction
     return VehicleModel(
         mass=plant.servicer.mass,
         inertia=plant.servicer.inertia,
         thrust=plant.thruster.force,
         minimum_on_time=plant.thruster.minimum_on_time,
-        thrust_direction=direction / jnp.linalg.norm(direction),
+        thrust_direction=_normalized(plant.thruster.direction),
         wheel_axes=plant.wheels.axes,
         wheel_inertia=plant.wheels.inertia,
         wheel_torque_limit=plant.wheels.torque_limit,
         camera_mounting=camera.mounting,
-        focal_px=pinhole.pinhole_intrinsics(camera.field_of_view, width_px, height_px).focal_px,
+        focal_px=_focal_px(camera.field_of_view, width_px, height_px),
         phase_limit=camera.phase_limit,
         sun_exclusion=camera.sun_exclusion,
     )

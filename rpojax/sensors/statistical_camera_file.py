@@ -5,8 +5,9 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-import jax.numpy as jnp
+import jax
 import numpy as np
+from jaxtyping import Array
 
 from rpojax.sensors.statistical_camera import OUTPUT_COUNT, CameraStatistics
 from rpojax.sensors.view_features import FEATURE_COUNT
@@ -55,8 +56,8 @@ def load_statistics(path: Path) -> tuple[CameraStatistics, dict[str, object]]:
         raise WeightsError(f"{path}: found kind {found!r}, expected what `rpojax calibrate-camera-model` wrote")
     card = read_model_card(path, metadata)
 
-    def tensor(name: str, *shape: int) -> jnp.ndarray:
-        return jnp.asarray(take_tensor(path, tensors, name, shape, np.float32))
+    def tensor(name: str, *shape: int) -> Array:
+        return jax.device_put(take_tensor(path, tensors, name, shape, np.float32))
 
     statistics = CameraStatistics(
         **{name: tensor(name, *shape) for name, shape in _SHAPES.items()},

@@ -4,6 +4,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import field
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, UInt32
@@ -67,9 +68,12 @@ class TickNoise:
     additional: dict[str, Array] = field(default_factory=dict)
 
 
+_fold_in = jax.jit(random_streams.fold_in, inline=True)
+
+
 def run_key(seed: int, run_id: int | Array) -> Array:
     """Random key of run `run_id` of a campaign."""
-    return random_streams.fold_in(random_streams.master_key(seed), run_id)
+    return _fold_in(random_streams.master_key(seed), run_id)
 
 
 def camera_key(keys: Array, tick: Array) -> Array:

@@ -73,14 +73,17 @@ def counted() -> tuple[float, int, int]:
     return flops, instructions, multiplications
 
 
+@pytest.mark.slow
 def test_floating_point_operations_per_tick_are_bounded(counted: tuple[float, int, int]) -> None:
     assert 0.0 < counted[0] < MAX_FLOPS_PER_RUN
 
 
+@pytest.mark.slow
 def test_instructions_per_tick_are_bounded(counted: tuple[float, int, int]) -> None:
     assert 0 < counted[1] < MAX_INSTRUCTIONS
 
 
+@pytest.mark.slow
 def test_multiplications_of_the_loop_are_bounded(counted: tuple[float, int, int]) -> None:
     assert 0 < counted[2] < MAX_MULTIPLICATIONS
 

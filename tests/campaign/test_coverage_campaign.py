@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from named_loops import name_loop
 
 from rpojax.campaign.rerun import rerun
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
@@ -22,6 +23,7 @@ def covered(tmp_path_factory: pytest.TempPathFactory, programs: None) -> Campaig
             *("coverage.facet_size_m=0.2", "coverage.resolution_limit_m_px=0.1", "coverage.spacing_s=1"),
         ],
     )
+    name_loop("coverage", file)
     return run_campaign(file, 2, tmp_path_factory.mktemp("covered") / "runs", block_size=1, histories=[0])
 
 

@@ -74,6 +74,7 @@ def test_statistics_agree_with_those_in_double_precision_within_their_intervals(
         assert np.median(np.abs(pair.single - pair.double)) <= 0.05 * np.std(pair.double) + 1e-12, pair.name
 
 
+@pytest.mark.slow
 def test_short_runs_agree_with_those_in_double_precision(monkeypatch: pytest.MonkeyPatch) -> None:
     # One after the other: the program in double precision is that of other tests.
     monkeypatch.setattr(tuning_validation, "share_runs", lambda *_: (jax.devices()[:1], 1))

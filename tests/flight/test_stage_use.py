@@ -38,6 +38,8 @@ from rpojax.simulation.step import step
 from rpojax.simulation.team import initial_team, member_axes, team_step
 from rpojax.simulation.tick import Loop
 
+pytestmark = pytest.mark.traces
+
 STAGES = tuple(each.name for each in fields(Stages))
 ALWAYS = {"attitude_update", "orbit_update", "orbit_predict", "formation_law", "wheel_torque"}
 MISSION = ALWAYS | {"reference", "mission_manager"}

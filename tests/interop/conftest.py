@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from empty_campaign_folders import empty_campaign
+from named_loops import name_loop
 from synthetic_run import synthetic_run as make_synthetic_run
 
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -27,7 +28,7 @@ OVERRIDES = ("duration_s=180", "rates.formation_period_s=115")
 @pytest.fixture(scope="session")
 def campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
     """A campaign folder in which no block is done."""
-    file = scenario_loader.load("inspection", OVERRIDES)
+    file = name_loop("replay", scenario_loader.load("inspection", OVERRIDES))
     return empty_campaign(tmp_path_factory.mktemp("interop") / "runs", file, SEED, 4, 0, 1)
 
 

@@ -39,7 +39,7 @@ class Case:
         def start(rho: jax.Array, rho_dot: jax.Array) -> plant_state.Truth:
             return plant_state.initial_truth(self.params.plant, self.params.orbit, rho, rho_dot, identity)
 
-        self.truths = jax.vmap(start, in_axes=-1, out_axes=-1)(jnp.asarray(RHO.T), jnp.asarray(RHO_DOT.T))
+        self.truths = jax.jit(jax.vmap(start, in_axes=-1, out_axes=-1))(RHO.T, RHO_DOT.T)
 
     def by_plant(self, duration_s: float, step_s: float) -> np.ndarray:
         """Range [m] after each step of the plant (steps, drifts)."""
@@ -137,7 +137,7 @@ def test_drifts_do_not_depend_on_each_other_nor_on_the_step_that_they_begin_in(c
             there = case.environment.advance(begin, mass, zero, jnp.asarray(seconds), jnp.zeros(3))
             return there.r_ST_N, there.v_ST_N
 
-        r, v = jax.vmap(after, in_axes=-1, out_axes=-1)(drifts.r_ST_N, drifts.v_ST_N)
+        r, v = jax.jit(jax.vmap(after, in_axes=-1, out_axes=-1))(drifts.r_ST_N, drifts.v_ST_N)
         return Drift(**{**drifts.__dict__, "start": jnp.full(len(RHO), seconds), "r_ST_N": r, "v_ST_N": v})
 
     first = case.by_free_drift(drifts)

@@ -62,6 +62,7 @@ def test_kernels_keep_single_precision_while_double_is_enabled(inspection_params
     assert_single(lambda formation, n: solve_station_keeping(formation, n, 200.0), flight.formation, x)
 
 
+@pytest.mark.traces
 @pytest.mark.parametrize("camera", ["geometric", "statistical"])
 def test_loop_traced_in_single_precision_has_no_double_in_it(camera: str) -> None:
     file = scenario_loader.load("inspection_full", ["duration_s=200", "precision=single", f'camera.model="{camera}"'])

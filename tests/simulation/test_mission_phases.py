@@ -1,6 +1,7 @@
 """Missions of several phases fly as declared: transitions, pointing, commands, values of single runs, one trace."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from named_loops import name_loop
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
 from rpojax.campaign import single_run
@@ -17,13 +19,17 @@ from rpojax.campaign.rerun import rerun
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
+from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.mission.abort_burn import AbortBurnReason
 from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.flight.stages import Stages
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import step_stages
+from rpojax.simulation.state import State
 from rpojax.simulation.step import step
 from rpojax.simulation.tick import Loop
 
@@ -94,7 +100,7 @@ def campaign(programs: None, traces: list[int], tmp_path_factory: pytest.TempPat
         return simulate_tick(*arguments)
 
     columns = {key: list(values) for key, values in OWN_VALUES.items()}
-    file = mission(design={"kind": "table", "file": "", "values": columns})
+    file = name_loop("phases", mission(design={"kind": "table", "file": "", "values": columns}))
     out = tmp_path_factory.mktemp("phases") / "runs"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_programs, "step", counted)
@@ -186,6 +192,7 @@ def test_rerun_and_resume_give_the_same_bits(campaign: Campaign, tmp_path: Path)
     np.testing.assert_array_equal(resumed.outcomes, campaign.outcomes)
 
 
+@pytest.mark.traces
 def test_missions_with_the_statistical_camera_in_single_precision_have_channels_of_the_mission() -> None:
     tables = mission().model_dump()
     tables["camera"]["model"] = "statistical"
@@ -201,6 +208,21 @@ def test_a_scenario_without_phases_has_no_channels_of_a_mission() -> None:
     assert not {"phase", "abort_reason", "rho_desired_H"} & set(channels)
 
 
+@partial(jax.jit, static_argnums=(0, 1))
+def decided(scenario: Scenario, stages: Stages, params: Params, state: State) -> FlightMemory:
+    """Memory of the flight software after the decision on the phase."""
+    loop = Loop(scenario, params, stages)
+    return step_stages.manage_mission(loop, step_stages.sense(loop, state)).flight
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def planned(scenario: Scenario, stages: Stages, params: Params, state: State) -> FlightMemory:
+    """Memory of the flight software after the decision on the burn."""
+    loop = Loop(scenario, params, stages)
+    tick = step_stages.manage_mission(loop, step_stages.sense(loop, state))
+    return step_stages.plan_burn(loop, tick).flight
+
+
 def planned_delta_v(file: ScenarioFile, stages: Stages | None = None, **numbers: jax.Array) -> jax.Array:
     """Velocity change of the burn that is planned at 200 s, with the state of the start and a target in sight.
 
@@ -210,9 +232,7 @@ def planned_delta_v(file: ScenarioFile, stages: Stages | None = None, **numbers:
     pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), recent_detections=jnp.asarray(5.0))
     state = replace(state, flight=replace(state.flight, pointing=pointing), tick=state.tick + 200)
     changed = dispersed_values.apply_to_params(params, {f"phases.only.reference.{k}": v for k, v in numbers.items()})
-    loop = Loop(scenario, changed, stages or Stages())
-    tick = step_stages.manage_mission(loop, step_stages.sense(loop, state))
-    return step_stages.plan_burn(loop, tick).flight.plan.delta_v_N
+    return planned(scenario, stages or Stages(), changed, state).plan.delta_v_N
 
 
 def test_a_held_station_needs_the_burns_of_a_mission_without_phases() -> None:
@@ -245,10 +265,10 @@ def test_an_uncertain_estimate_is_a_threat_but_not_on_a_passively_safe_orbit(
     relative = state.flight.orbit.relative
     uncertain = replace(relative, covariance=100.0 * relative.covariance)
     flight = replace(state.flight, orbit=replace(state.flight.orbit, relative=uncertain))
-    loop, begun = Loop(scenario, params, Stages()), replace(state, flight=flight, tick=state.tick + 200)
-    decided = step_stages.manage_mission(loop, step_stages.sense(loop, begun)).flight.mission
-    assert decided is not None
-    assert int(decided.abort_reason) == reason
+    begun = replace(state, flight=flight, tick=state.tick + 200)
+    after = decided(scenario, Stages(), params, begun).mission
+    assert after is not None
+    assert int(after.abort_reason) == reason
 
 
 def test_a_blind_servicer_burns_once_after_an_abort_however_uncertain_its_estimate_is() -> None:
@@ -258,16 +278,15 @@ def test_a_blind_servicer_burns_once_after_an_abort_however_uncertain_its_estima
     mission, relative = state.flight.mission, state.flight.orbit.relative
     assert mission is not None
     uncertain = replace(state.flight.orbit, relative=replace(relative, covariance=100.0 * relative.covariance))
-    loop = Loop(scenario, params, Stages())
 
-    @jax.jit
-    def burn(decided: jax.Array, count: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+    def burn(is_decided: bool, count: int) -> tuple[jax.Array, jax.Array, jax.Array]:
         """On-time, and number and reason of burns, at a decision after the abort with a target that was never seen."""
-        burns = replace(mission.abort_burns, decided=decided, count=count, reason=count)
+        number = jnp.int32(count)
+        burns = replace(mission.abort_burns, decided=jnp.asarray(is_decided), count=number, reason=number)
         aborted = replace(mission, phase=jnp.int32(2), abort_burns=burns)
         flight = replace(state.flight, orbit=uncertain, mission=aborted)
         begun = replace(state, flight=flight, tick=state.tick + 200)
-        after = step_stages.plan_burn(loop, step_stages.manage_mission(loop, step_stages.sense(loop, begun))).flight
+        after = planned(scenario, Stages(), params, begun)
         assert after.mission is not None
         return (
             after.plan.cutoff - after.plan.ignition,
@@ -275,10 +294,10 @@ def test_a_blind_servicer_burns_once_after_an_abort_however_uncertain_its_estima
             after.mission.abort_burns.reason,
         )
 
-    on_time, *record = burn(jnp.asarray(False), jnp.int32(0))
+    on_time, *record = burn(False, 0)
     assert float(on_time) > 0.0
     assert [int(each) for each in record] == [1, AbortBurnReason.ABORT]
-    on_time, *record = burn(jnp.asarray(True), jnp.int32(1))
+    on_time, *record = burn(True, 1)
     assert float(on_time) == 0.0
     assert [int(each) for each in record] == [1, AbortBurnReason.ABORT]
 
@@ -288,19 +307,17 @@ def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_
     file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"phases": [station]})
     scenario, params, state = single_run.initialise_run(file)
     assert state.flight.mission is not None
-    loop, mission = Loop(scenario, params, Stages()), replace(state.flight.mission, has_seen_target=jnp.asarray(True))
+    mission = replace(state.flight.mission, has_seen_target=jnp.asarray(True))
 
-    @jax.jit
-    def abort_reason(unseen_s: jax.Array) -> jax.Array:
-        pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), unseen_time=unseen_s)
+    def abort_reason(unseen_s: float) -> int:
+        pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), unseen_time=jnp.asarray(unseen_s))
         flight = replace(state.flight, pointing=pointing, mission=mission)
-        begun = replace(state, flight=flight, tick=state.tick + 200)
-        decided = step_stages.manage_mission(loop, step_stages.sense(loop, begun)).flight.mission
-        assert decided is not None
-        return decided.abort_reason
+        after = decided(scenario, Stages(), params, replace(state, flight=flight, tick=state.tick + 200)).mission
+        assert after is not None
+        return int(after.abort_reason)
 
     limit = file.health.unseen_limit_s
-    assert [int(abort_reason(jnp.asarray(each))) for each in (20.0, limit, limit + 1.0)] == [
+    assert [abort_reason(each) for each in (20.0, limit, limit + 1.0)] == [
         0,
         0,
         AbortReason.TARGET_LOST,

@@ -1,7 +1,6 @@
 """Scale of the target: every camera sees a larger target as the nominal one from nearer by."""
 
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +16,7 @@ from rpojax.scenario.trained import fitted_camera
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation import camera_models, initial_state
 from rpojax.simulation.noise import camera_key, draw_tick_noise, run_key
+from rpojax.simulation.state import State
 from rpojax.simulation.step_stages import sun_and_moon_at
 
 SMALL = ["camera.width_px=64", "camera.height_px=64", "camera.field_of_view_deg=5.0"]
@@ -24,19 +24,18 @@ NEAR = ["initial.relative_position_m=[0.0, -30.0, 0.0]", "navigation.initial_rel
 SCALE = 1.5
 
 
+init = jax.jit(initial_state.init, static_argnums=0)
+
+
 @partial(jax.jit, static_argnums=0)
 def expose(
-    static: Scenario,
-    scaled: params.Params,
-    truth: Any,
-    command: Any,
-    errors: Any,
-    sky: Any,
-    noise: Any,
-    key: Any,
-    at: Any,
+    static: Scenario, scaled: params.Params, start: State, farther: jax.Array
 ) -> tuple[CameraFrame, jax.Array | None]:
-    health = equipment_faults.healthy()
+    """Frame, and image if it is rendered, at the start, but from a range that is larger by a factor."""
+    truth, command = replace(start.truth, r_ST_N=farther * start.truth.r_ST_N), start.flight.camera
+    errors, at = start.sensor_errors.box_edge_errors, start.tick
+    sky, noise = sun_and_moon_at(scaled.epoch, jnp.zeros(())), draw_tick_noise(static, start.keys, at)
+    health, key = equipment_faults.healthy(), camera_key(start.keys, at)
     frame = camera_models.expose(static, scaled, truth, command, errors, sky, health, noise, key, at)
     if static.camera_model != "rendered":
         return frame, None
@@ -50,14 +49,10 @@ def frame_and_picture(model: str, scale: float, farther: float) -> tuple[CameraF
     file = scenario_loader.load("inspection", [*small, *NEAR, f"camera.model={model}"])
     static = static_settings(file)
     nominal = params.build_params(file.model_dump(), static.width_px, static.height_px)
-    start = initial_state.init(static, nominal, run_key(0, 0))
+    start = init(static, nominal, run_key(0, 0))
     scaled = params.replace_leaf(nominal, ("plant", "target", "scale"), jnp.asarray(scale))
-    truth = replace(start.truth, r_ST_N=farther * start.truth.r_ST_N)
-    command = start.flight.camera
-    sky, noise = sun_and_moon_at(nominal.epoch, jnp.zeros(())), draw_tick_noise(static, start.keys, start.tick)
-    key, errors = camera_key(start.keys, start.tick), start.sensor_errors.box_edge_errors
-    frame, picture = expose(static, scaled, truth, command, errors, sky, noise, key, start.tick)
-    return frame, None if picture is None else np.asarray(picture)
+    frame, picture = expose(static, scaled, start, jnp.asarray(farther))
+    return jax.device_get(frame), None if picture is None else np.asarray(picture)
 
 
 @pytest.mark.parametrize("model", ["geometric", "statistical", "rendered"])
@@ -79,9 +74,9 @@ def test_the_image_of_a_larger_target_fills_its_true_outline() -> None:
     frame, picture = frame_and_picture("rendered", SCALE, 1.0)
     nominal, _ = frame_and_picture("rendered", 1.0, 1.0)
     assert picture is not None
-    sides = np.asarray(frame.outline[2:] - frame.outline[:2])
+    sides = frame.outline[2:] - frame.outline[:2]
     # Perspective changes the ratio by some percent.
-    np.testing.assert_allclose(sides / np.asarray(nominal.outline[2:] - nominal.outline[:2]), SCALE, rtol=0.05)
+    np.testing.assert_allclose(sides / (nominal.outline[2:] - nominal.outline[:2]), SCALE, rtol=0.05)
     lit = picture.max(axis=2) > 0.25
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     seen = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])

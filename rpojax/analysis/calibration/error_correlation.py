@@ -50,9 +50,7 @@ def sample_tumble_sequences(file: ScenarioFile, count: int, seed: int) -> Tumble
     angle = turn[:, None] * np.arange(FRAMES)
     vector = (angle[:, :, None] * axis[:, None, :]).reshape(-1, 3)
     start = np.repeat(first.q_TN, FRAMES, axis=0)
-    q_TN = np.asarray(
-        jax.vmap(lambda v, q: quaternion.multiply(quaternion.exp(v), q))(jnp.asarray(vector), jnp.asarray(start))
-    )
+    q_TN = np.asarray(jax.jit(jax.vmap(lambda v, q: quaternion.multiply(quaternion.exp(v), q)))(vector, start))
     same = {f.name: np.repeat(getattr(first, f.name), FRAMES, axis=0) for f in dataclasses.fields(Views)}
     return TumbleSequences(Views(**{**same, "q_TN": q_TN}), turn)
 

@@ -8,6 +8,7 @@ linear regression through them), so inputs are ranked by it. Neither sees a jump
 """
 
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +19,12 @@ import numpy as np
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult, run_keys
 from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
 from rpojax.analysis.statistics.dependence.rank_correlation import spearman
+from rpojax.analysis.statistics.paired_comparison import requirement_name
 from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.errors import RpojaxError
+from rpojax.errors import Notice, RpojaxError
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage
 from rpojax.scenario.dispersed_numbers import standard_normal_space
@@ -200,6 +202,8 @@ def sensitivity(
 def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
     """Metrics by name, or those of the scenario's requirements on whole runs that have a derivative.
 
+    Other requirements give a `Notice`.
+
     Raises:
         RpojaxError: a metric has no derivative, or there is none.
     """
@@ -214,6 +218,13 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
         raise RpojaxError.of_argument(
             "metrics", "found none, expected one, for a scenario without requirements on such metrics"
         )
+    left_out = (
+        [] if names else [each for each in file.requirements if not (each.is_of_all_runs and each.metric in known)]
+    )
+    if left_out:
+        listed = ", ".join(dict.fromkeys(map(requirement_name, left_out)))
+        reason = "they have no derivative, or are not of all whole runs"
+        warnings.warn(f"warning: requirements left out, since {reason}: {listed}", Notice, stacklevel=3)
     return tuple(dict.fromkeys(chosen))
 
 

@@ -19,6 +19,7 @@ from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, che
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform
 from rpojax.core.pytree import concatenate
+from rpojax.core.random_streams import fold_in, master_key
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
@@ -32,7 +33,6 @@ from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation import initial_state
 from rpojax.simulation.metrics import running_metrics
 from rpojax.simulation.metrics.running_metrics import RunningSums
-from rpojax.simulation.noise import run_key
 from rpojax.simulation.state import State, state_axes
 from rpojax.simulation.step import step
 
@@ -273,6 +273,9 @@ class RolloutEvaluator:
         return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
 
 
+_keys_of_runs = jax.jit(jax.vmap(fold_in, in_axes=(None, 0)))
+
+
 def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
     """Random keys (runs, 2) of the runs of a campaign with a given seed."""
-    return np.asarray(jax.vmap(partial(run_key, seed))(jnp.asarray(ids)))
+    return np.asarray(_keys_of_runs(master_key(seed), np.asarray(ids)))

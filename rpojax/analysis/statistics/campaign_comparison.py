@@ -1,7 +1,7 @@
 """Comparison of two stored campaigns, run by run: changed scenario keys, medians, failures and requirements."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -113,7 +113,7 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
 def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
     """Sentences on what makes the comparison less than one of like with like.
 
-    They name durations that differ, and the metrics and requirements that only one of the campaigns has values for.
+    They name durations and teams that differ, and metrics and requirements that only one campaign has values for.
     """
     found = []
     durations = [each.info["scenario"].get("duration_s") for each in (first, second)]
@@ -122,6 +122,7 @@ def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
             f"durations differ, {durations[0]:g} s and {durations[1]:g} s: totals, peaks and the time windows of means "
             "are not those of the same span"
         )
+    found += servicer_warnings(first.metrics, second.metrics)
     differing = defined_differently(first.info, second.info)
     if differing:
         found.append(f"metrics that plugins define differently are not compared: {', '.join(differing)}")
@@ -136,6 +137,18 @@ def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
             listed = ", ".join(map(requirement_name, unjudged))
             found.append(f"{there.directory} has no values for requirements, which are not compared: {listed}")
     return tuple(found)
+
+
+def servicer_warnings(first: Iterable[str], second: Iterable[str]) -> list[str]:
+    """A sentence on servicers that only one of two campaigns has, from the names of their metrics."""
+    teams = [sorted({name.partition("/")[2] for name in names if "/" in name}) for names in (first, second)]
+    if teams[0] == teams[1]:
+        return []
+    one, other = (", ".join(team) or "one without a name" for team in teams)
+    return [
+        f"servicers differ, {one} against {other}: numbers of a team are over other servicers, and those of a servicer "
+        "that one campaign lacks are not compared"
+    ]
 
 
 def changed_keys(first: Any, second: Any, path: str = "") -> tuple[KeyChange, ...]:

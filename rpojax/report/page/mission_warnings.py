@@ -11,4 +11,4 @@ def known_before(campaign: CampaignResults) -> list[str]:
         file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
     except ScenarioError:
         return []
-    return scenario_warnings.scenario_warnings(file)
+    return scenario_warnings.scenario_warnings(file, campaign.info.get("stages") or ())

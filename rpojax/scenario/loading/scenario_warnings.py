@@ -6,7 +6,7 @@ it agrees in most keys. So a complete file, such as that in the folder of a camp
 
 import functools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from rpojax.printable_text import shown_value
 from rpojax.scenario.dispersed_numbers.dispersion_keys import design_keys
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import parse_key
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_files
 from rpojax.scenario.team.team_warnings import mission_warnings
@@ -41,15 +42,19 @@ class _Setting:
     needs: str
 
 
-def scenario_warnings(file: ScenarioFile) -> list[str]:
-    """One line for each reason for which a scenario may not do what it says: key, found, expected."""
-    return [*mission_warnings(file), *unused_key_warnings(file)]
+def scenario_warnings(file: ScenarioFile, replaced: Collection[str] = ()) -> list[str]:
+    """One line for each reason for which a scenario may not do what it says: key, found, expected.
+
+    Stages are `replaced` beside those of the scenario's plugin.
+    """
+    return [*mission_warnings(file), *unused_key_warnings(file, replaced)]
 
 
-def unused_key_warnings(file: ScenarioFile) -> list[str]:
+def unused_key_warnings(file: ScenarioFile, replaced: Collection[str] = ()) -> list[str]:
     """One line for each key that was given or is dispersed and has no effect: its value, and what would use it."""
     content = _content(file)
-    found = [each for each in _without_effect(file, content) if _is_given(each, [_packaged(_BASE_OF_ALL)])]
+    stages = plugin_registry.replaced_stages(file).union(replaced)
+    found = [each for each in _without_effect(file, content, stages) if _is_given(each, [_packaged(_BASE_OF_ALL)])]
     if found:
         # Loading all packaged scenarios takes a tenth of a second.
         bases = _nearest(content)
@@ -60,12 +65,12 @@ def unused_key_warnings(file: ScenarioFile) -> list[str]:
     ]
 
 
-def _without_effect(file: ScenarioFile, content: Mapping[str, Any]) -> Iterator[_Setting]:
+def _without_effect(file: ScenarioFile, content: Mapping[str, Any], replaced: frozenset[str]) -> Iterator[_Setting]:
     """Everything in a scenario that has no effect, whether a user gave it or not.
 
     What servicers have in common has none if it has none for each of them.
     """
-    of_each = [unused_keys(Situation(member, bool(file.servicers))) for member in member_files(file)]
+    of_each = [unused_keys(Situation(member, bool(file.servicers), replaced)) for member in member_files(file)]
     of_all = {key: needs for key, needs in of_each[0].items() if all(key in unused for unused in of_each)}
     for key, needs in of_all.items():
         if key in content:

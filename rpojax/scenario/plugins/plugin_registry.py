@@ -141,6 +141,12 @@ def stages_of(file: ScenarioFile, stages: "Stages | None" = None) -> "Stages":
     return stages or plugin.stages or Stages()
 
 
+def replaced_stages(file: ScenarioFile) -> frozenset[str]:
+    """Names of the stages that the plugin of a scenario replaces, none where only its description is known."""
+    plugin = plugin_of(file)
+    return frozenset() if plugin is None or plugin.stages is None else frozenset(plugin.stages.replaced)
+
+
 def require_code(file: ScenarioFile) -> None:
     """Refuses a scenario of whose plugin only the description is known.
 

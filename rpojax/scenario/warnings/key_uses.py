@@ -29,10 +29,12 @@ class Situation:
     Attributes:
         file: scenario of a servicer, which may be one of a team
         is_of_team: whether it is
+        replaced: names of the stages of the flight software that are not the packaged ones
     """
 
     file: ScenarioFile
     is_of_team: bool
+    replaced: frozenset[str] = frozenset()
 
     @cached_property
     def reach(self) -> DispersedReach:
@@ -61,7 +63,13 @@ class Situation:
     def can_hold(self) -> bool:
         """Whether a mission of phases may come to hold its place, by command or after a timeout."""
         waits = any(phase.timeout_s is not None and phase.on_timeout == "hold" for phase in self.file.phases)
-        return waits or not self.ends_before("mission.hold_at_s")
+        return waits or (self.holds_by_command and not self.ends_before("mission.hold_at_s"))
+
+    @property
+    def holds_by_command(self) -> bool:
+        """Whether the command to hold comes before those that end what it begins: to resume, and to abort."""
+        ends = min(self.reach.high("mission.resume_at_s"), self.reach.high("mission.abort_at_s"))
+        return self.reach.low("mission.hold_at_s") < ends
 
     def ends_before(self, key: str) -> bool:
         """Whether all runs end before the time of a key."""
@@ -170,6 +178,11 @@ _FAULTS: Final = (
         "fault.kind = 'wheel_stuck' or 'wheel_friction'",
         lambda at: bool(at.fault_kinds & {"wheel_stuck", "wheel_friction"}),
     ),
+    Use(
+        ("fault.kind", "fault.start_s", "fault.severity", "fault.wheel"),
+        "a fault.duration_s above 0",
+        lambda at: at.can_differ_from_zero("fault.duration_s"),
+    ),
     Use(("fault.start_s",), "a longer duration_s", lambda at: not at.ends_before("fault.start_s")),
 )
 
@@ -265,6 +278,11 @@ _FLIGHT: Final = (
         for key in ("mission.hold_at_s", "mission.resume_at_s", "mission.abort_at_s")
     ),
     Use(
+        ("mission.hold_at_s",),
+        "a later mission.resume_at_s and mission.abort_at_s",
+        lambda at: at.holds_by_command,
+    ),
+    Use(
         ("mission.resume_at_s",),
         "mission.hold_at_s or a phase with on_timeout = 'hold'",
         lambda at: not at.file.phases or at.can_hold,
@@ -356,8 +374,24 @@ PHASE_USES: Final = (
 """Conditions of keys of a phase; a phase has only some of them."""
 
 
+_HANDED: Final[dict[str, tuple[str, ...]]] = {
+    "orbit_update": ("navigation.",),
+    "orbit_predict": ("navigation.",),
+    "reference": ("phases.",),
+    "mission_manager": ("mission.", "phases."),
+    "team_phasing": ("team.", "phases."),
+}
+"""Beginnings of the keys whose numbers a stage is handed: a replaced one may read them where the packaged does not."""
+
+
 def unused_keys(at: Situation) -> dict[str, str]:
-    """Keys of a scenario that have no effect, with what would give them one."""
+    """Keys of a scenario that have no effect, with what would give them one; none that a replaced stage may read."""
+    handed = tuple(start for stage in at.replaced for start in _HANDED.get(stage, ()))
+    return {key: needs for key, needs in _unused_by_packaged(at).items() if not key.startswith(handed)}
+
+
+def _unused_by_packaged(at: Situation) -> dict[str, str]:
+    """Keys that have no effect with the packaged flight software."""
     found: dict[str, str] = {}
     for use in USES:
         if not use.holds(at):

@@ -79,4 +79,4 @@ def load_detector(path: Path | None = None) -> tuple[DetectorParams, dict[str, o
 
 
 def _take_float32(source: Path, tensors: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> jax.Array:
-    return jnp.asarray(take_tensor(source, tensors, name, shape, np.float16).astype(np.float32))
+    return jax.device_put(take_tensor(source, tensors, name, shape, np.float16).astype(np.float32))

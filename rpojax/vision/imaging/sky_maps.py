@@ -2,7 +2,7 @@
 
 from importlib import resources
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array
 
@@ -45,12 +45,16 @@ def random_sky(seed: int = 0, cloud_fraction: float = 0.45) -> Sky:
     direction = rng.normal(size=(STAR_COUNT, 3))
     magnitude = 6.0 + 2.0 * np.log10(rng.uniform(1e-4, 1.0, STAR_COUNT))
     return Sky(
-        star_N=jnp.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True), jnp.float32),
-        star_radiance=jnp.asarray(0.3 * 10.0 ** (-0.4 * magnitude), jnp.float32),
-        earth=jnp.asarray(ground, jnp.float32),
-        cloud=jnp.asarray(_clouds(rng, ground.shape[:2], cloud_fraction), jnp.float32),
-        detail=jnp.asarray(_noise_tile(rng), jnp.float32),
+        star_N=_single(direction / np.linalg.norm(direction, axis=1, keepdims=True)),
+        star_radiance=_single(0.3 * 10.0 ** (-0.4 * magnitude)),
+        earth=_single(ground),
+        cloud=_single(_clouds(rng, ground.shape[:2], cloud_fraction)),
+        detail=_single(_noise_tile(rng)),
     )
+
+
+def _single(values: np.ndarray) -> Array:
+    return jax.device_put(values.astype(np.float32))
 
 
 def _clouds(rng: np.random.Generator, shape: tuple[int, ...], fraction: float) -> np.ndarray:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from rpojax.vision.radiance_field.deferred_shading import SHADING_INPUTS
@@ -84,12 +84,12 @@ def _read_grid_field(source: Path, tensors: dict[str, np.ndarray]) -> GridField:
     if not spacing > 0.0:
         raise WeightsError(f"{source}: spacing: found {spacing}, expected a positive number")
     field = GridField(
-        low=jnp.asarray(low),
-        spacing=jnp.asarray(spacing),
-        node_row=jnp.asarray(number_near_nodes(near_surface)),
-        occupancy=jnp.zeros(tuple(int(n) for n in shape), jnp.float32),
-        raw_density=jnp.asarray(take_tensor(source, tensors, "matter", (rows,), np.float16).astype(np.float32)),
-        features=jnp.asarray(
+        low=jax.device_put(low),
+        spacing=jax.device_put(spacing),
+        node_row=jax.device_put(number_near_nodes(near_surface)),
+        occupancy=jax.device_put(np.zeros(near_surface.shape, np.float32)),
+        raw_density=jax.device_put(take_tensor(source, tensors, "matter", (rows,), np.float16).astype(np.float32)),
+        features=jax.device_put(
             take_tensor(source, tensors, "features", (rows, 3 + LATENT_SIZE), np.float16).astype(np.float32)
         ),
         network=_take_layers(source, tensors, "network", 3, SHADING_INPUTS, 3),
@@ -105,8 +105,8 @@ def _read_nerf_field(source: Path, tensors: dict[str, np.ndarray]) -> NerfField:
     trunk = _take_layers(source, tensors, "trunk", 5, 3 + 6 * FREQUENCIES, None)
     head_inputs = len(trunk[-1][1]) - 1 + 6
     field = NerfField(
-        low=jnp.asarray(low),
-        high=jnp.asarray(high),
+        low=jax.device_put(low),
+        high=jax.device_put(high),
         trunk=trunk,
         head=_take_layers(source, tensors, "head", 2, head_inputs, 3),
     )
@@ -131,5 +131,5 @@ def _take_layers(
         bias = take_tensor(source, tensors, f"{name}.{index}.bias", (width,), np.float16)
         before = len(layers[-1][1]) if layers else inputs
         weight = take_tensor(source, tensors, f"{name}.{index}.weight", (before, len(bias)), np.float16)
-        layers.append((jnp.asarray(weight.astype(np.float32)), jnp.asarray(bias.astype(np.float32))))
+        layers.append((jax.device_put(weight.astype(np.float32)), jax.device_put(bias.astype(np.float32))))
     return tuple(layers)

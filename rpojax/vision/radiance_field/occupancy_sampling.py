@@ -92,6 +92,7 @@ def sample_distances(
     return jax.lax.stop_gradient((distance, march.step * total / (samples * mass)))
 
 
+@jax.jit
 def with_occupancy(field: GridField) -> GridField:
     """The field with the occupancy of its present density: the maximum over the nodes of each cell."""
     thickness = activate_density(field, field.raw_density) * field.spacing

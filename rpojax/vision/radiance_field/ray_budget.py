@@ -17,6 +17,8 @@ _SPARE = 1.17
 _PROBE_DIRECTIONS = 300
 _PROBE_SIDE = 48
 
+_bounding_sphere = jax.jit(bounding_sphere)
+
 
 @dataclasses.dataclass(frozen=True)
 class RaySampling:
@@ -36,7 +38,7 @@ def choose_ray_sampling(
 
     The number of rays is the largest of those that may hit the target from any of 300 directions, and a sixth more.
     """
-    side = region_side(focal_px, float(bounding_sphere(field)[1]), min_range_m, oversampling)
+    side = region_side(focal_px, float(_bounding_sphere(field)[1]), min_range_m, oversampling)
     fraction = np.max(_occupied_fractions(field, min_range_m))
     return RaySampling(side, min(side * side, 64 * int(np.ceil(_SPARE * fraction * side * side / 64))))
 
@@ -51,12 +53,12 @@ def region_side(focal_px: float, radius_m: float, min_range_m: float, oversampli
 
 def _occupied_fractions(field: RadianceField, range_m: float) -> np.ndarray:
     """Fraction of the square's rays (300,) that may hit the target, from directions all round (Fibonacci lattice)."""
-    center, radius = bounding_sphere(field)
-    intrinsics = Intrinsics(focal_px=jnp.float32(1.0), center_px=jnp.zeros(2, jnp.float32))
-    distance = jnp.maximum(jnp.float32(range_m), 1.1 * radius)
+    center, radius = _bounding_sphere(field)
+    distance = np.maximum(np.float32(range_m), np.float32(1.1) * np.asarray(radius))
 
     @jax.jit
     def occupied_fraction(field: RadianceField, away: Array, x: Array) -> Array:
+        intrinsics = Intrinsics(focal_px=jnp.float32(1.0), center_px=jnp.zeros(2, jnp.float32))
         position, R_KT = center + distance * away, jnp.stack([x, jnp.cross(-away, x), -away])
         corner, side, _ = project_region(field, intrinsics, position, R_KT)
         rays = region_directions(intrinsics, _PROBE_SIDE, corner, side, R_KT)
@@ -68,4 +70,4 @@ def _occupied_fractions(field: RadianceField, range_m: float) -> np.ndarray:
     away = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), height], axis=1)
     x = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=1)
     pairs = zip(away.astype(np.float32), x.astype(np.float32), strict=True)
-    return np.array([occupied_fraction(field, jnp.asarray(a), jnp.asarray(b)) for a, b in pairs])
+    return np.array([occupied_fraction(field, a, b) for a, b in pairs])

@@ -1,6 +1,7 @@
 """Sensitivities of runs with known derivatives, compared with rankings of samples made from them."""
 
 import json
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from rpojax.analysis.gradients import derivative_sensitivity, rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.cli import main
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import Notice, OutputError, RpojaxError
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.loading import scenario_loader
@@ -131,6 +132,17 @@ def test_metrics_are_those_of_the_requirements_unless_asked_for(space: StandardN
         "wheel_speed_peak_fraction",
     )
     assert derivative_sensitivity.select_metrics(space.file, ("nees_mean", "nees_mean")) == ("nees_mean",)
+
+
+def test_requirements_without_a_derivative_are_said_to_be_left_out(space: StandardNormalSpace) -> None:
+    with pytest.warns(Notice) as found:
+        derivative_sensitivity.select_metrics(space.file, ())
+    (line,) = [str(each.message) for each in found]
+    assert "passive_range_24_h_m at least" in line
+    assert "min_range_m" not in line.replace("passive_", "")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        derivative_sensitivity.select_metrics(space.file, ("min_range_m",))
 
 
 def test_what_has_no_derivative_is_refused(space: StandardNormalSpace) -> None:

@@ -13,6 +13,8 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("formation_error_rms_m", "nav_relative_position_error_rms_m", "estimate_surprise", "delta_v_m_s")
 KEYS = ("navigation.edge_noise_px", "attitude_control.bandwidth_rad_s", "formation.delta_v_weight")
 CALM = [
@@ -64,7 +66,6 @@ def test_the_forward_mode_agrees_with_differences() -> None:
         np.testing.assert_allclose(jacobian[:, :, index], (up - down) / (2.0 * step), rtol=1e-3, atol=rounding)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("memory", [rollout_evaluator.CHECKPOINT_MEMORY_BYTES, 1])
 def test_the_reverse_mode_agrees_with_the_forward_mode(memory: int) -> None:
     weights = np.ones((3, 4)) * np.array([1.0, 2.0, -1.0, 30.0])

@@ -11,6 +11,7 @@ from rpojax.analysis.statistics.campaign_comparison import (
     KeyChange,
     changed_keys,
     defined_differently,
+    servicer_warnings,
 )
 from rpojax.analysis.statistics.paired_comparison import RunMetrics, compare_paired_runs
 
@@ -52,3 +53,13 @@ def test_metrics_of_changed_plugins_are_told_by_their_definitions() -> None:
     assert defined_differently(first, of_plugin("x", changed=other, old=without_digest)) == []
     assert defined_differently(first, {"scenario": {}}) == []
     assert defined_differently({"scenario": {}, "plugin": None}, second) == []
+
+
+def test_servicers_of_one_campaign_alone_are_named() -> None:
+    team = ["range_m", "range_m/first", "range_m/second", "delta_v_m_s/second"]
+    assert servicer_warnings(team, reversed(team)) == []
+    assert servicer_warnings(["range_m"], ["range_m", "delta_v_m_s"]) == []
+    (line,) = servicer_warnings(team, ["range_m", "range_m/first", "range_m/other"])
+    assert line.startswith("servicers differ, first, second against first, other: ")
+    (line,) = servicer_warnings(team, ["range_m"])
+    assert line.startswith("servicers differ, first, second against one without a name: ")

@@ -1,4 +1,4 @@
-"""Results of a run depend only on scenario, seed and run number, and a campaign traces the loop once."""
+"""Results of a run depend only on scenario, seed and run number, and numbers compile nothing anew."""
 
 import json
 import os
@@ -9,21 +9,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import fast_compile_flags
 import jax
 import numpy as np
 import pytest
 
 import rpojax
-from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.runtime.device_programs import DeviceTraces
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.step import step
 
-BATCH = 64
+BATCH = 20
 ROUNDING = {"rtol": 1e-5, "atol": 1e-5}
 """Programs for other block sizes round differently; over 400 s the differences stay below single precision."""
 
@@ -47,7 +43,7 @@ def simulate(engine: BatchEngine, ids: Sequence[int] | np.ndarray) -> Channels:
 
 @pytest.fixture(scope="module")
 def channels(engine: BatchEngine) -> Channels:
-    """Runs 0 to 63, in order."""
+    """The first runs, in order."""
     return simulate(engine, np.arange(BATCH))
 
 
@@ -64,8 +60,8 @@ def test_run_is_equal_to_the_last_bit_at_any_place_of_any_batch(engine: BatchEng
     first = simulate(engine, np.arange(17, 17 + BATCH))
     assert different_channels(channels, 17, first, 0) == []
     ids = 500 - 7 * np.arange(BATCH)  # other runs, other order
-    ids[41] = 17
-    assert different_channels(channels, 17, simulate(engine, ids), 41) == []
+    ids[11] = 17
+    assert different_channels(channels, 17, simulate(engine, ids), 11) == []
     assert different_channels(channels, 17, channels, 18) != []
 
 
@@ -88,23 +84,6 @@ def test_closing_an_unfinished_batch_ends_its_threads(engine: BatchEngine, chann
     assert set(threading.enumerate()) <= before
     assert not different_channels(first.channels, 5, {name: values[:200] for name, values in channels.items()}, 5)
     assert not different_channels(simulate(engine, np.arange(BATCH)), 5, channels, 5)
-
-
-def test_campaign_of_many_blocks_traces_the_loop_once(
-    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls = []
-    simulate_tick = step
-
-    def counted(*arguments: Any) -> Any:
-        calls.append(len(arguments))
-        return simulate_tick(*arguments)
-
-    monkeypatch.setattr(run_programs, "step", counted)
-    unique = mission.model_copy(update={"name": "not compiled by another test"})
-    result = run_campaign(unique, 3, tmp_path / "runs", block_size=1, devices=jax.devices()[:1])
-    assert result.missing_blocks() == []
-    assert len(calls) == 1
 
 
 OTHER_NUMBERS = [
@@ -137,36 +116,15 @@ def test_missions_that_differ_in_numbers_share_compiled_programs(monkeypatch: py
     assert [name for name in first if first[name] != second[name]] == []
 
 
-def in_process_with_devices(count: int, *words: str, flags: str = "") -> str:
+def in_process_with_devices(count: int, *words: str) -> str:
     """Standard output of a Python process with `count` host devices and the compiler flags of this one."""
     environment = {name: value for name, value in os.environ.items() if name not in ("XLA_FLAGS", "RPOJAX_CACHE")}
     own = [flag for flag in os.environ.get("XLA_FLAGS", "").split() if "fusion_emitters" in flag]
-    environment["XLA_FLAGS"] = " ".join([f"--xla_force_host_platform_device_count={count}", flags, *own])
+    environment["XLA_FLAGS"] = " ".join([f"--xla_force_host_platform_device_count={count}", *own])
     environment["PYTHONPATH"] = str(Path(rpojax.__file__).parents[1])
     cache: str | None = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     environment |= {"JAX_COMPILATION_CACHE_DIR": cache} if cache else {"RPOJAX_CACHE": "off"}
     return subprocess.run([sys.executable, *words], env=environment, check=True, capture_output=True, text=True).stdout
-
-
-EXCHANGE = """
-import jax
-import numpy as np
-from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.scenario.loading import scenario_loader
-
-engine = BatchEngine(scenario_loader.load("inspection", ["duration_s=200"]), 2)
-orders = [3, 4, 17, 18], [17, 18, 3, 4]
-there, back = (next(engine.simulate(engine.prepare(0, np.array(ids)))).channels for ids in orders)
-equal = [there[name].tobytes() == np.roll(back[name], 2, axis=1).tobytes() for name in there]
-print(len(engine.devices), len(equal), all(equal))
-"""
-
-
-def test_run_is_equal_to_the_last_bit_on_either_device() -> None:
-    flags = fast_compile_flags.FLAGS[0]
-    devices, channels, equal = in_process_with_devices(2, "-c", EXCHANGE, flags=flags).split()
-    assert (devices, equal) == ("2", "True")
-    assert int(channels) > 20
 
 
 @pytest.mark.slow

@@ -163,7 +163,7 @@ def test_illumination_in_single_precision_is_accurate_to_1e_minus_4() -> None:
 
 def test_discs_that_cover_each_other_exactly_still_do_so_where_both_grow() -> None:
     # Both have the sine of 1/2: radii 1 and 2 at distances 2 and 4.
-    r, sun = np.array([-2.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])
+    r, sun = jnp.array([-2.0, 0.0, 0.0]), jnp.array([2.0, 0.0, 0.0])
 
     def visible(growth: jax.Array) -> jax.Array:
         return eclipse.illumination(r, sun, growth, 2.0 * growth)

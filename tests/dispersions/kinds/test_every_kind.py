@@ -38,6 +38,9 @@ CASES: dict[str, tuple[dict[str, Any], Any]] = {
 LINEARISED = ("normal", "truncated_normal", "uniform", "log_normal", "small_rotation", "correlated_normal")
 
 
+run_keys = jax.jit(jax.vmap(random_streams.fold_in, in_axes=(None, 0)))
+
+
 def kind_and_nominal(kind: str) -> tuple[RandomKind, np.ndarray]:
     """The dispersion of a case with its nominal value."""
     settings, nominal = CASES[kind]
@@ -49,7 +52,7 @@ def kind_and_nominal(kind: str) -> tuple[RandomKind, np.ndarray]:
 def values_at(entry: RandomKind, nominal: np.ndarray, unit: np.ndarray) -> np.ndarray:
     """Values (points, ...) at points (points, coordinates) of the unit cube."""
     draw = jax.jit(jax.vmap(lambda row: entry.draw(jnp.asarray(nominal), CoordinateSource(row))))
-    return np.asarray(draw(jnp.asarray(unit)))
+    return np.asarray(draw(unit))
 
 
 def test_the_cases_cover_all_random_kinds() -> None:
@@ -102,7 +105,7 @@ def test_a_separable_value_is_the_quantile_at_its_coordinate(kind: str) -> None:
 @pytest.mark.parametrize("kind", [kind for kind in CASES if kind != "choice"])
 def test_drawn_numbers_have_their_marginal_distributions(kind: str) -> None:
     entry, nominal = kind_and_nominal(kind)
-    keys = jax.vmap(lambda run: random_streams.fold_in(random_streams.master_key(1), run))(jnp.arange(RUNS))
+    keys = run_keys(random_streams.master_key(1), np.arange(RUNS))
     drawn = np.asarray(jax.jit(jax.vmap(lambda key: entry.draw(jnp.asarray(nominal), KeySource(key))))(keys))
     rows = drawn.reshape(RUNS, -1)
     columns = entry.shown_numbers(rows, nominal.ravel()) or dict(enumerate(rows.T))

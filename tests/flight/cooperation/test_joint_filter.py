@@ -1,6 +1,6 @@
 """Joint filter of several bodies against a dense filter in Joseph's form, and its covariance over a long time."""
 
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import jax
@@ -20,9 +20,9 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.scenario import params as parameters
 from rpojax.scenario.loading import scenario_loader
 
-G = np.asarray(two_body_gravity.gravity_gradient(jnp.array([6.9e6, 1e5, -3e5])))
+G = np.asarray(jax.jit(two_body_gravity.gravity_gradient)(np.array([6.9e6, 1e5, -3e5])))
 BURNS = np.diag([1e-8, 4e-8, 2e-8])
-BACK = jnp.asarray(free_relative_motion.transition_matrix(jnp.asarray(G), -3.0))
+BACK = jax.jit(free_relative_motion.transition_matrix)(G, -3.0)
 BASELINE = BaselineTuning(
     noise=jnp.asarray(0.05),
     error_sigma=jnp.asarray(0.007),
@@ -40,13 +40,15 @@ SIZE = 6 * BODIES + SLOW
 @cache
 def tuning() -> OrbitFilterTuning:
     file = scenario_loader.load("inspection", ["navigation.target_size_sigma=0.3"])
-    return parameters.build_params(file.model_dump(), 128, 128).flight.navigation
+    with jax.ensure_compile_time_eval():  # it may be asked for first in a trace
+        return parameters.build_params(file.model_dump(), 128, 128).flight.navigation
 
 
 def peer_tuning() -> OrbitFilterTuning:
     return jax.tree.map(lambda leaf: jnp.stack([leaf] * 2), tuning())
 
 
+@jax.jit
 def initial() -> JointEstimate:
     own = relative_estimate.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3))
     return joint_filter.initial(tuning(), BASELINE, own, PLACES, peer_tuning(), True)
@@ -91,14 +93,23 @@ def tick(estimate: JointEstimate, heard: jax.Array, burn: jax.Array) -> JointEst
     )
 
 
+peer_process = jax.jit(
+    lambda estimate, peer: joint_filter._peer_process(
+        tuning(), BASELINE, estimate, peer, jnp.ones(()), jnp.float64(1e-8)
+    ),
+    static_argnums=1,
+)
+slow_process = jax.jit(lambda own: joint_filter._slow_process(tuning(), own, 1.0))
+widen = jax.jit(joint_filter.widen)
+update_ranges = jax.jit(joint_measurements.update_ranges)
+
+
 def dense_tick(P: np.ndarray, estimate: JointEstimate, heard: np.ndarray, burn: float) -> np.ndarray:
     """The same with dense matrices: Joseph's form, and the noise of the own position in all differences."""
     decay, growth = np.ones(SIZE), np.zeros(SIZE)
     for k in np.nonzero(heard)[0]:
         slow = 6 * BODIES + 6 + PEER * k
-        of_view, variance = joint_filter._peer_process(
-            tuning(), BASELINE, estimate, int(k), jnp.ones(()), jnp.asarray(1e-8)
-        )
+        of_view, variance = peer_process(estimate, int(k))
         decay[slow : slow + PEER], growth[slow : slow + PEER] = of_view, variance
     P = decay[:, None] * P * decay + np.diag(growth)
     for k in np.nonzero(heard)[0]:
@@ -114,7 +125,7 @@ def dense_tick(P: np.ndarray, estimate: JointEstimate, heard: np.ndarray, burn: 
     K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
     P = (np.eye(SIZE) - K @ H) @ P @ (np.eye(SIZE) - K @ H).T + K @ R @ K.T
     F = np.eye(SIZE)
-    own_decay, own_growth = joint_filter._slow_process(tuning(), estimate.own, 1.0)
+    own_decay, own_growth = slow_process(estimate.own)
     own = slice(6 * BODIES, 6 * BODIES + 6)
     F[own, own] = np.diag(own_decay)
     Q = np.zeros((SIZE, SIZE))
@@ -148,11 +159,13 @@ def test_errors_of_a_peer_that_is_heard_fade_to_what_they_are_without_measuremen
     P = estimate.covariance
     # The first GPS difference is known, the second not at all.
     first = [6 + PEER * k + 3 for k in range(2)]
-    known = jnp.ones(SLOW).at[first[0] : first[0] + 3].set(0.1)
-    P = replace(P, ss=P.ss * (known[:, None] * known[None, :]))
-    peers = estimate.peers.at[:, 6:].set(jnp.asarray(rng.normal(size=(2, PEER))))
-    estimate = replace(estimate, covariance=P, peers=peers)
-    burns = BurnEffect(change=jnp.asarray(rng.normal(size=(2, 6))), covariance=jnp.stack([jnp.eye(6)] * 2))
+    known = np.ones(SLOW)
+    known[first[0] : first[0] + 3] = 0.1
+    P = replace(P, ss=jnp.asarray(np.asarray(P.ss) * np.outer(known, known)))
+    peers = np.array(estimate.peers)
+    peers[:, 6:] = rng.normal(size=(2, PEER))
+    estimate = replace(estimate, covariance=P, peers=jnp.asarray(peers))
+    burns = BurnEffect(change=jnp.asarray(rng.normal(size=(2, 6))), covariance=jnp.asarray(np.stack([np.eye(6)] * 2)))
     used, both = jnp.array([True, False]), jnp.ones(2)
     after = jax.jit(joint_filter.hear)(peer_tuning(), BASELINE, estimate, used, dt * both, burns, attitude * both)
 
@@ -212,7 +225,7 @@ def test_a_wider_own_block_alone_would_be_no_covariance() -> None:
     own = [*range(3), *range(9, 12), *range(18, 24)]
     block = P.copy()
     block[np.ix_(own, own)] = (factors[:, None] * P * factors)[np.ix_(own, own)]
-    widened = joint_filter.widen(
+    widened = widen(
         JointEstimate(
             own=estimate.own,
             peers=estimate.peers,
@@ -231,12 +244,12 @@ def test_a_range_is_used_as_a_dense_filter_does(delay: jax.Array | None) -> None
     for _ in range(40):
         estimate = tick(estimate, jnp.ones(2, dtype=bool), jnp.zeros(()))
     P = np.asarray(estimate.covariance.matrix)
-    use = partial(joint_measurements.update_ranges, BASELINE, estimate, jnp.array([True, False]))
-    motion = estimate.peers[0, :6]
-    b = motion[:3] if delay is None else free_relative_motion.apply(delay[:3], motion)
-    distance = float(jnp.linalg.norm(b))
-    after = use(jnp.array([distance + 0.1, 0.0]), jnp.zeros(6), delay)
-    h, u = np.zeros(SIZE), np.asarray(b) / distance
+    motion = np.asarray(estimate.peers)[0, :6]
+    b = motion[:3] if delay is None else np.asarray(delay)[:3] @ motion
+    distance = float(np.linalg.norm(b))
+    ranges = np.array([distance + 0.1, 0.0])
+    after = update_ranges(BASELINE, estimate, np.array([True, False]), ranges, np.zeros(6), delay)
+    h, u = np.zeros(SIZE), b / distance
     h[place("x", 1)] = u if delay is None else u @ np.asarray(delay[:3, :3])
     if delay is not None:
         h[place("v", 1)] = u @ np.asarray(delay[:3, 3:])

@@ -32,6 +32,7 @@ def test_boxes_over_a_lossy_late_link_are_consistent_and_tell_the_range() -> Non
     assert error < 0.06
 
 
+@pytest.mark.slow
 def test_estimates_are_cautious_and_tell_the_range() -> None:
     nees, error = late(Case(settings(2, "estimates", period=2, delay=3), loss=0.5, ticks=800), runs=12)
     assert 0.3 < nees < 1.05

@@ -1,5 +1,6 @@
 """Choice of the detector's window in large frames."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,8 +20,19 @@ LARGE = CameraFormat(width_px=512, height_px=512, input_px=128)
 SMALL = CameraFormat(width_px=128, height_px=128, input_px=128)
 
 
+initial = jax.jit(computer.initial, static_argnums=(1, 2))
+command_camera = jax.jit(computer.command_camera, static_argnums=(0, 2))
+window_around = jax.jit(detector_window.window_around, static_argnums=0)
+
+
+@jax.jit
+def body_attitude(mounting: jax.Array, q_KN: jax.Array) -> jax.Array:
+    """Attitude of a spacecraft from that of its camera."""
+    return quaternion.multiply(quaternion.conjugate(quaternion.normalize(mounting)), q_KN)
+
+
 def chosen(expected: tuple[float, float], size: float, tracked: bool, camera: CameraFormat = LARGE) -> CameraCommand:
-    return detector_window.window_around(camera, jnp.asarray(expected), jnp.asarray(size), jnp.asarray(tracked))
+    return window_around(camera, np.asarray(expected), size, tracked)
 
 
 def test_the_window_of_a_small_frame_is_the_whole_frame() -> None:
@@ -56,19 +68,18 @@ def test_the_window_of_a_large_target_is_binned() -> None:
 def test_the_command_follows_the_tracked_target_by_the_estimate(flight: FlightParams) -> None:
     known = rendezvous_scene.estimate(flight)
     q_KN = jnp.asarray(rendezvous_scene.camera_attitude(flight, known))
-    q_KB = quaternion.normalize(flight.vehicle.camera_mounting)
-    q_BN = quaternion.multiply(quaternion.conjugate(q_KB), q_KN)
-    memory = computer.initial(flight, LARGE, 200.0, known, q_BN, jnp.zeros(3))
+    q_BN = body_attitude(flight.vehicle.camera_mounting, q_KN)
+    memory = initial(flight, LARGE, 200.0, known, q_BN, np.zeros(3))
     assert float(memory.camera.binning) == 4.0  # nothing is tracked at the start
     time = jnp.asarray(0.0)
-    lost = computer.command_camera(Stages(), flight, LARGE, memory, time).camera
+    lost = command_camera(Stages(), flight, LARGE, memory, time).camera
     np.testing.assert_array_equal([*lost.corner_px, lost.binning], [*memory.camera.corner_px, memory.camera.binning])
     acquired = replace(memory, pointing=replace(memory.pointing, acquired=jnp.asarray(True)))
-    seen = computer.command_camera(Stages(), flight, LARGE, acquired, time).camera
+    seen = command_camera(Stages(), flight, LARGE, acquired, time).camera
     # The camera points at the target: the window is around the middle of the frame.
     np.testing.assert_allclose(seen.corner_px + 64.0 * seen.binning, [256.0, 256.0], atol=EXACT)
     unseen = replace(acquired, pointing=replace(acquired.pointing, unseen_time=jnp.asarray(5.0)))
-    assert float(computer.command_camera(Stages(), flight, LARGE, unseen, time).camera.binning) == 4.0
+    assert float(command_camera(Stages(), flight, LARGE, unseen, time).camera.binning) == 4.0
 
 
 def test_a_users_window_is_commanded(flight: FlightParams) -> None:
@@ -76,9 +87,7 @@ def test_a_users_window_is_commanded(flight: FlightParams) -> None:
         corner = jnp.array([camera.width_px, camera.height_px], jnp.float32) - camera.input_px
         return CameraCommand(corner_px=corner + 0.0 * time.astype(jnp.float32), binning=jnp.float32(1.0))
 
-    memory = computer.initial(
-        flight, LARGE, 200.0, rendezvous_scene.estimate(flight), jnp.asarray(IDENTITY), jnp.zeros(3)
-    )
+    memory = initial(flight, LARGE, 200.0, rendezvous_scene.estimate(flight), np.asarray(IDENTITY), np.zeros(3))
     stages = Stages(detector_window=lower_right)
-    after = computer.command_camera(stages, flight, LARGE, memory, jnp.asarray(7.0))
+    after = command_camera(stages, flight, LARGE, memory, jnp.asarray(7.0))
     np.testing.assert_array_equal(after.camera.corner_px, [384.0, 384.0])

@@ -1,19 +1,21 @@
 """Clearance of free drifts and the burns that keep it, against drifts propagated step by step."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
+from rpojax.core.orbits import clohessy_wiltshire, yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, free_motion
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import replace
 from rpojax.flight.mission import drift_clearance, safe_burn
 from rpojax.flight.mission.drift_clearance import Drift
 
 A = 6.878e6
-N = float(mean_motion(jnp.float64(A)))
+N = float(jax.jit(mean_motion)(A))
 ORBIT = TargetOrbit(
     argument_of_latitude=jnp.float64(0.3), ex=jnp.float64(0.0), ey=jnp.float64(0.0), semi_major_axis=jnp.float64(A)
 )
@@ -22,12 +24,24 @@ DAY = 16.0 * PERIOD
 GREATEST = 0.04
 NO, YES = jnp.asarray(False), jnp.asarray(True)
 
+transition_matrices = jax.jit(jax.vmap(clohessy_wiltshire.transition_matrix, in_axes=(None, 0)))
+free_motion = jax.jit(yamanaka_ankersen.free_motion)
+orbit_period = jax.jit(drift_clearance.orbit_period)
+
+
+@jax.jit
+@partial(jax.vmap, in_axes=(None, 0, None))
+def free_motions(orbit: TargetOrbit, time: jax.Array, constants: jax.Array) -> jax.Array:
+    """States at times from the place of an orbit."""
+    return yamanaka_ankersen.free_motion(yamanaka_ankersen.advanced(orbit, time), time, constants)
+
+
 least_clearance = jax.jit(drift_clearance.least_clearance)
 safe_delta_v = jax.jit(safe_burn.safe_delta_v)
 
 
-UNIT_DRIFT = free_motion(ORBIT, jnp.float64(0.0), jnp.eye(6)[3])
-DRIFT_COVARIANCE = 0.3**2 * jnp.outer(UNIT_DRIFT, UNIT_DRIFT)
+UNIT_DRIFT = np.asarray(free_motion(ORBIT, jnp.float64(0.0), np.eye(6)[3]))
+DRIFT_COVARIANCE = jnp.asarray(0.3**2 * np.outer(UNIT_DRIFT, UNIT_DRIFT))
 """Of a state whose drift constant alone is uncertain, by 0.3 m."""
 
 
@@ -40,7 +54,7 @@ def drift_of(
         scale_sigma=jnp.float64(0.03),
         covariance_H=covariance_H,
         sigmas=jnp.float64(sigmas),
-        semi_axes=jnp.full(3, keep_out),
+        semi_axes=jnp.asarray(np.full(3, keep_out)),
         first_span=jnp.float64(PERIOD),
         horizon=jnp.float64(DAY),
     )
@@ -48,9 +62,8 @@ def drift_of(
 
 def least_range(state: np.ndarray, horizon: float = DAY) -> float:
     """Least range of a drift, sampled every 10 s."""
-    times = jnp.arange(10.0, horizon, 10.0)
-    matrices = jax.vmap(lambda t: transition_matrix(jnp.float64(N), t)[:3])(times)
-    return float(np.linalg.norm(np.asarray(matrices) @ state, axis=1).min())
+    matrices = np.asarray(transition_matrices(N, np.arange(10.0, horizon, 10.0)))
+    return float(np.linalg.norm(matrices[:, :3] @ state, axis=1).min())
 
 
 ELLIPSE = [0.0, 40.0, 25.0, 20.0 * N, 0.0, 0.0]
@@ -64,7 +77,7 @@ TOWARD = [0.0, -30.0, 0.0, 0.0, 1e-3, 0.0]
     ids=["safety ellipse", "hold", "drift", "co-elliptic"],
 )
 def test_the_clearance_is_that_of_the_drift_sampled_finely(state: list[float]) -> None:
-    found = float(least_clearance(drift_of(state), jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0]) * 12.0
+    found = float(least_clearance(drift_of(state), np.zeros((3, 1)), np.zeros((1, 1)))[0][0, 0]) * 12.0
     expected = least_range(np.array(state))
     # Between the passages, which lie on the line, the servicer may be farther away.
     assert found <= expected + 0.02 * expected + 0.5
@@ -72,14 +85,14 @@ def test_the_clearance_is_that_of_the_drift_sampled_finely(state: list[float]) -
 
 
 def test_the_clearance_of_an_ellipsoid_is_that_in_the_scale_of_its_axes() -> None:
-    drift = replace(drift_of(ELLIPSE), semi_axes=jnp.array([4.0, 30.0, 8.0]))
-    found = float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0])
-    times = jnp.arange(10.0, PERIOD, 10.0)
-    places = jax.vmap(lambda t: transition_matrix(jnp.float64(N), t)[:3])(times) @ jnp.asarray(ELLIPSE)
-    expected = float(jnp.linalg.norm(places / drift.semi_axes[None], axis=1).min())
+    semi_axes = np.array([4.0, 30.0, 8.0])
+    drift = replace(drift_of(ELLIPSE), semi_axes=jnp.asarray(semi_axes))
+    found = float(least_clearance(drift, np.zeros((3, 1)), np.zeros((1, 1)))[0][0, 0])
+    places = np.asarray(transition_matrices(N, np.arange(10.0, PERIOD, 10.0)))[:, :3] @ np.array(ELLIPSE)
+    expected = float(np.linalg.norm(places / semi_axes, axis=1).min())
     assert expected - 0.1 < found <= 1.02 * expected
     # The sphere around it would be entered.
-    assert float(least_clearance(drift_of(ELLIPSE, 30.0), jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0]) < 1.0 < found
+    assert float(least_clearance(drift_of(ELLIPSE, 30.0), np.zeros((3, 1)), np.zeros((1, 1)))[0][0, 0]) < 1.0 < found
 
 
 @pytest.mark.parametrize("latitude", [0.0, 1.0, 2.5, 3.5, 5.5])
@@ -87,27 +100,27 @@ def test_passages_of_the_perigee_of_an_elliptic_orbit_are_not_missed(latitude: f
     orbit = replace(
         ORBIT, argument_of_latitude=jnp.float64(latitude), ex=jnp.float64(0.7), semi_major_axis=jnp.float64(2.44e7)
     )
-    period = drift_clearance.orbit_period(orbit)
-    times = period * jnp.linspace(1e-4, 1.0, 4000)
+    period = orbit_period(orbit)
+    times = float(period) * np.linspace(1e-4, 1.0, 4000)
     for number in range(4):
         # Its free motion is a closed orbit of 10 to 30 m of any shape.
-        constants = jnp.asarray(np.random.default_rng(number).normal(size=6) * [20.0, 15.0, 15.0, 0.0, 15.0, 15.0])
+        constants = np.random.default_rng(number).normal(size=6) * [20.0, 15.0, 15.0, 0.0, 15.0, 15.0]
         state = free_motion(orbit, jnp.float64(0.0), constants)
         drift = replace(drift_of(state.tolist(), 1.0), orbit=orbit, first_span=period, horizon=period)
-        found = float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1][0, 0])
-        places = jax.vmap(lambda t, c=constants: free_motion(advanced(orbit, t), t, c)[:3])(times)
-        expected = float(jnp.linalg.norm(places, axis=1).min())
+        found = float(least_clearance(drift, np.zeros((3, 1)), np.zeros((1, 1)))[1][0, 0])
+        places = np.asarray(free_motions(orbit, times, constants))[:, :3]
+        expected = float(np.linalg.norm(places, axis=1).min())
         assert expected - 1e-6 < found < expected + 1.5, number
 
 
 def test_the_uncertainty_of_the_drift_counts() -> None:
     slow = [0.0, -60.0, 0.0, 0.0, 1e-4, 0.0]
-    none = jnp.zeros((3, 1)), jnp.zeros((1, 1))
+    none = np.zeros((3, 1)), np.zeros((1, 1))
     certain, uncertain = (float(least_clearance(drift_of(slow, sigmas=k), *none)[0][0, 0]) for k in (0.0, 3.0))
     assert uncertain < 0.5 * certain
 
 
-UNCERTAIN = jnp.diag(jnp.square(jnp.array([0.2, 1.3, 0.8, 1e-3, 1e-3, 1e-3])))
+UNCERTAIN = jnp.asarray(np.diag(np.square([0.2, 1.3, 0.8, 1e-3, 1e-3, 1e-3])))
 """Covariance of a state that has been watched for a few minutes."""
 
 
@@ -115,7 +128,7 @@ def test_drifts_come_nearer_than_the_clearance_as_seldom_as_its_sigmas_say() -> 
     drift = replace(
         drift_of(ELLIPSE, sigmas=2.0, covariance_H=UNCERTAIN), horizon=jnp.float64(PERIOD), scale_sigma=jnp.float64(0.0)
     )
-    bound = 12.0 * float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0])
+    bound = 12.0 * float(least_clearance(drift, np.zeros((3, 1)), np.zeros((1, 1)))[0][0, 0])
     errors = np.random.default_rng(5).multivariate_normal(np.zeros(6), np.asarray(UNCERTAIN), size=300)
     ranges = np.array([least_range(np.array(ELLIPSE) + error, PERIOD) for error in errors])
     assert np.mean(ranges < bound) <= 0.05
@@ -127,7 +140,7 @@ def test_a_servicer_on_a_safe_orbit_waits_until_it_knows_enough() -> None:
     planned = jnp.array([0.0, 8e-3, 0.0])
     np.testing.assert_array_equal(safe_delta_v(unknown, planned, jnp.float64(GREATEST), YES), jnp.zeros(3))
     assert np.linalg.norm(safe_delta_v(unknown, planned, jnp.float64(GREATEST), NO)) > 0.0
-    expected = float(least_clearance(unknown, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1][0, 0])
+    expected = float(least_clearance(unknown, np.zeros((3, 1)), np.zeros((1, 1)))[1][0, 0])
     assert expected * 12.0 == pytest.approx(least_range(np.array(ELLIPSE)), rel=0.02)
 
 

@@ -24,6 +24,7 @@ TUNING = TeamTuning(
 RADIAL, CROSS_TRACK, N = 18.0, 22.0, 1.1e-3
 spread = jax.jit(phase_spreading.spread)
 assign = jax.jit(viewpoint_assignment.assign)
+seen_from = jax.jit(viewpoint_assignment._seen)
 
 
 def team(
@@ -33,12 +34,12 @@ def team(
     count = len(slots_deg)
     slots, shifts = np.deg2rad(slots_deg), np.deg2rad(shifts_deg or [0.0] * count)
     return TeamSituation(
-        own=jnp.arange(count) == number,
-        present=jnp.array([k not in lost for k in range(count)]),
+        own=jnp.asarray(np.arange(count) == number),
+        present=jnp.asarray(np.array([k not in lost for k in range(count)])),
         slots=jnp.asarray(slots),
         shifts=jnp.asarray(shifts),
         shift_left=jnp.float64(0.0),
-        present_before=jnp.ones(count, dtype=bool),
+        present_before=jnp.asarray(np.ones(count, dtype=bool)),
         believed=jnp.asarray(slots + shifts),
         radial=jnp.float64(RADIAL),
         cross_track=jnp.float64(CROSS_TRACK),
@@ -83,7 +84,7 @@ def test_all_who_are_left_choose_phases_that_are_as_far_apart_as_planned(lost: s
 
 
 def test_the_least_angle_keeps_the_relative_orbits_apart() -> None:
-    angle = float(least_angle(team(0, [0.0, 90.0])))
+    angle = float(jax.jit(least_angle)(team(0, [0.0, 90.0])))
     u = np.linspace(0.0, 2.0 * np.pi, 2000)
 
     def place(phase: float) -> np.ndarray:
@@ -109,8 +110,8 @@ def test_a_shift_goes_to_its_end_at_the_rate_and_stays_there() -> None:
 def test_a_servicer_under_way_arrives_first_unless_another_one_has_left_or_taken_its_place() -> None:
     under_way = replace(team(0, [0.0, 120.0, 240.0], {2}, [30.0, 0.0, 0.0]), shift_left=jnp.float64(0.2))
     # Where it goes to, nothing is new any more.
-    seen = viewpoint_assignment._seen(TUNING, under_way, jnp.deg2rad(jnp.array([30.0])))[:, 0]
-    under_way = replace(under_way, last_seen=jnp.where(seen, under_way.time, under_way.last_seen))
+    seen = np.asarray(seen_from(TUNING, under_way, np.deg2rad([30.0])))[:, 0]
+    under_way = replace(under_way, last_seen=jnp.asarray(np.where(seen, under_way.time, under_way.last_seen)))
     chosen = {
         name: float(assign(TUNING, replace(under_way, present_before=jnp.array(before))))
         for name, before in (("same", [True, True, False]), ("left", [True] * 3), ("other", [True, False, True]))
@@ -127,13 +128,11 @@ def test_a_viewpoint_is_chosen_for_what_it_newly_sees_per_delta_v() -> None:
     # Nothing was seen before: staying costs least.
     assert unaware == 0.0
     # Everything that is seen without a shift, and by steps of 30 deg, was seen just now.
-    seen = viewpoint_assignment._seen(TUNING, situation, jnp.deg2rad(jnp.array([0.0, 30.0, -30.0, -60.0])))
-    last_seen = jnp.where(jnp.any(seen, axis=1), situation.time, situation.last_seen)
+    seen = np.asarray(seen_from(TUNING, situation, np.deg2rad([0.0, 30.0, -30.0, -60.0])))
+    last_seen = np.where(np.any(seen, axis=1), situation.time, situation.last_seen)
     found = float(assign(TUNING, replace(situation, last_seen=last_seen)))
     gains = {
-        step: float(
-            jnp.sum(viewpoint_assignment._seen(TUNING, situation, jnp.array([step]))[:, 0] & ~jnp.any(seen, axis=1))
-        )
+        step: float(np.sum(np.asarray(seen_from(TUNING, situation, np.array([step])))[:, 0] & ~np.any(seen, axis=1)))
         / (0.005 + N * 2.0 * np.sin(abs(step) / 2.0) * (0.5 * RADIAL + CROSS_TRACK))
         for step in np.deg2rad([0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0])
     }
@@ -143,8 +142,8 @@ def test_a_viewpoint_is_chosen_for_what_it_newly_sees_per_delta_v() -> None:
 
 def test_viewpoints_of_a_team_stay_apart() -> None:
     situation = team(1, [0.0, 60.0, 120.0])
-    seen = viewpoint_assignment._seen(TUNING, situation, situation.slots)
-    last_seen = jnp.where(jnp.any(seen, axis=1), situation.time, situation.last_seen)
+    seen = np.asarray(seen_from(TUNING, situation, situation.slots))
+    last_seen = np.where(np.any(seen, axis=1), situation.time, situation.last_seen)
     found = [
         slot + float(assign(TUNING, replace(team(k, [0.0, 60.0, 120.0]), last_seen=last_seen)))
         for k, slot in enumerate(np.deg2rad([0.0, 60.0, 120.0]))

@@ -51,6 +51,12 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "formation.desired_position_m": ("vbar_approach", ["formation.desired_position_m=[0,-20,0]"], "no [[phases]]"),
     "health.clearance": ("vbar_approach", ["health.clearance=0.1"], "no [[phases]]"),
     "mission.abort_at_s": ("vbar_approach", ["mission.abort_at_s=10000"], "a longer duration_s"),
+    "mission.hold_at_s": (
+        "vbar_approach", ["mission.hold_at_s=3000", "mission.abort_at_s=1000"], "a later mission.resume_at_s and"
+    ),
+    "a fault of no duration": (
+        "inspection", ["effects.faults=true", "fault.kind=gps_outage", "fault.duration_s=0"], "a fault.duration_s above"
+    ),
     "mission.resume_at_s": ("vbar_approach", ["mission.resume_at_s=5000"], "mission.hold_at_s or a phase with"),
     "gps.common_share": ("inspection", ["gps.common_share=0.5"], "[[servicers]]"),
     "navigation.difference_noise_m": ("inspection", ["navigation.difference_noise_m=1"], "[[servicers]] and"),
@@ -143,6 +149,22 @@ def test_there_is_no_warning_about_a_packaged_scenario_or_a_complete_copy(name: 
 )
 def test_there_is_no_warning_about_keys_that_are_used_or_were_not_given(source: str, overrides: list[str]) -> None:
     assert unused_key_warnings(scenario_loader.load(source, overrides)) == []
+
+
+def test_a_command_to_resume_before_the_one_to_hold_leaves_both_without_effect() -> None:
+    overrides = ["mission.hold_at_s=3000", "mission.resume_at_s={}"]
+    for resume_s, keys in ((1000, ["mission.hold_at_s", "mission.resume_at_s"]), (4000, [])):
+        file = scenario_loader.load("vbar_approach", [each.format(resume_s) for each in overrides])
+        assert [line.partition(":")[0] for line in unused_key_warnings(file)] == keys
+
+
+def test_keys_whose_numbers_a_replaced_stage_is_handed_are_not_judged() -> None:
+    overrides = ["navigation.gating=none", "navigation.gate_sigma=3", "camera.model=rendered", "camera.edge_noise_px=2"]
+    file = scenario_loader.load("inspection", overrides)
+    keys = ["camera.edge_noise_px", "navigation.gate_sigma"]
+    assert [line.partition(":")[0] for line in unused_key_warnings(file)] == keys
+    assert [line.partition(":")[0] for line in unused_key_warnings(file, ["orbit_update"])] == keys[:1]
+    assert [line.partition(":")[0] for line in unused_key_warnings(file, ["wheel_torque"])] == keys
 
 
 def test_defaults_of_phases_of_your_own_are_not_given() -> None:

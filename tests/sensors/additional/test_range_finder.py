@@ -52,6 +52,7 @@ def test_there_is_no_range_out_of_reach_or_beside_the_beam(distance: float, off_
     assert np.isnan(measure(distance, off_deg))
 
 
+@pytest.mark.slow
 def test_in_the_loop_it_is_recorded_reaches_the_filter_and_changes_no_other_number() -> None:
     file = scenario_loader.load("inspection", SECTION)
     plain = scenario_loader.load("inspection", ["duration_s=40"])

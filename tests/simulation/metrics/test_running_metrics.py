@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator
 
+import fault_and_eclipse_runs
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from fault_and_eclipse_runs import TICKS, Runs
 from synthetic_channel_records import SINGLE
 
-import rpojax
-from rpojax.campaign import single_run
 from rpojax.core.pytree import replace
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.metrics.metric_catalogue import METRICS
@@ -17,8 +17,7 @@ from rpojax.metrics.metric_definition import Metric
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import recorded_metrics, running_metrics
 from rpojax.simulation.metrics.running_metrics import RunningSums
-from rpojax.simulation.state import State
-from rpojax.simulation.step import step
+from rpojax.simulation.telemetry import Telemetry
 
 ADDED = Metric(
     "max_range_m", "m", title="Greatest range", meaning="Of the spacecraft.", inputs=("range_m",), reduction="max"
@@ -29,28 +28,24 @@ Results = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
 
 
 @pytest.fixture(scope="module")
-def results() -> Iterator[Results]:
-    """Accumulated metrics of a run of 240 s with a burn, metrics of its records, and the records."""
-    file = rpojax.load("inspection", ["duration_s=240.0", "rates.formation_period_s=120.0"])
-    scenario, params, state = single_run.initialise_run(file, seed=0, run_id=3)
+def results(runs: Runs) -> Iterator[Results]:
+    """Accumulated metrics of a run with burns, metrics of its records, and the records."""
+    file, scenario, params = fault_and_eclipse_runs.nominal()
     names = (*RUNNING, ADDED.name)
     accumulated = [*(METRICS[name] for name in RUNNING), ADDED]
 
     @jax.jit
-    def simulate(state: State) -> tuple[jax.Array, Channels]:
-        def body(carry: tuple[State, RunningSums], _: None) -> tuple[tuple[State, RunningSums], object]:
-            state, sums = carry
-            after, telemetry = step(scenario, params, state, rpojax.Stages())
-            sums = running_metrics.add_tick(accumulated, scenario, params, telemetry, sums)
-            return (after, sums), compute_channels(scenario, params, telemetry)
+    def accumulate(telemetry: Telemetry) -> tuple[jax.Array, Channels]:
+        def body(sums: RunningSums, seen: Telemetry) -> tuple[RunningSums, Channels]:
+            sums = running_metrics.add_tick(accumulated, scenario, params, seen, sums)
+            return sums, compute_channels(scenario, params, seen)
 
-        start = (state, running_metrics.initial_sums(accumulated))
-        (_, sums), channels = jax.lax.scan(body, start, None, length=scenario.ticks)
+        sums, channels = jax.lax.scan(body, running_metrics.initial_sums(accumulated), telemetry)
         return running_metrics.final_values(accumulated, sums), channels
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(METRICS, ADDED.name, ADDED)
-        metrics, channels = simulate(state)
+        metrics, channels = accumulate(runs["none"][1])
         records = {name: np.asarray(values)[None] for name, values in channels.items()}
         yield dict(zip(names, map(float, metrics), strict=True)), recorded_metrics.evaluate(file, records, {}), records
 
@@ -77,8 +72,8 @@ def test_the_run_has_a_burn_and_a_pointing_error(results: Results) -> None:
 def test_the_pointing_error_is_of_settled_pointing_only(results: Results) -> None:
     metrics, _, records = results
     looking = records["mode"][0] == Mode.LOOK
-    settled = np.array([looking[max(0, tick - 5) : tick + 1].all() for tick in range(240)])
-    settled[:80] = False
+    settled = np.array([looking[max(0, tick - 5) : tick + 1].all() for tick in range(TICKS)])
+    settled[: TICKS // 3] = False
     expected = np.sqrt(np.mean(records["pointing_error_deg"][0][settled] ** 2))
     np.testing.assert_allclose(metrics["pointing_error_rms_deg"], expected, rtol=1e-4)
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 import pytest
+from named_loops import name_loop
 
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.scenario.loading import scenario_loader
@@ -37,7 +38,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> ScenarioFile:
     """Two servicers on either side of the target."""
     path = tmp_path_factory.mktemp("team") / "pair.toml"
     path.write_text(TEAM)
-    return scenario_loader.load(str(path), OVERRIDES)
+    return name_loop("pair", scenario_loader.load(str(path), OVERRIDES))
 
 
 def simulate(file: ScenarioFile, ids: Sequence[int]) -> dict[str, np.ndarray]:

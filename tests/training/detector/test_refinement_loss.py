@@ -19,6 +19,21 @@ def places_of(box: np.ndarray) -> np.ndarray:
     return np.log(np.maximum(share, 1e-12))[None]
 
 
+image_loss = jax.jit(refinement_loss._image_loss)
+place_loss = jax.jit(refinement_loss._place_loss)
+candidate_boxes = jax.jit(jax.vmap(refinement_loss._candidate_boxes, in_axes=(None, None, 0)))
+random_keys = jax.jit(jax.vmap(jax.random.key))
+
+
+def label_arrays(box: np.ndarray, weight: float = 1.0, known: float = 1.0) -> refinement_loss._Labels:
+    """Labels of an image with one box."""
+    boxes, weights = np.zeros((8, 4), np.float32), np.zeros(8, np.float32)
+    boxes[0], weights[0] = box, weight
+    return refinement_loss._Labels(
+        boxes=jnp.asarray(boxes), weight=jnp.asarray(weights), known=jnp.asarray(np.full((8, 4), known, np.float32))
+    )
+
+
 def losses(
     candidate: np.ndarray, refined: np.ndarray, logit: float, weight: float = 1.0, known: float = 1.0
 ) -> tuple[float, float]:
@@ -26,14 +41,10 @@ def losses(
     places = jnp.asarray(places_of(refined), jnp.float32)
     crop_px = jnp.asarray(CROP_PX, jnp.float32)
     found = refinement_loss._Found(
-        boxes=mean_boxes(places, crop_px), places=places, quality=jnp.asarray([logit], jnp.float32)
+        boxes=jax.jit(mean_boxes)(places, crop_px), places=places, quality=jnp.asarray([logit], jnp.float32)
     )
-    labels = refinement_loss._Labels(
-        boxes=jnp.zeros((8, 4), jnp.float32).at[0].set(jnp.array([20.0, 20.0, 60.0, 60.0], jnp.float32)),
-        weight=jnp.zeros(8, jnp.float32).at[0].set(weight),
-        known=jnp.full((8, 4), known, jnp.float32),
-    )
-    edge, quality, _ = refinement_loss._image_loss(found, crop_px, jnp.asarray(candidate[None], jnp.float32), labels)
+    labels = label_arrays(np.array([20.0, 20.0, 60.0, 60.0]), weight, known)
+    edge, quality, _ = image_loss(found, crop_px, jnp.asarray(candidate[None], jnp.float32), labels)
     return float(edge[0]), float(quality[0])
 
 
@@ -53,23 +64,18 @@ def test_refinement_loss_penalises_wrong_edges_and_confidence() -> None:
 
 
 def test_candidates_are_proposals_and_true_boxes() -> None:
+    heat = np.full((32, 32), -9.0, np.float32)
+    heat[10, 10] = 4.0
     maps = ProposalMaps(
-        heatmap=jnp.full((32, 32), -9.0, jnp.float32).at[10, 10].set(4.0),
-        edges=jnp.broadcast_to(jnp.array([30.0, 34.0, 54.0, 50.0], jnp.float32), (32, 32, 4)),
+        heatmap=jnp.asarray(heat),
+        edges=jnp.asarray(np.tile([30.0, 34.0, 54.0, 50.0], (32, 32, 1)), jnp.float32),
     )
-    true = jnp.zeros((8, 4), jnp.float32).at[0].set(jnp.array([60.0, 70.0, 100.0, 96.0], jnp.float32))
-    labels = refinement_loss._Labels(
-        boxes=true,
-        weight=jnp.zeros(8, jnp.float32).at[0].set(1.0),
-        known=jnp.ones((8, 4), jnp.float32),
-    )
-    keys = jax.vmap(jax.random.key)(jnp.arange(300))
-    find = jax.jit(jax.vmap(refinement_loss._candidate_boxes, in_axes=(None, None, 0)))
-    candidates = np.asarray(find(maps, labels, keys))
+    true = np.array([60.0, 70.0, 100.0, 96.0])
+    candidates = np.asarray(candidate_boxes(maps, label_arrays(true), random_keys(np.arange(300))))
     np.testing.assert_allclose(candidates[:, 0].mean(axis=0), [30, 34, 54, 50], atol=0.5)
     # The only true box comes twice, and some of its candidates hold half of it.
     for place in (-2, -1):
-        np.testing.assert_allclose(candidates[:, place].mean(axis=0), true[0], atol=3.0)
+        np.testing.assert_allclose(candidates[:, place].mean(axis=0), true, atol=3.0)
     width = candidates[:, -2, 2] - candidates[:, -2, 0]
     assert (width < 25.0).any()
     assert (candidates[..., 2:] >= candidates[..., :2]).all()
@@ -82,22 +88,15 @@ def test_an_empty_image_gives_its_further_proposals() -> None:
     center = 4.0 * (np.stack(np.meshgrid(np.arange(32), np.arange(32)), axis=-1) + 0.5)
     edges = np.concatenate([center - 6.0, center + 6.0], axis=-1).astype(np.float32)
     maps = ProposalMaps(heatmap=jnp.asarray(heat), edges=jnp.asarray(edges))
-    none = refinement_loss._Labels(
-        boxes=jnp.zeros((8, 4), jnp.float32), weight=jnp.zeros(8, jnp.float32), known=jnp.zeros((8, 4), jnp.float32)
-    )
-    keys = jax.vmap(jax.random.key)(jnp.arange(300))
-    find = jax.jit(jax.vmap(refinement_loss._candidate_boxes, in_axes=(None, None, 0)))
-    candidates = np.asarray(find(maps, none, keys)).mean(axis=0)
+    none = label_arrays(np.zeros(4), weight=0.0, known=0.0)
+    candidates = np.asarray(candidate_boxes(maps, none, random_keys(np.arange(300)))).mean(axis=0)
     found = 0.5 * (candidates[:, :2] + candidates[:, 2:])
     np.testing.assert_allclose(found, 4.0 * (cells[:, ::-1] + 0.5), atol=0.5)
 
 
 def test_loss_of_places_is_least_at_the_true_edge() -> None:
-    fraction = jnp.full((1, 4), 0.3, jnp.float32)
+    fraction = np.full((1, 4), 0.3, np.float32)
     values = [
-        float(
-            jnp.sum(refinement_loss._place_loss(jnp.asarray(places_of(np.full(4, 80.0 * at)), jnp.float32), fraction))
-        )
-        for at in (0.25, 0.3, 0.35)
+        np.sum(place_loss(places_of(np.full(4, 80.0 * at)).astype(np.float32), fraction)) for at in (0.25, 0.3, 0.35)
     ]
     assert values[1] < min(values[0], values[2]) - 1.0

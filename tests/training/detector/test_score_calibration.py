@@ -19,8 +19,8 @@ def params() -> DetectorParams:
 
 def data(empty: int) -> DetectionDataset:
     """Images of noise, the first ten with a spacecraft."""
-    images = np.random.default_rng(0).integers(0, 256, (10 + empty, 64, 64, 3)).astype(np.uint8)
-    boxes = (np.array([[8.0, 8.0, 40.0, 40.0]], np.float32),) * 10 + (Z,) * empty
+    images = np.random.default_rng(0).integers(0, 256, (10 + empty, 32, 32, 3)).astype(np.uint8)
+    boxes = (np.array([[4.0, 4.0, 20.0, 20.0]], np.float32),) * 10 + (Z,) * empty
     return DetectionDataset(images, boxes, ("noise",) * len(images))
 
 

@@ -4,8 +4,11 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.training.detector.weight_standardization import apply_channel_gains, with_channel_gains
+from rpojax.training.detector import weight_standardization
 from rpojax.vision.detector.proposal_network import initialize
+
+apply_channel_gains = jax.jit(weight_standardization.apply_channel_gains)
+with_channel_gains = jax.jit(weight_standardization.with_channel_gains)
 
 
 def test_standardized_kernels_have_zero_mean_and_norm_of_gain() -> None:

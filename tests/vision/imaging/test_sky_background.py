@@ -1,13 +1,17 @@
 """Positions of stars and Earth for a camera's position and attitude."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.vision.imaging.sky_background import background
+from rpojax.vision.imaging import sky_background
 from rpojax.vision.imaging.sky_maps import Sky, random_sky
 from rpojax.vision.pinhole import pinhole_intrinsics
+
+background = jax.jit(sky_background.background, static_argnums=(2, 3))
+square_intrinsics = jax.jit(pinhole_intrinsics, static_argnums=(1, 2))
 
 SIZE = 64
 ORBIT = 1.08
@@ -27,7 +31,7 @@ def image(
     x = np.cross(boresight, up)
     x /= np.linalg.norm(x)
     rotation = np.stack([x, np.cross(boresight, x), boresight])
-    intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(fov_deg)), SIZE, SIZE)
+    intrinsics = square_intrinsics(jnp.asarray(np.radians(fov_deg)), SIZE, SIZE)
     parts = [jnp.asarray(v, jnp.float32) for v in (rotation, np.array([ORBIT, 0.0, 0.0]), np.array(sun), 0.0)]
     return np.asarray(background(sky, intrinsics, SIZE, SIZE, *parts))
 
@@ -51,8 +55,8 @@ def test_limb_is_at_dip_of_horizon(sky: Sky) -> None:
 
 
 def test_binning_preserves_mean_star_radiance(sky: Sky) -> None:
-    intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(40.0)), SIZE, SIZE)
-    coarse = pinhole_intrinsics(jnp.asarray(np.radians(40.0)), SIZE // 4, SIZE // 4)
+    intrinsics = square_intrinsics(jnp.asarray(np.radians(40.0)), SIZE, SIZE)
+    coarse = square_intrinsics(jnp.asarray(np.radians(40.0)), SIZE // 4, SIZE // 4)
     place = [jnp.asarray(v, jnp.float32) for v in (np.eye(3), np.array([1e3, 0, 0]), np.array([-1.0, 0, 0]), 0.0)]
     fine = np.asarray(background(sky, intrinsics, SIZE, SIZE, *place))
     binned = np.asarray(background(sky, coarse, SIZE // 4, SIZE // 4, *place, 4.0))
@@ -61,12 +65,14 @@ def test_binning_preserves_mean_star_radiance(sky: Sky) -> None:
 
 
 def test_poles_are_not_interpolated_across(sky: Sky) -> None:
-    plain = replace(sky, earth=jnp.zeros_like(sky.earth).at[-1].set(1.0), cloud=jnp.full_like(sky.cloud, -9.0))
+    earth, cloud = np.zeros_like(sky.earth), np.full_like(sky.cloud, -9.0)
+    earth[-1] = 1.0
+    plain = replace(sky, earth=jnp.asarray(earth), cloud=jnp.asarray(cloud))
     for height, bright in ((1.0, False), (-1.0, True)):
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, -height, 0.0], [0.0, 0.0, -height]])
         position, sun = np.array([0.0, 0.0, height * ORBIT]), np.array([0.0, 0.0, height])
         parts = [jnp.asarray(v, jnp.float32) for v in (rotation, position, sun, 0.0)]
-        intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(2.0)), SIZE, SIZE)
+        intrinsics = square_intrinsics(jnp.asarray(np.radians(2.0)), SIZE, SIZE)
         radiance = np.asarray(background(plain, intrinsics, SIZE, SIZE, *parts))[..., 0]
         assert (radiance[SIZE // 2, SIZE // 2] > 0.3) == bright
 

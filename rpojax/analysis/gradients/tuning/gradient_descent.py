@@ -83,7 +83,8 @@ def descend(
     """
     short = scenario_at_horizon(file, settings)
     objective = Objective(short)
-    tunable = tunable_parameters.select_parameters(short, settings.parameters)
+    replaced = () if stages is None else stages.replaced
+    tunable = tunable_parameters.select_parameters(short, settings.parameters, replaced)
     inputs = partial(tunable_parameters.run_values, short, tunable)
     evaluator = RolloutEvaluator(
         *(short, inputs, tunable.count, objective.metric_names, settings.runs, stages, objective.gradient),

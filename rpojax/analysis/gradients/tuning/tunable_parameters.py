@@ -4,7 +4,7 @@ A positive number is tuned in its logarithm, one between bounds in its logit, so
 relative. Weights of the LQR matter by their ratios: differences of logarithms.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +17,7 @@ from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.key_uses import Situation, unused_keys
 
@@ -118,17 +119,18 @@ class TunableParameters:
         return found
 
 
-def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParameters:
+def select_parameters(file: ScenarioFile, names: Sequence[str], replaced: Collection[str] = ()) -> TunableParameters:
     """Numbers to tune, from names of groups and keys.
 
     A key of a group that cannot be tuned from its value, such as a weight of zero, or that has no effect in the
-    scenario, is held fixed; one that is named itself is refused.
+    scenario, is held fixed; one that is named itself is refused. Stages are `replaced` beside those of the plugin.
 
     Raises:
         ScenarioError: a name is neither a group nor a tunable key, the key is dispersed or without effect, or nothing
             is left.
     """
-    unused = unused_keys(Situation(file, is_of_team=bool(file.servicers)))
+    stages = plugin_registry.replaced_stages(file).union(replaced)
+    unused = unused_keys(Situation(file, is_of_team=bool(file.servicers), replaced=stages))
     selected: dict[str, bool] = {}
     for name in names:
         if name in GROUPS:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, get_args
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from rpojax.analysis.reliability.rare_events import method_choice
@@ -85,9 +85,9 @@ def _as_limit_function(limit_state: Callable[..., Any], dimension: int, noise_di
         while begin < len(points):
             size = min(_LARGEST_BATCH, 1 << ((len(points) - begin).bit_length() - 1))
             part = points.rows(slice(begin, begin + size))
-            arguments = [jnp.asarray(part.x[:, :dimension])]
+            arguments = [jax.device_put(part.x[:, :dimension])]
             if noise_dimension:
-                arguments.append(jnp.asarray(_noise(part, dimension, noise_dimension)))
+                arguments.append(jax.device_put(_noise(part, dimension, noise_dimension)))
             found.append(_checked(np.asarray(limit_state(*arguments)), size))
             begin += size
         return np.concatenate(found)

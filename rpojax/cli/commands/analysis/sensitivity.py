@@ -23,7 +23,7 @@ def sensitivity(
         UseAppendAction[tuple[str, ...]],
         arg(
             metavar="NAME",
-            help="Metric; several may follow.",
+            help="Metric; the option may be given several times.",
             help_behavior_hint="(default: those of the scenario's requirements)",
         ),
     ] = (),

@@ -1,8 +1,11 @@
 """Tunable parameters: their initial coordinates, and what is refused."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from isolated_plugins import forgotten_plugins
 
 import rpojax
 from rpojax.analysis.gradients.tuning import tunable_parameters, tune
@@ -77,3 +80,22 @@ def test_a_dispersed_number_is_not_tuned() -> None:
     dispersed = schema.ScenarioFile.model_validate({**tables, "dispersions": [*tables["dispersions"], entry]})
     with pytest.raises(ScenarioError, match=r"navigation.edge_noise_px: found 'a dispersion of it'"):
         tunable_parameters.select_parameters(dispersed, ["navigation"])
+
+
+def gate_of_its_own(estimate: Any, **others: Any) -> Any:
+    return rpojax.Stages().call("orbit_update", estimate=estimate, **others)
+
+
+def test_a_number_that_a_replaced_stage_may_read_can_be_tuned() -> None:
+    overrides = ["navigation.gating=none"]
+    with pytest.raises(ScenarioError, match="without which it has no effect"):
+        tunable_parameters.select_parameters(rpojax.load("inspection", overrides), ["navigation.gate_sigma"])
+    stages = rpojax.Stages(orbit_update=gate_of_its_own)
+    with forgotten_plugins():
+        file = rpojax.load("inspection", overrides, plugin=rpojax.Plugin(stages=stages))
+        chosen = tunable_parameters.select_parameters(file, ["navigation.gate_sigma"])
+    assert chosen.names == ["navigation.gate_sigma"]
+    given = tunable_parameters.select_parameters(
+        rpojax.load("inspection", overrides), ["navigation.gate_sigma"], stages.replaced
+    )
+    assert given.names == chosen.names

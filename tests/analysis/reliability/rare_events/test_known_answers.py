@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ SIGMA = 0.7
 """Standard deviation of the noise in a margin."""
 
 
+@jax.jit
 def plane(z: Array) -> Array:
     """A plane at four sigmas in three dimensions."""
     return BETA - jnp.sum(z, axis=1) / math.sqrt(3.0)
@@ -27,7 +29,7 @@ def plane(z: Array) -> Array:
 @pytest.mark.parametrize("name", ["RP110", "RP107", "10-dimensional hypersphere"])
 def test_public_problems_lie_in_the_interval(name: str) -> None:
     problem = PUBLIC[name]
-    found = rpojax.estimate_probability(problem.limit_state, problem.dimension, budget=6000, seed=2)
+    found = rpojax.estimate_probability(jax.jit(problem.limit_state), problem.dimension, budget=6000, seed=2)
     low, high = found.interval_95
     assert low <= problem.probability <= high
     assert found.trusted
@@ -49,6 +51,7 @@ def test_every_method_knows_a_plane(method: MethodChoice) -> None:
 def test_noise_is_in_the_probability(noise_dimension: int) -> None:
     """Its sum is a normal number, so that the margin is one, too; 400 numbers are drawn anew instead of moved."""
 
+    @jax.jit
     def limit_state(z: Array, noise: Array) -> Array:
         assert noise.shape == (len(z), noise_dimension)
         return 3.5 - z[:, 0] - SIGMA * jnp.sum(noise, axis=1) / math.sqrt(noise_dimension)
@@ -61,26 +64,27 @@ def test_noise_is_in_the_probability(noise_dimension: int) -> None:
 
 def test_line_sampling_says_that_failure_has_several_sides() -> None:
     problem = PUBLIC["four-branch"]
-    found = rpojax.estimate_probability(problem.limit_state, 2, budget=3000, method="line")
+    found = rpojax.estimate_probability(jax.jit(problem.limit_state), 2, budget=3000, method="line")
     assert not found.trusted
     assert any("more than one side" in warning for warning in found.warnings)
 
 
 def test_importance_sampling_tells_the_regions() -> None:
-    found = rpojax.estimate_probability(lambda z: 3.5 - jnp.abs(z[:, 0]), 2, budget=3000)
+    found = rpojax.estimate_probability(jax.jit(lambda z: 3.5 - jnp.abs(z[:, 0])), 2, budget=3000)
     assert any("opposite sides" in warning for warning in found.warnings)
     assert sorted(point.x[0] for point in found.design_points) == pytest.approx([-3.5, 3.5], abs=0.1)
 
 
 def test_subset_simulation_cannot_rank_flat_margins() -> None:
-    found = rpojax.estimate_probability(lambda z: jnp.where(z[:, 0] > 4.0, -1.0, 1.0), 2, budget=2000, method="subset")
+    flat = jax.jit(lambda z: jnp.where(z[:, 0] > 4.0, -1.0, 1.0))
+    found = rpojax.estimate_probability(flat, 2, budget=2000, method="subset")
     assert not found.trusted
     assert any("cannot rank" in warning for warning in found.warnings)
     assert found.interval_95[0] <= norm.sf(4.0) <= found.interval_95[1]
 
 
 def test_what_never_fails_is_bounded() -> None:
-    found = rpojax.estimate_probability(lambda z: 1.0 + z[:, 0] ** 2, 2, budget=1000)
+    found = rpojax.estimate_probability(jax.jit(lambda z: 1.0 + z[:, 0] ** 2), 2, budget=1000)
     assert found.probability == 0.0
     assert not found.trusted
     assert found.interval_95[0] == 0.0
@@ -89,7 +93,7 @@ def test_what_never_fails_is_bounded() -> None:
 
 
 def test_what_always_fails_is_certain() -> None:
-    found = rpojax.estimate_probability(lambda z: -1.0 - z[:, 0] ** 2, 2, budget=1000)
+    found = rpojax.estimate_probability(jax.jit(lambda z: -1.0 - z[:, 0] ** 2), 2, budget=1000)
     assert found.probability == 1.0
     assert found.trusted
     assert found.method == "plain"
@@ -97,7 +101,7 @@ def test_what_always_fails_is_certain() -> None:
 
 def test_undefined_margins_are_failures_and_told() -> None:
     found = rpojax.estimate_probability(
-        lambda z: jnp.where(z[:, 0] > 3.5, jnp.nan, 1.0 - z[:, 1] / 9.0), 2, budget=4000
+        jax.jit(lambda z: jnp.where(z[:, 0] > 3.5, jnp.nan, 1.0 - z[:, 1] / 9.0)), 2, budget=4000
     )
     assert found.interval_95[0] <= norm.sf(3.5) <= found.interval_95[1]
     assert not found.trusted
@@ -148,9 +152,6 @@ def test_the_answers_of_the_benchmark_are_those_of_quadrature() -> None:
     rng = np.random.default_rng(0)
     for name in ("four-branch", "RP22", "RP31", "RP14", "one-sided parabola"):
         problem = PUBLIC[name]
-        share = float(
-            (
-                np.asarray(problem.limit_state(jnp.asarray(rng.standard_normal((200_000, problem.dimension))))) <= 0.0
-            ).mean()
-        )
+        margins = jax.jit(problem.limit_state)(rng.standard_normal((200_000, problem.dimension)))
+        share = float(np.mean(np.asarray(margins) <= 0.0))
         assert share == pytest.approx(problem.probability, abs=4.0 * math.sqrt(problem.probability / 200_000))

@@ -86,13 +86,18 @@ def test_the_velocity_is_the_derivative_of_the_position(kind: str) -> None:
         np.testing.assert_allclose(state(kind, elapsed)[3:], slope[:3], atol=1e-12, err_msg=f"{elapsed} s")
 
 
+@partial(jax.jit, static_argnums=0)
+def batched(module: ModuleType, *arguments: Any) -> jax.Array:
+    """States (6, times) by the transform of campaigns."""
+    return vmap(partial(along_the_orbit, module), in_axes=(None, None, None, -1), out_axes=-1)(*arguments)
+
+
 @every_kind
 def test_a_batch_in_single_precision_agrees_with_single_runs_in_double(kind: str) -> None:
     module, reference = KINDS[kind]
     double = np.stack([state(kind, elapsed) for elapsed in TIMES], axis=-1)
     single = jax.tree.map(lambda x: x.astype(jnp.float32), (reference, ENTRY, orbit(0.3), jnp.asarray(TIMES)))
-    batched = vmap(partial(along_the_orbit, module), in_axes=(None, None, None, -1), out_axes=-1)
-    found = jax.jit(batched)(*single)
+    found = batched(module, *single)
     assert found.dtype == jnp.float32
     scale = np.array([1.0] * 3 + [1e-3] * 3)[:, None]
     # Positions are sums of terms of up to some 1000 m, each with some roundings of 6e-8.
@@ -160,13 +165,22 @@ MOVING = {kind: KINDS[kind] for kind in sorted(KINDS) if kind != "relative_orbit
 }
 
 
+@partial(jax.jit, static_argnums=0)
+def states_on_osculating_orbits(module: Any, reference: Any, times: jax.Array) -> jax.Array:
+    return jax.vmap(lambda seconds: module.state(reference, FROM_AN_ELLIPSE, osculating(AT, seconds), seconds))(times)
+
+
+@jax.jit
+def states_of_transfer(followed: transfer.Transfer, start: PhaseEntry, times: jax.Array) -> jax.Array:
+    return jax.vmap(lambda seconds: transfer.state(followed, start, start.orbit, seconds))(times)
+
+
 @pytest.mark.parametrize("kind", MOVING)
 def test_a_reference_moves_smoothly_while_the_osculating_orbit_changes(kind: str) -> None:
     """In a second by what its speed says: ten times in an orbit, and around the times at which it may turn."""
     module, reference = MOVING[kind]
     times = np.concatenate([np.linspace(1.0, 2.2 * period(0.0), 4001), 0.51 * period(0.0) + np.arange(-30.0, 30.0)])
-    after = jax.vmap(lambda seconds: module.state(reference, FROM_AN_ELLIPSE, osculating(AT, seconds), seconds))
-    here, later = (np.asarray(jax.jit(after)(jnp.asarray(times + step))) for step in (0.0, 1.0))
+    here, later = (np.asarray(states_on_osculating_orbits(module, reference, times + step)) for step in (0.0, 1.0))
     moved = np.linalg.norm(later[:, :3] - here[:, :3], axis=1)
     speed = np.maximum(np.linalg.norm(here[:, 3:], axis=1), np.linalg.norm(later[:, 3:], axis=1))
     assert np.all(moved < 1.05 * speed + 0.02)
@@ -180,18 +194,12 @@ def test_half_an_orbit_from_an_ellipse_does_not_swing_across_the_track(place: fl
     n = 2.0 * np.pi / period(0.0)
     start = entry(-25.0 * c, 50.0 * s, 30.0 * s, 25.0 * n * s, 50.0 * n * c, 30.0 * n * c, e=0.0)
     followed = transfer.Transfer(**BESIDE, **numbers(duration=3000.0))
-    after = jax.jit(jax.vmap(lambda seconds: transfer.state(followed, start, start.orbit, seconds)))
-    states = np.asarray(after(jnp.linspace(0.0, 2999.0, 500)))
+    states = np.asarray(states_of_transfer(followed, start, np.linspace(0.0, 2999.0, 500)))
     assert np.max(np.abs(states[:, 2])) < 45.0
     np.testing.assert_allclose(states[-1, :3], [0.0, 40.0, 0.0], atol=0.2)
 
 
 @pytest.mark.parametrize("kind", ["transfer_in_half_an_orbit", "transfer_in_an_orbit", "transfer_in_two_orbits"])
 def test_a_transfer_near_a_singular_time_has_finite_derivatives_to_all_that_it_begins_with(kind: str) -> None:
-    module, reference = MOVING[kind]
-
-    def state(reference: Any, start: PhaseEntry) -> jax.Array:
-        return module.state(reference, start, AT, jnp.asarray(2500.0))
-
-    slopes = jax.jit(jax.jacrev(state, argnums=(0, 1)))(reference, FROM_AN_ELLIPSE)
-    assert all(bool(jnp.all(jnp.isfinite(each))) for each in jax.tree.leaves(slopes))
+    (*slopes, _), _ = with_slopes(*MOVING[kind], FROM_AN_ELLIPSE, AT, jnp.asarray(2500.0))
+    assert all(np.all(np.isfinite(each)) for each in jax.tree.leaves(slopes))
