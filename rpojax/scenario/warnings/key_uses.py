@@ -287,6 +287,11 @@ _FLIGHT: Final = (
         "mission.hold_at_s or a phase with on_timeout = 'hold'",
         lambda at: not at.file.phases or at.can_hold,
     ),
+    Use(
+        ("mission.resume_at_s",),
+        "a later mission.abort_at_s",
+        lambda at: at.reach.low("mission.resume_at_s") < at.reach.high("mission.abort_at_s"),
+    ),
 )
 
 _TEAM: Final = (

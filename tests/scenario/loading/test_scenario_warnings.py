@@ -54,6 +54,11 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "mission.hold_at_s": (
         "vbar_approach", ["mission.hold_at_s=3000", "mission.abort_at_s=1000"], "a later mission.resume_at_s and"
     ),
+    "a command to resume after an abort": (
+        "vbar_approach",
+        ["mission.hold_at_s=1000", "mission.resume_at_s=3000", "mission.abort_at_s=2000"],
+        "mission.resume_at_s, a later mission.abort_at_s",
+    ),
     "a fault of no duration": (
         "inspection", ["effects.faults=true", "fault.kind=gps_outage", "fault.duration_s=0"], "a fault.duration_s above"
     ),

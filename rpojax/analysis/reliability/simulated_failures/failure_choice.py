@@ -9,6 +9,7 @@ from rpojax.metrics import metric_catalogue
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
@@ -76,10 +77,18 @@ def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
 
 
 def _of_outcome(file: ScenarioFile, name: str) -> Failure:
-    has_goal = bool(file.phases) and file.goal.phase != NO_GOAL
-    known = [str(each) for each in Outcome if each.is_failure and (has_goal or each is not Outcome.UNFINISHED)]
+    """Failure with an outcome; one with which no run can end, whose probability would be zero, is refused."""
+    reach, is_mission = DispersedReach(file), bool(file.phases)
+    possible = {
+        Outcome.UNFINISHED: is_mission and file.goal.phase != NO_GOAL,
+        Outcome.ABORTED: is_mission,
+        Outcome.LOST: reach.low("limits.lost_after_s") <= file.duration_s,
+        Outcome.OFF_STATION: reach.low("limits.arrive_by_s") <= file.duration_s,
+    }
+    known = [str(each) for each in Outcome if each.is_failure and possible.get(each, True)]
     if name not in known:
-        raise RpojaxError.of_argument("outcome", f"found {name!r}, expected one of {', '.join(known)}")
+        found = f"{name!r} in runs of {file.duration_s:g} s"
+        raise RpojaxError.of_argument("outcome", f"found {found}, expected one that can occur: {', '.join(known)}")
     return Failure(outcome=Outcome(name))
 
 

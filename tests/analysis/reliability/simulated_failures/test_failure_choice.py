@@ -46,6 +46,28 @@ def test_an_outcome_is_a_failure(mission: ScenarioFile) -> None:
     assert found.words == "outcome keep_out"
 
 
+@pytest.mark.parametrize(
+    ("outcome", "without", "source", "overrides"),
+    [
+        ("off_station", ["duration_s=2900"], "inspection", ["duration_s=3000"]),
+        ("off_station", ["limits.arrive_by_s=6001"], "inspection", ["limits.arrive_by_s=100"]),
+        ("lost", ["duration_s=500"], "inspection", ["duration_s=600"]),
+        ("lost", ["limits.lost_after_s=9000"], "inspection", []),
+        ("aborted", [], "vbar_approach", []),
+        ("unfinished", [], "vbar_approach", []),
+    ],
+)
+def test_an_outcome_that_no_run_can_have_is_refused(
+    outcome: str, without: list[str], source: str, overrides: list[str]
+) -> None:
+    choice = FailureChoice(outcome=outcome)
+    with pytest.raises(
+        RpojaxError, match=f"^outcome: found '{outcome}' in runs of .* s, expected one that can occur: "
+    ):
+        choose_failure(scenario_loader.load("inspection", without), choice)
+    assert str(choose_failure(scenario_loader.load(source, overrides), choice).outcome) == outcome
+
+
 def test_a_metric_of_the_scenarios_plugin_is_one_of_its_own(mission: ScenarioFile) -> None:
     plugin = rpojax.Plugin(metrics={"minutes_late": lambda time_s: time_s[-1] / 60.0})
     choice = FailureChoice(metric="minutes_late", limit=5.0, bound="at most")
