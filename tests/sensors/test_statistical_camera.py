@@ -145,7 +145,15 @@ def test_each_random_number_decides_one_thing() -> None:
 
     def one(uniforms: jax.Array) -> CameraFrame:
         return statistical_camera.measure(
-            statistics, scene(), jnp.asarray(OUTLINE), yes, SIZE, yes, yes, lasting, normals, uniforms
+            statistics,
+            scene(),
+            jnp.asarray(OUTLINE),
+            yes,
+            SIZE,
+            yes,
+            yes,
+            *map(jnp.asarray, (lasting, normals)),
+            uniforms,
         )
 
     found = jax.jit(jax.vmap(one))(uniforms)

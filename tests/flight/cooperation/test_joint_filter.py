@@ -171,7 +171,7 @@ def test_errors_of_a_peer_that_is_heard_fade_to_what_they_are_without_measuremen
 
     time = outline_correlation.correlation_time(estimate.own.outline)
     r, v = estimate.own.r_TS_N - peers[0, :3], estimate.own.v_TS_N - peers[0, 3:6]
-    errors = shape_errors.shape_errors(tuning(), time, peers[0, 6], r, v)
+    errors = shape_errors.shape_errors(tuning(), time, jnp.asarray(peers[0, 6]), r, v)
     size, gps = np.exp(-dt / float(errors.scale_time_constant[0])), np.exp(-dt / 700.0)
     factors = np.array([size, 1.0, 1.0, gps, gps, gps, 1.0])
     np.testing.assert_allclose(after.peers[0, :6], peers[0, :6] + burns.change[0], rtol=1e-12)
