@@ -717,6 +717,7 @@ def test_batches_that_make_no_sense_are_refused(refused: Call) -> None:
     assert "--runs" in refused("bench", "--runs", 0).err
     assert "duration_s" in refused("bench", "--duration-s", "nan").err
     assert "--only" in refused("bench", "--only", "loop,kernel").err
+    assert "--only: found 'vision' with a scenario" in refused("bench", "--only", "vision", "--set", "orbit.e=0.1").err
 
 
 @pytest.mark.parametrize(

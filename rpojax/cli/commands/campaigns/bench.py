@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import arg
 
 from rpojax.cli.arguments import AsJson, Overrides, Source, load
+from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 PARTS = {
     "loop": "the closed loop",
     "kernels": "bare orbits and the orbit filter",
-    "vision": "pictures and the detector",
+    "vision": "pictures of the packaged target and the detector",
 }
 """Part of the benchmark -> what it measures."""
 
@@ -47,7 +48,11 @@ def bench(
     Programs are compiled anew.
     """
     parts = _chosen_parts(only)
+    if parts == ["vision"] and (overrides or scenario != "inspection"):
+        expected = "loop or kernels, too: its pictures are those of the packaged target in any scenario"
+        raise RpojaxError.of_argument("only", f"found 'vision' with a scenario or --set, expected {expected}")
     file = load(scenario, (f"duration_s={duration_s}", *overrides))
+    show_unused_keys(file, quiet=as_json)
     prepare_jax(cache=False)
     # XLA reads its fusion options once per process, and rendering is faster with others.
     apart = len(parts) > 1 and "vision" in parts
