@@ -34,7 +34,7 @@ formation = { desired_position_m = [0.0, 30.0, 0.0] }
 
 
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> ScenarioFile:
+def pair(programs: None, tmp_path_factory: pytest.TempPathFactory) -> ScenarioFile:
     """Two servicers on either side of the target."""
     path = tmp_path_factory.mktemp("team") / "pair.toml"
     path.write_text(TEAM)
@@ -43,9 +43,11 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> ScenarioFile:
 
 def simulate(file: ScenarioFile, ids: Sequence[int]) -> dict[str, np.ndarray]:
     """Channels (ticks, runs, ...) of some runs."""
-    engine = BatchEngine(file, len(ids), jax.devices()[:1])
-    segments = list(engine.simulate(engine.prepare(3, np.asarray(ids))))
-    return {name: np.concatenate([segment.channels[name] for segment in segments]) for name in segments[0].channels}
+    # One after the other: the program of a servicer alone is that of the campaigns.
+    engine = BatchEngine(file, 1, jax.devices()[:1])
+    runs = [[segment.channels for segment in engine.simulate(engine.prepare(3, np.array([one])))] for one in ids]
+    each = [{name: np.concatenate([part[name] for part in parts]) for name in parts[0]} for parts in runs]
+    return {name: np.concatenate([run[name] for run in each], axis=1) for name in each[0]}
 
 
 def test_servicers_that_share_nothing_do_as_alone(pair: ScenarioFile) -> None:
