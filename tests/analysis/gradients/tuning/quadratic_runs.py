@@ -35,7 +35,7 @@ class QuadraticRuns(RolloutEvaluator):
         self._cotangent = rest[2]
 
     def _off(self, inputs: np.ndarray, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.random.Generator]:
-        rng = np.random.default_rng(keys.astype(np.uint32).tolist())
+        rng = np.random.default_rng(keys.astype(np.uint32).ravel().tolist())
         off = inputs - self.best + 0.1 * rng.standard_normal(inputs.shape)
         return off, np.exp(np.sum(off**2, axis=1, keepdims=True)), rng
 
