@@ -9,12 +9,12 @@ import numpy as np
 
 from benchmarks.accelerator import memory
 from benchmarks.accelerator.sizes import Sizes
-from rpojax.analysis.gradients import rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import InputFunction, RolloutEvaluator
 from rpojax.benchmark import timing
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.noise import run_keys
 
 _METRIC = "formation_error_rms_m"
 _KEY = "formation.delta_v_weight"
@@ -29,7 +29,7 @@ def measure(sizes: Sizes) -> Iterator[dict[str, Any]]:
 def _figures(file: ScenarioFile, runs: int) -> dict[str, Any]:
     evaluator = RolloutEvaluator(file, _shifted_weight(file), 3, [_METRIC], runs)
     inputs, weights = np.zeros((runs, 3)), np.ones((runs, 1))
-    keys = rollout_evaluator.run_keys(0, np.arange(runs))
+    keys = run_keys(0, np.arange(runs))
     gradient = timing.fastest_pass(lambda: timing.time_call(lambda: evaluator.gradient(inputs, keys, weights)), 2)
     compile_s = evaluator.compile_s
     values = timing.fastest_pass(lambda: timing.time_call(lambda: evaluator.evaluate(inputs, keys)), 2)

@@ -46,6 +46,7 @@ def gradients(mode: str, runs: int, horizon_s: float, devices: int, per_device: 
     from rpojax.analysis.gradients import rollout_evaluator
     from rpojax.analysis.gradients.tuning import gradient_estimator, tunable_parameters
     from rpojax.analysis.gradients.tuning.tuning_objective import Objective
+    from rpojax.simulation.noise import run_keys
 
     rollout_evaluator.share_runs = lambda *_: (jax.devices()[:devices], per_device)
     gradient_estimator.FORWARD_MODE_MAX_INPUTS = {"forward": 2, "reverse": 0}[mode]
@@ -59,7 +60,7 @@ def gradients(mode: str, runs: int, horizon_s: float, devices: int, per_device: 
         runs,
         cotangent=objective.gradient,
     )
-    keys = rollout_evaluator.run_keys(0, np.arange(runs))
+    keys = run_keys(0, np.arange(runs))
     found, of_runs = gradient_estimator.run_gradients(evaluator, objective, chosen.initial, keys)
     total, excluded, _ = gradient_estimator.clipped_sum(of_runs)
     assert excluded == 0

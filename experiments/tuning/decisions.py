@@ -28,9 +28,10 @@ def main() -> None:
     prepare_jax(cache=True)
     set_loop_fusion_flag(rendered=False)
     import rpojax
-    from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+    from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
     from rpojax.analysis.gradients.tuning import gradient_estimator, tunable_parameters
     from rpojax.analysis.gradients.tuning.tuning_objective import Objective
+    from rpojax.simulation.noise import run_keys
 
     file = rpojax.load("inspection", [*SETTINGS, *ONLY, f"duration_s={options.horizon}"])
     chosen, names = tunable_parameters.select_parameters(file, PARAMETERS), Objective(file).metric_names

@@ -46,9 +46,10 @@ def main() -> None:
 def compare(source: str, overrides: list[str], options: argparse.Namespace) -> dict[str, dict[str, float]]:
     """Largest relative differences by number: forward, reverse, and the share of runs without an event in the step."""
     import rpojax
-    from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+    from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
     from rpojax.analysis.gradients.tuning import tunable_parameters
     from rpojax.analysis.gradients.tuning.tuning_objective import Objective
+    from rpojax.simulation.noise import run_keys
 
     file = rpojax.load(source, [*overrides, "tuning.estimate=1.0"])
     names = options.parameters.split(",") if options.parameters else list(tunable_parameters.GROUPS)

@@ -69,11 +69,17 @@ class TickNoise:
 
 
 _fold_in = jax.jit(random_streams.fold_in, inline=True)
+_fold_in_each = jax.jit(jax.vmap(random_streams.fold_in, in_axes=(None, 0)))
 
 
 def run_key(seed: int, run_id: int | Array) -> Array:
     """Random key of run `run_id` of a campaign."""
     return _fold_in(random_streams.master_key(seed), run_id)
+
+
+def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
+    """Random keys (runs, 2) of the runs of a campaign with a given seed."""
+    return np.asarray(_fold_in_each(random_streams.master_key(seed), np.asarray(ids)))
 
 
 def camera_key(keys: Array, tick: Array) -> Array:

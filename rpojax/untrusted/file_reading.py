@@ -62,35 +62,37 @@ def read_bytes(path: Path, kind: FileKind) -> bytes:
     Raises:
         FileError: it is missing, unreadable, too large or no regular file.
     """
+    content = _read(path, kind, kind.most_bytes + 1)
+    if len(content) > kind.most_bytes:
+        raise _too_large(path, kind)
+    return content
+
+
+def check_readable(path: Path, kind: FileKind) -> None:
+    """Refuses what `read_bytes` would, by the beginning of the file.
+
+    Raises:
+        FileError: it is missing, unreadable, too large or no regular file.
+    """
+    _read(path, kind, len(_LFS_POINTER))
+
+
+def _read(path: Path, kind: FileKind, count: int) -> bytes:
+    """The first bytes of a file, at most `count`."""
     try:
-        check_regular(path, kind)
+        _check(path, path.stat(), kind)
         # What replaced the file since then must not block.
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
         with os.fdopen(handle, "rb") as stream:
             _check(path, os.fstat(stream.fileno()), kind)
-            content = stream.read(kind.most_bytes + 1)
+            content = stream.read(count)
     except (OSError, ValueError) as error:
         raise _unreadable(path, error, kind) from None
-    if len(content) > kind.most_bytes:
-        raise _too_large(path, kind)
     if content.startswith(_LFS_POINTER):
         raise FileError(
             path, "a pointer of Git LFS in place of the file", f"{kind.words}, as `git lfs pull` fetches it"
         )
     return content
-
-
-def check_regular(path: Path, kind: FileKind) -> None:
-    """Refuses what is no regular file of a size that the kind allows, without opening it.
-
-    Raises:
-        FileError: it is missing, too large or no regular file.
-    """
-    try:
-        found = path.stat()
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, error, kind) from None
-    _check(path, found, kind)
 
 
 def is_regular(path: Path) -> bool:

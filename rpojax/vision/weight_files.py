@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
+from rpojax.untrusted.file_reading import FileError, FileKind, check_readable
 from rpojax.untrusted.json_reading import parse_json
 from rpojax.untrusted.structure_limits import StructureError
 
@@ -40,7 +40,7 @@ def read_tensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     from safetensors import SafetensorError, safe_open
 
     try:
-        read_bytes(path, FileKind.WEIGHTS)  # refuses what is no file of this kind
+        check_readable(path, FileKind.WEIGHTS)
         with safe_open(path, framework="numpy") as content:
             return {name: content.get_tensor(name) for name in content.keys()}, dict(content.metadata() or {})  # noqa: SIM118
     except FileError as error:

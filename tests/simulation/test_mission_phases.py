@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from named_loops import name_loop
 
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.campaign import single_run
 from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.batch_engine import BatchEngine
@@ -29,6 +29,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import step_stages
+from rpojax.simulation.noise import run_keys
 from rpojax.simulation.state import State
 from rpojax.simulation.step import step
 from rpojax.simulation.tick import Loop

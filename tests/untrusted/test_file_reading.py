@@ -61,6 +61,6 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path, kind: FileKind) -> None:
 
 
 def test_what_cannot_be_a_path_is_an_error() -> None:
-    with pytest.raises(FileError, match="null (byte|character)"):
+    with pytest.raises(FileError, match=r"null (byte|character)"):
         read_bytes(Path("a\0b"), FileKind.SCENARIO)
     assert absolute_path(Path("a\0b")) == Path("a\0b")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
 from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
 from rpojax.analysis.statistics.dependence.rank_correlation import spearman
 from rpojax.analysis.statistics.paired_comparison import requirement_name
@@ -32,6 +32,7 @@ from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNorm
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.noise import run_keys
 
 if TYPE_CHECKING:
     import pandas
@@ -212,15 +213,14 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
         if name not in known:
             expected = f"a metric with a derivative: {', '.join(known)}"
             raise RpojaxError.of_argument("metrics", f"found {name!r}, expected {expected}")
-    of_whole_runs = [each.metric for each in file.requirements if each.is_of_all_runs]
-    chosen = names or [name for name in of_whole_runs if name in known]
+    required = [] if names else file.requirements
+    usable = [each for each in required if each.is_of_all_runs and each.metric in known]
+    chosen = names or [each.metric for each in usable]
     if not chosen:
         raise RpojaxError.of_argument(
             "metrics", "found none, expected one, for a scenario without requirements on such metrics"
         )
-    left_out = (
-        [] if names else [each for each in file.requirements if not (each.is_of_all_runs and each.metric in known)]
-    )
+    left_out = [each for each in required if each not in usable]
     if left_out:
         listed = ", ".join(dict.fromkeys(map(requirement_name, left_out)))
         reason = "they have no derivative, or are not of all whole runs"

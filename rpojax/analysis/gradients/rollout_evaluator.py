@@ -19,7 +19,6 @@ from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, che
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform
 from rpojax.core.pytree import concatenate
-from rpojax.core.random_streams import fold_in, master_key
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
@@ -271,11 +270,3 @@ class RolloutEvaluator:
         state = jax.eval_shape(lambda key: initial_state.init(self.scenario, self._nominal, key), key)
         sums = jax.eval_shape(lambda: running_metrics.initial_sums(self._metrics))
         return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
-
-
-_keys_of_runs = jax.jit(jax.vmap(fold_in, in_axes=(None, 0)))
-
-
-def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
-    """Random keys (runs, 2) of the runs of a campaign with a given seed."""
-    return np.asarray(_keys_of_runs(master_key(seed), np.asarray(ids)))

@@ -9,12 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
-from rpojax.analysis.gradients.rollout_evaluator import (
-    FORWARD_MODE_MAX_INPUTS,
-    RolloutEvaluator,
-    RolloutResult,
-    run_keys,
-)
+from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
 from rpojax.analysis.gradients.tuning.tunable_scenario import check_differentiable
 from rpojax.campaign import preflight
 from rpojax.campaign.experiment_design import has_independent_runs
@@ -28,6 +23,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.params import leaf_path_and_factor
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.noise import run_keys
 
 if TYPE_CHECKING:
     import xarray

@@ -9,9 +9,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
 from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
+from rpojax.simulation.noise import run_keys
 
 _FORWARD_MODE_MAX_RUNS = 1
 """Batch size up to which the forward mode is the faster one."""

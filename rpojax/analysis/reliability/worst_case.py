@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability.form_search import find_design_point
 from rpojax.analysis.reliability.metric_limit import MetricLimit, select_limit
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
@@ -29,6 +29,7 @@ from rpojax.runtime.progress import stage
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.noise import run_keys
 
 _MAX_STARTS = 64
 

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-import jax
 import numpy as np
 
 from rpojax.campaign import single_run
@@ -30,7 +29,6 @@ from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
-from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
 from rpojax.simulation.metrics import recorded_metrics
 from rpojax.simulation.outcomes.judgement import judge_one
@@ -130,12 +128,11 @@ class _LiveRun:
 
     def __init__(self, file: ScenarioFile, stages: Stages, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
-        self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
+        self.scenario, self._params, start = single_run.initialise_run(file, seed, run_id)
         own = dispersed_values.read_back(self._params, dispersion_keys.varied_keys(file))
         self._varied = {key: np.asarray(value)[None] for key, value in own.items()}
         self._takes_burns = ExternalStage.FORMATION in settings.external_stages
         self._stages = CompiledStages(self.scenario, stages, self._params, self._takes_burns)
-        start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
         self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))
         self._sends_images = settings.send_images and self.scenario.camera_model == "rendered"

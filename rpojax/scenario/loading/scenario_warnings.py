@@ -53,7 +53,7 @@ def scenario_warnings(file: ScenarioFile, replaced: Collection[str] = ()) -> lis
 def unused_key_warnings(file: ScenarioFile, replaced: Collection[str] = ()) -> list[str]:
     """One line for each key that was given or is dispersed and has no effect: its value, and what would use it."""
     content = _content(file)
-    stages = plugin_registry.replaced_stages(file).union(replaced)
+    stages = plugin_registry.replaced_stages(file, replaced)
     found = [each for each in _without_effect(file, content, stages) if _is_given(each, [_packaged(_BASE_OF_ALL)])]
     if found:
         # Loading all packaged scenarios takes a tenth of a second.

@@ -1,6 +1,6 @@
 """Plugins of this process by the reference and hash that scenarios carry, and whether files of code may be executed."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from rpojax.errors import RpojaxError, ScenarioError
@@ -141,10 +141,10 @@ def stages_of(file: ScenarioFile, stages: "Stages | None" = None) -> "Stages":
     return stages or plugin.stages or Stages()
 
 
-def replaced_stages(file: ScenarioFile) -> frozenset[str]:
-    """Names of the stages that the plugin of a scenario replaces, none where only its description is known."""
+def replaced_stages(file: ScenarioFile, beside: Collection[str] = ()) -> frozenset[str]:
+    """Names of the stages that the plugin of a scenario replaces, where its code is known, and of those `beside` it."""
     plugin = plugin_of(file)
-    return frozenset() if plugin is None or plugin.stages is None else frozenset(plugin.stages.replaced)
+    return frozenset(beside).union(() if plugin is None or plugin.stages is None else plugin.stages.replaced)
 
 
 def require_code(file: ScenarioFile) -> None:

@@ -15,10 +15,11 @@ from jaxtyping import Array
 import rpojax
 from rpojax.analysis.gradients import rollout_evaluator
 from rpojax.analysis.gradients.checkpointed_scan import checkpointed_scan
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RunStatus, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RunStatus
 from rpojax.analysis.gradients.tuning import gradient_estimator
 from rpojax.analysis.gradients.tuning.tuning_objective import PART_METRICS, Objective
 from rpojax.scenario.params import Params
+from rpojax.simulation.noise import run_keys
 
 RUNS, TICKS = 7, 20
 START = np.array([0.3, -0.2, 0.5])

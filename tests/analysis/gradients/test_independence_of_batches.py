@@ -16,7 +16,7 @@ from experiment_modules import EXPERIMENTS
 from linear_runs import DIVISIONS, FAILED_RUN, OFFSETS, RUNS, START, TICKS, TRANSITION, UNDEFINED_RUN
 
 import rpojax
-from rpojax.analysis.gradients.rollout_evaluator import run_keys
+from rpojax.simulation.noise import run_keys
 
 
 def by_hand() -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from rpojax.analysis.gradients import rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.noise import run_keys
 
 pytestmark = pytest.mark.slow
 
@@ -46,7 +47,7 @@ def evaluator() -> RolloutEvaluator:
     return RolloutEvaluator(file, scaled(file), 3, NAMES, runs=3)
 
 
-KEYS_OF_RUNS = rollout_evaluator.run_keys(0, np.array([1, 5, 7]))
+KEYS_OF_RUNS = run_keys(0, np.array([1, 5, 7]))
 
 
 def forward(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

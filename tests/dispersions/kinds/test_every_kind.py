@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from rpojax.core import random_streams
 from rpojax.dispersions.coordinate_source import CoordinateSource
 from rpojax.dispersions.key_source import KeySource
 from rpojax.dispersions.kinds.dispersion_kind import RandomKind
 from rpojax.dispersions.kinds.registry import Dispersion, recorded_dispersion
 from rpojax.dispersions.marginal_distribution import DiscreteDistribution
 from rpojax.errors import RpojaxError
+from rpojax.simulation.noise import run_keys
 
 RUNS = 2000
 LEAST_P_VALUE = 1e-3
@@ -36,9 +36,6 @@ CASES: dict[str, tuple[dict[str, Any], Any]] = {
 }
 """Settings of each random kind, and a nominal value."""
 LINEARISED = ("normal", "truncated_normal", "uniform", "log_normal", "small_rotation", "correlated_normal")
-
-
-run_keys = jax.jit(jax.vmap(random_streams.fold_in, in_axes=(None, 0)))
 
 
 def kind_and_nominal(kind: str) -> tuple[RandomKind, np.ndarray]:
@@ -105,7 +102,7 @@ def test_a_separable_value_is_the_quantile_at_its_coordinate(kind: str) -> None:
 @pytest.mark.parametrize("kind", [kind for kind in CASES if kind != "choice"])
 def test_drawn_numbers_have_their_marginal_distributions(kind: str) -> None:
     entry, nominal = kind_and_nominal(kind)
-    keys = run_keys(random_streams.master_key(1), np.arange(RUNS))
+    keys = run_keys(1, np.arange(RUNS))
     drawn = np.asarray(jax.jit(jax.vmap(lambda key: entry.draw(jnp.asarray(nominal), KeySource(key))))(keys))
     rows = drawn.reshape(RUNS, -1)
     columns = entry.shown_numbers(rows, nominal.ravel()) or dict(enumerate(rows.T))

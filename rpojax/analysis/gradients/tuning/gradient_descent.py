@@ -18,7 +18,7 @@ import jax
 import numpy as np
 import optax
 
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.gradients.tuning import descent_state, gradient_estimator, tunable_parameters
 from rpojax.analysis.gradients.tuning.descent_state import DescentState, TuningStep
 from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
@@ -28,6 +28,7 @@ from rpojax.errors import Notice, RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.noise import run_keys
 
 _AVERAGED_FRACTION: Final = 0.25
 """Fraction of the steps whose mean is the result."""

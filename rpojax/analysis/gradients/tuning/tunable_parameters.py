@@ -129,7 +129,7 @@ def select_parameters(file: ScenarioFile, names: Sequence[str], replaced: Collec
         ScenarioError: a name is neither a group nor a tunable key, the key is dispersed or without effect, or nothing
             is left.
     """
-    stages = plugin_registry.replaced_stages(file).union(replaced)
+    stages = plugin_registry.replaced_stages(file, replaced)
     unused = unused_keys(Situation(file, is_of_team=bool(file.servicers), replaced=stages))
     selected: dict[str, bool] = {}
     for name in names:

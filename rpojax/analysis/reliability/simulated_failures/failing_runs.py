@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.analysis.gradients.rollout_evaluator import run_keys
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
 from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction
 from rpojax.campaign.storage.atomic_outputs import write_atomically
@@ -18,6 +17,7 @@ from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_s
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.plugins.command_lines import command_line
+from rpojax.simulation.noise import run_keys
 
 MOST = 10
 _RUN_ID_MASK = np.uint32(2**31 - 1)

@@ -7,9 +7,10 @@ import pytest
 from quadratic_runs import ONE_WEIGHT, QuadraticRuns
 
 import rpojax
-from rpojax.analysis.gradients.rollout_evaluator import RolloutResult, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import RolloutResult
 from rpojax.analysis.gradients.tuning import gradient_estimator, tunable_parameters
 from rpojax.analysis.gradients.tuning.tuning_objective import Objective
+from rpojax.simulation.noise import run_keys
 
 
 @pytest.mark.parametrize(
