@@ -176,6 +176,7 @@ class Campaign:
             groups.setdefault(group, {})[name] = values[:count]
         for group, arrays in groups.items():
             self._writer.write_rows(group, block, arrays)
+        self._writer.flush()
         block_manifests.write(self.directory, block, self._manifest(block, groups, timing))
 
     def _manifest(self, block: int, groups: Mapping[str, Mapping[str, np.ndarray]], timing: BlockTiming) -> Manifest:

@@ -35,6 +35,22 @@ def test_disk_error_is_one_line_and_the_old_file_remains(
     assert [(left.name, left.read_bytes()) for left in tmp_path.iterdir()] == [("some", b"old")]
 
 
+def test_flushing_names_the_file_that_the_disk_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = [tmp_path / name for name in ("a", "b")]
+    for path in paths:
+        atomic_files.write(path, b"some")
+    atomic_files.flush(paths)
+    with pytest.raises(UnfinishedError, match=r"missing: found no such file or directory"):
+        atomic_files.flush([paths[0], tmp_path / "missing"])
+
+    def fail(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(UnfinishedError, match=r"found no space left on device, expected room for the results"):
+        atomic_files.flush(paths)
+
+
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '"\ud800', "9" * 5000])
 def test_invalid_json_is_an_error_of_one_line(tmp_path: Path, text: str) -> None:
     path = tmp_path / "some.json"

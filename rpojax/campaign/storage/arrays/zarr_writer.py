@@ -18,6 +18,7 @@ class ZarrWriter:
     """Writes the Zarr group of a campaign of `runs` runs in blocks of `block_size`, with the `seal` of the campaign.
 
     Several processes may write to one group: metadata and the rows of a block have the same bytes from each of them.
+    Files are on the disk, and survive a loss of power, after `flush`; what says that they are complete is written then.
     """
 
     def __init__(self, directory: Path, runs: int, block_size: int, seal: str | None = None) -> None:
@@ -27,6 +28,7 @@ class ZarrWriter:
         self.seal = seal
         self._encoder = ArrayEncoder()
         self._written_metadata: set[Path] = set()
+        self._unflushed: set[Path] = set()
 
     def write_rows(self, group: str, block: int, arrays: Mapping[str, np.ndarray]) -> None:
         """Writes a block's rows of the arrays of a group, name -> (runs of the block, ...).
@@ -81,7 +83,9 @@ class ZarrWriter:
             self._written_metadata.discard(path / name)
             self._write_array(path / name, layout, 0, values)
         digest = zarr_encoding.digest(channels, binding)
+        self.flush()
         self._write_file(path / "zarr.json", zarr_encoding.group_metadata({"sha256": digest}))
+        self.flush()
 
     def _write_array(self, path: Path, layout: ArrayLayout, block: int, values: np.ndarray) -> None:
         if path not in self._written_metadata:
@@ -99,4 +103,14 @@ class ZarrWriter:
     def _write_file(self, path: Path, content: bytes) -> None:
         full = self.directory / "results.zarr" / path
         safe_paths.make_folder(self.directory, full.parent)
-        atomic_files.write(full, content, sync=True)
+        atomic_files.write(full, content)
+        self._unflushed.add(full)
+
+    def flush(self) -> None:
+        """Flushes all files written so far to the disk.
+
+        Raises:
+            UnfinishedError: one cannot be flushed.
+        """
+        atomic_files.flush(sorted(self._unflushed))
+        self._unflushed.clear()

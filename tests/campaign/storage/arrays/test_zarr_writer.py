@@ -4,16 +4,18 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
+import pytest
 import zarr
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
 import rpojax
-from rpojax.campaign.storage import stale_files
+from rpojax.campaign.storage import atomic_files, stale_files
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.errors import UnfinishedError
 from rpojax.scenario.schema import ScenarioFile
 
 RUNS, BLOCK = 60, 2
@@ -64,6 +66,32 @@ def test_two_writers_one_killed_leave_what_a_single_writer_leaves(
     found, expected = contents(shared.directory / "results.zarr"), contents(alone.directory / "results.zarr")
     assert found == expected
     np.testing.assert_array_equal(shared.metrics["min_range_m"], arrays(alone.directory)["metrics/min_range_m"])
+
+
+def test_what_says_that_files_are_complete_is_written_after_they_are_on_the_disk(
+    tmp_path: Path, mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = empty_campaign(tmp_path / "campaign", mission, 7, RUNS, 0, BLOCK)
+    arrays = campaign.directory / "results.zarr"
+
+    def refuse(paths: Collection[Path]) -> None:
+        assert paths
+        raise UnfinishedError("found no room")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(atomic_files, "flush", refuse)
+        with pytest.raises(UnfinishedError):
+            campaign.write_history(3, {"time_s": np.arange(4.0)})
+        with pytest.raises(UnfinishedError):
+            campaign.write_block(0, synthetic_block(0), synthetic_timing())
+    assert (arrays / "histories/3/time_s/zarr.json").is_file()
+    assert not (arrays / "histories/3/zarr.json").exists()
+    assert 0 in campaign.missing_blocks()
+
+    campaign.write_history(3, {"time_s": np.arange(4.0)})
+    campaign.write_block(0, synthetic_block(0), synthetic_timing())
+    assert list(campaign.history_ids) == [3]
+    assert 0 not in campaign.missing_blocks()
 
 
 def contents(directory: Path) -> dict[str, bytes]:
