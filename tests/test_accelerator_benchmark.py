@@ -222,8 +222,8 @@ def test_no_batch_is_tried_that_is_larger_than_one_that_did_not_fit(monkeypatch:
 
 
 def test_differences_of_precisions_are_relative_to_the_spread_of_the_runs() -> None:
-    double = {"error_m": np.arange(101.0), "same": np.ones(101), "completed": np.ones(101, bool)}
-    single = {"error_m": np.arange(101.0) + 0.5, "same": np.ones(101), "completed": np.arange(101) > 0}
+    double = {"error_m": np.arange(101.0), "same": np.ones(101), "failed": np.zeros(101, bool)}
+    single = {"error_m": np.arange(101.0) + 0.5, "same": np.ones(101), "failed": np.arange(101) == 0}
     single["error_m"][100] = np.nan
     double["error_m"][99] = np.nan
     found = precision_statistics.compare(double, single)
@@ -232,7 +232,7 @@ def test_differences_of_precisions_are_relative_to_the_spread_of_the_runs() -> N
     assert found["largest_mean_difference_in_standard_errors"] == pytest.approx(0.5 * np.sqrt(99) / spread)
     assert found["largest_percentile_difference_in_deviations"] == pytest.approx(0.5 / spread)
     assert found["metrics"]["error_m"]["defined_differently"] == 2
-    assert found["completed_differently"] == 1
+    assert found["failed_differently"] == 1
     assert "same" not in found["metrics"]
 
 
@@ -266,5 +266,5 @@ def test_a_small_sitting_measures_all_sections(tmp_path: Path) -> None:
     assert {section["status"] for section in found["sections"]} == {MEASURED}
     assert [len(section["entries"]) for section in found["sections"]] == [1, 1, 1, 1, 1, 1, 1, 2, 2]
     precision = found["sections"][2]["entries"][0]
-    assert precision["completed_differently"] == 0
+    assert precision["failed_differently"] == 0
     assert precision["largest_mean_difference_in_standard_errors"] < 1.0

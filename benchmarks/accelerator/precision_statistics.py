@@ -63,7 +63,7 @@ def compare(double: Mapping[str, np.ndarray], single: Mapping[str, np.ndarray]) 
         return {f"largest_{figure}": metrics[name][figure], f"largest_{figure}_of": name}
 
     return {
-        "completed_differently": int(np.sum(double["completed"] != single["completed"])),
+        "failed_differently": int(np.sum(double["failed"] != single["failed"])),
         **(largest("mean_difference_in_standard_errors") if metrics else {}),
         **(largest("percentile_difference_in_deviations") if metrics else {}),
         "metrics": metrics,

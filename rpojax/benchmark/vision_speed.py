@@ -73,6 +73,7 @@ def compile_camera_and_detector(
     file = scenario_loader.load("inspection", ["camera.model=rendered", f"initial.relative_position_m={place}"])
     size = size or batch_engine.default_block_size(file)
     scenario, params, state = single_run.initialise_run(file)
+    params = jax.tree.map(np.asarray, params)  # numbers of the scenario are floats
     networks = params.networks
     assert networks is not None
     # One random attitude of the target per image, since the cost of an image depends on its content.

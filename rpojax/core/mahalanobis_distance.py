@@ -1,8 +1,9 @@
 """Mahalanobis distance and log-determinant of small covariances, without a matrix inverse."""
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+from rpojax.core.numerics.short_scan import short_scan
 
 
 def squared_mahalanobis_and_log_determinant(
@@ -25,5 +26,5 @@ def squared_mahalanobis_and_log_determinant(
 
     zero = jnp.zeros((), dtype=error.dtype)
     initial = (P, error, zero, zero)
-    (_, _, squared_distance, log_determinant), _ = jax.lax.scan(condition, initial, jnp.arange(error.shape[0]))
+    _, _, squared_distance, log_determinant = short_scan(condition, initial, jnp.arange(error.shape[0]))
     return squared_distance, log_determinant

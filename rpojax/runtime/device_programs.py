@@ -25,6 +25,9 @@ T = TypeVar("T")
 CALLS_AHEAD = 2
 """Results that a thread may compute before the caller has taken them; two cover short pauses of a shared core."""
 
+_PINNED = "pinned_host"
+"""Kind of memory of the host that a device writes by itself."""
+
 
 @dataclass(frozen=True)
 class DevicePrograms:
@@ -117,6 +120,22 @@ def call_in_threads(functions: Sequence[Callable[[], T]], times: int) -> Generat
             if number >= CALLS_AHEAD:
                 # Yielded without a local reference, so that the caller decides how long results stay in memory.
                 yield [each.result() for each in pending.popleft()]
+
+
+def copied_to_host(arrays: T) -> T:
+    """Arrays of one accelerator in memory of the host, which NumPy reads in place; those of a CPU as they are.
+
+    The copy runs beside the next computation. Pinned memory is written many times faster than other memory, of which
+    the system first has to find every page; its allocator keeps what was freed.
+    """
+    (device,) = {device for each in jax.tree.leaves(arrays) for device in each.devices()}
+    if _computes_in_memory_of_the_host(device):
+        return arrays
+    return jax.device_put(arrays, SingleDeviceSharding(device, memory_kind=_PINNED))
+
+
+def _computes_in_memory_of_the_host(device: Any) -> bool:
+    return device.platform == "cpu" or _PINNED not in {memory.kind for memory in device.addressable_memories()}
 
 
 def choose_devices(devices: Sequence[Any] | None = None, most: int | None = None) -> list[Any]:

@@ -26,6 +26,17 @@ def test_every_device_computes_with_its_own_arguments_and_donates_them() -> None
     assert all(state.is_deleted() and not factor.is_deleted() for factor, state in placed)
 
 
+def test_results_in_memory_of_the_host_are_those_of_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    arrays = {"a": jax.numpy.arange(6.0).reshape(2, 3), "b": jax.numpy.array([True, False])}
+    assert device_programs.copied_to_host(arrays) is arrays
+
+    monkeypatch.setattr(device_programs, "_computes_in_memory_of_the_host", lambda device: False)
+    copies = device_programs.copied_to_host(arrays)
+    for name, each in copies.items():
+        assert each.sharding.memory_kind == "pinned_host"
+        np.testing.assert_array_equal(each, arrays[name])
+
+
 def test_cores_of_a_cpu_share_one_trace_and_one_program() -> None:
     traces = []
 

@@ -401,7 +401,8 @@ class _DeviceBatch:
             self.state = dataclasses.replace(self.state, keys=jax.device_put(keys, self.state.keys.sharding))
         count = np.int32(min(SEGMENT_TICKS, self.ticks - self.number * SEGMENT_TICKS))
         self.number += 1
-        self.state, channels = jax.block_until_ready(self.program(self.nominal, self.values, self.state, count))
+        self.state, channels = self.program(self.nominal, self.values, self.state, count)
+        channels = jax.block_until_ready(device_programs.copied_to_host(channels))
         # Copies: the state itself is donated to the next segment.
         return _DeviceSegment(channels, np.array(self.state.failure), np.array(self.state.failed_at))
 

@@ -8,12 +8,14 @@ import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from rpojax.campaign.execution import surface_coverage
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
+from rpojax.campaign.execution.runs_in_parts import in_parts
 from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.resource_estimates import HISTORY_MEMORY_BYTES
@@ -193,6 +195,10 @@ def servicer_arrays(results: ServicerResults, rows: slice) -> dict[str, np.ndarr
 
     Metrics of frozen runs are nan, those of windows that they were frozen in, and traces after they were frozen.
     """
+    return in_parts(partial(_servicer_arrays, results), rows)
+
+
+def _servicer_arrays(results: ServicerResults, rows: slice) -> dict[str, np.ndarray]:
     file, judged, coverage = results.file, results.judged, results.coverage
     records = {name: values[rows] for name, values in results.records.items()}
     used = {key: values[rows] for key, values in results.used.items()}

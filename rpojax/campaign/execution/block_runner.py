@@ -11,6 +11,7 @@ from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns, Segment
 from rpojax.campaign.execution.block_recording import ChannelRecorder, ServicerResults, recorded_channels
 from rpojax.campaign.execution.campaign_engine import check_versions
+from rpojax.campaign.execution.runs_in_parts import in_parts
 from rpojax.campaign.execution.selected_histories import SelectionSoFar
 from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.execution.teams import member_values, passive_separation, team_recording
@@ -20,9 +21,11 @@ from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import team_metrics
 from rpojax.simulation.outcomes import outcome_kinds, team_outcome
 from rpojax.simulation.outcomes.judgement import JudgedRuns, judge
+from rpojax.simulation.outcomes.outcome_events import EventArrays
 
 BatchProgressCallback = Callable[[float, int], None]
 """Called with the finished fraction of a batch of runs, and with the number of its runs that have failed."""
@@ -149,8 +152,27 @@ def _judged(
         records=records,
         passive_safety=engine.passive_safety.evaluate(drawn, channels, nominal) if drifts else {},
         coverage=engine.coverage.evaluate(drawn, channels, nominal) if drifts else CoverageResults({}, {}),
-        judged=judge(file, used, records, own_failure, own_failed_at),
+        judged=_judged_runs(file, used, records, own_failure, own_failed_at),
     )
+
+
+def _judged_runs(
+    file: ScenarioFile,
+    used: Mapping[str, np.ndarray],
+    records: Mapping[str, np.ndarray],
+    failure: np.ndarray,
+    failed_at_s: np.ndarray,
+) -> JudgedRuns:
+    """As `judge`, for any number of runs at once."""
+
+    def judged(rows: slice) -> dict[str, np.ndarray]:
+        own_used = {key: values[rows] for key, values in used.items()}
+        own_records = {name: values[rows] for name, values in records.items()}
+        found = judge(file, own_used, own_records, failure[rows], failed_at_s[rows])
+        return {"codes": found.codes, "since_s": found.since_s, **found.events.stored(slice(None))}
+
+    found = in_parts(judged, slice(0, len(failure)))
+    return JudgedRuns(found.pop("codes"), found.pop("since_s"), EventArrays(**found))
 
 
 @dataclass(frozen=True)

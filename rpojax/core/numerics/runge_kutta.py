@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
+from rpojax.core.numerics.short_scan import short_scan
 
 State = TypeVar("State")
 Method = Literal["rk4", "rk8"]
@@ -53,7 +54,7 @@ def _add(state: State, increment: State) -> State:
 def _rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
     """The classical fourth-order Runge-Kutta method.
 
-    The four stages are a rolled loop: a quarter of the code to compile, and each stage is computed once.
+    The four stages are a loop on a CPU: a quarter of the code to compile, and each stage is computed once.
     """
     dtype = jnp.result_type(*jax.tree.leaves(state))
     stages = (
@@ -69,8 +70,7 @@ def _rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | F
         point = jax.tree.map(lambda y, k: y + offset * k, state, slope)
         return (point, jax.tree.map(lambda y, k: y + weight * k, total, slope)), None
 
-    (_, total), _ = jax.lax.scan(stage, (state, jax.tree.map(jnp.zeros_like, state)), stages)
-    return total
+    return short_scan(stage, (state, jax.tree.map(jnp.zeros_like, state)), stages)[1]
 
 
 _RK8_NODE_INDICES = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
