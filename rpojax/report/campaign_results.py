@@ -125,3 +125,20 @@ class CampaignResults(Protocol):
     def servicers(self, group: str) -> Mapping[str, np.ndarray]:
         """Arrays (runs, servicers, ...) of a group, such as `status`, of a team; empty for one servicer alone."""
         ...
+
+
+class PassedOnResults:
+    """Results of a campaign that are those of another one, except for members that a subclass defines."""
+
+    def __init__(self, campaign: CampaignResults) -> None:
+        self._campaign = campaign
+
+
+def _passed_on(name: str) -> property:
+    return property(lambda results: getattr(results._campaign, name))
+
+
+# Members, not `__getattr__`: a check against the protocol looks for them without calling anything.
+for _name in vars(CampaignResults):
+    if not _name.startswith("_"):
+        setattr(PassedOnResults, _name, _passed_on(_name))

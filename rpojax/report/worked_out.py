@@ -5,25 +5,18 @@ part of the report is made as if nothing were recorded, and a note is kept.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.campaign_results import CampaignResults, PassedOnResults
 
 Part = TypeVar("Part")
 _OF_NUMBERS = (ArithmeticError, ValueError, TypeError, IndexError, np.linalg.LinAlgError)
 
 
-class WithoutNumbers:
+class WithoutNumbers(PassedOnResults):
     """Results of a campaign in which no metric, trace, draw or history is defined; all else is as it was."""
-
-    def __init__(self, campaign: CampaignResults) -> None:
-        self._campaign = campaign
-
-    def __getattr__(self, name: str) -> Any:
-        """What has no numbers is that of the campaign."""
-        return getattr(self._campaign, name)
 
     @property
     def metrics(self) -> Mapping[str, np.ndarray]:

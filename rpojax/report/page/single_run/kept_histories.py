@@ -2,18 +2,18 @@
 
 from collections import OrderedDict
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from rpojax.campaign.storage.campaign_folder import of_servicer
-from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.campaign_results import CampaignResults, PassedOnResults
 
 KEPT_BYTES: Final = 400_000_000
 """Memory beyond which the history that was not used for longest is read again."""
 
 
-class KeptHistories:
+class KeptHistories(PassedOnResults):
     """Results of a campaign, with a memory of its histories.
 
     Args:
@@ -22,12 +22,9 @@ class KeptHistories:
     """
 
     def __init__(self, campaign: CampaignResults, most_bytes: int = KEPT_BYTES) -> None:
-        self._campaign, self._most_bytes = campaign, most_bytes
+        super().__init__(campaign)
+        self._most_bytes = most_bytes
         self._kept: OrderedDict[int, Mapping[str, np.ndarray]] = OrderedDict()
-
-    def __getattr__(self, name: str) -> Any:
-        """All else is that of the campaign."""
-        return getattr(self._campaign, name)
 
     def history(self, run_id: int, servicer: int | None = None) -> Mapping[str, np.ndarray]:
         """Full history of a run, as the campaign has it."""
