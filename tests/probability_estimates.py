@@ -23,7 +23,7 @@ ESTIMATE: dict[str, Any] = {
     "scenario": "inspection",
     "scenario_hash": "3f6c0a9d51e2" + 52 * "0",
     "seed": 5,
-    "failure": {"metric": "min_range_m", "words": "min_range_m below 10 m, or a run that ended early"},
+    "failure": {"metric": "min_range_m", "words": "min_range_m below 10 m, or undefined, as in a run that ended early"},
     "requirement": {"allowed_probability_of_failure": 1e-4, "verdict": "met"},
     "plain_runs_for_equal_accuracy": 13e6,
     "remark": "",

@@ -2,12 +2,16 @@
 
 from collections.abc import Mapping
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
 from rpojax.metrics import passive_safety, team
 from rpojax.metrics.metric_definition import Floats, Metric
+from rpojax.metrics.record_statistics import longest_streak, longest_total_between_decisions, longest_wait
 from rpojax.metrics.time_windows import DURATION, EVENT_TIME, split_name
+
+_LONGEST = (longest_streak, longest_wait, longest_total_between_decisions)
 
 TEAM_CHANNELS = ("news_used", "burn_changed_for")
 """Channels that only teams have, and that are recorded of every run."""
@@ -16,8 +20,9 @@ TEAM_CHANNELS = ("news_used", "burn_changed_for")
 def joined(metric: Metric | None, each: Floats) -> Floats:
     """Metric of the team (runs,) from those of its servicers (runs, servicers).
 
-    Least values of a run give the least one, greatest values and unsafe fractions the greatest; others their mean.
-    Servicers of which it is undefined do not count. How long, or when, a team was in a phase is said by the last of
+    Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest; a user's
+    function of whole runs gives its worst value, since nobody knows what it is; others their mean. Servicers of which
+    it is undefined do not count. How long, or when, a team was in a phase is said by the last of
     them to come there: a team was there if all its servicers were.
     """
     window = None if metric is None else split_name(metric.name)[0]
@@ -27,13 +32,27 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
         return np.max(each, axis=1)
     defined = np.isfinite(each)
     some = defined.any(axis=1)
-    if metric is not None and (metric.reduction == "min" or (metric.source == "drifts" and metric.low_is_bad)):
-        found = np.min(each, axis=1, where=defined, initial=np.inf)
-    elif metric is not None and (metric.reduction == "max" or metric.name == passive_safety.UNSAFE_FRACTION):
-        found = np.max(each, axis=1, where=defined, initial=-np.inf)
-    else:
-        found = np.sum(each, axis=1, where=defined, dtype=float) / np.maximum(defined.sum(axis=1), 1)
+    match _extreme(metric):
+        case "least":
+            found = np.min(each, axis=1, where=defined, initial=np.inf)
+        case "greatest":
+            found = np.max(each, axis=1, where=defined, initial=-np.inf)
+        case _:
+            found = np.sum(each, axis=1, where=defined, dtype=float) / np.maximum(defined.sum(axis=1), 1)
     return np.where(some, found, np.nan)
+
+
+def _extreme(metric: Metric | None) -> Literal["least", "greatest"] | None:
+    """Which of its servicers' values is that of a team; none of them where it is their mean."""
+    if metric is None:
+        return None
+    if metric.reduction in ("min", "max"):
+        return "least" if metric.reduction == "min" else "greatest"
+    is_of_whole_runs = metric.source == "plugin" and callable(metric.reduction)
+    if is_of_whole_runs or (metric.source == "drifts" and metric.low_is_bad):
+        return "least" if metric.low_is_bad else "greatest"
+    is_longest = metric.reduction in _LONGEST
+    return "greatest" if is_longest or metric.name == passive_safety.UNSAFE_FRACTION else None
 
 
 def evaluate(tick_s: float, records: Mapping[str, np.ndarray]) -> dict[str, Floats]:

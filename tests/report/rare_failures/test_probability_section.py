@@ -69,7 +69,7 @@ def test_the_headline_stands_once_in_the_section_and_on_the_page(campaign: Synth
     write(campaign)
     page = probability_page.write_page(ESTIMATE, tmp_path).read_text()
     for text in (section(probability_results.content(campaign)), page):
-        assert text.count("min_range_m below 10 m, or a run that ended early") == 1
+        assert text.count("min_range_m below 10 m, or undefined, as in a run that ended early") == 1
 
 
 def test_a_spoilt_estimate_is_refused_in_one_line(campaign: SyntheticCampaign) -> None:

@@ -4,6 +4,8 @@ import numpy as np
 
 from rpojax.analysis.statistics.tolerance_verdicts import required_values, violates
 from rpojax.metrics import metric_catalogue
+from rpojax.metrics.metric_definition import Reduction
+from rpojax.scenario.plugins.custom_metrics import make_metric, metric
 from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.metrics import team_metrics
 
@@ -18,7 +20,23 @@ def test_errors_are_means_and_ranges_least_and_peaks_greatest() -> None:
     assert joined("min_range_m")[:2] == [1.0, 5.0]
     assert joined("passive_range_24_h_m")[:2] == [1.0, 5.0]
     assert joined("passive_unsafe_fraction")[:2] == [3.0, 5.0]
+    for longest in ("look_away_peak_s", "reacquisition_peak_s", "longest_unseen_s"):
+        assert joined(longest)[:2] == [3.0, 5.0]
+    assert joined("pointing_error_p95_deg")[:2] == [2.0, 5.0]
     assert np.isnan(joined("formation_error_rms_m")[2])
+    assert np.isnan(joined("look_away_peak_s")[2])
+
+
+def test_of_a_users_function_of_whole_runs_a_team_has_the_worst_value() -> None:
+    def joined(reduction: Reduction | None, low_is_bad: bool) -> list[float]:
+        marked = metric(reduction, low_is_bad=low_is_bad)(lambda rho_H: rho_H)
+        return team_metrics.joined(make_metric("angle_deg", marked, "deg"), EACH).tolist()
+
+    assert joined(None, False)[:2] == [3.0, 5.0]
+    assert joined(None, True)[:2] == [1.0, 5.0]
+    assert np.isnan(joined(None, False)[2])
+    assert joined("mean", False)[:2] == [2.0, 5.0]
+    assert joined("max", True)[:2] == [3.0, 5.0]
 
 
 def test_a_team_was_in_a_phase_if_all_its_servicers_were() -> None:

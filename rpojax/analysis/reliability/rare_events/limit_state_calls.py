@@ -6,6 +6,8 @@ import numpy as np
 
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LatentSpace
 
+_MANY = 0.05
+
 LimitFunction = Callable[[LatentPoints], np.ndarray]
 """Margins (n,) of points: failure at or below zero, NaN where undefined."""
 
@@ -41,3 +43,14 @@ class LimitStateCalls:
         undefined = np.isnan(found)
         self.undefined += int(undefined.sum())
         return np.where(undefined, -np.inf, found)
+
+    def undefined_remark(self) -> tuple[str, ...]:
+        """What is to be known of points without a defined margin; nothing if there are none."""
+        return (f"{self.undefined} points had no defined margin and count as failures",) if self.undefined else ()
+
+
+def undefined_fault(margins: np.ndarray, weights: np.ndarray) -> list[str]:
+    """What speaks against an estimate from weighted points of which those without a defined margin are many."""
+    failed = margins <= 0.0
+    share = float(weights[np.isneginf(margins)].sum() / max(weights[failed].sum(), 1e-300))
+    return [f"{100.0 * share:.0f} % of the estimate are points without a defined margin"] if share > _MANY else []

@@ -81,17 +81,12 @@ def _lines(
         kept = min(len(line), calls.left)
         if kept < len(line):
             break
-        with np.errstate(invalid="ignore", divide="ignore"):
-            fraction = g_low / (g_low - g_high)
-        fraction = np.where(np.isfinite(fraction), np.clip(fraction, 0.05, 0.95), 0.5)
-        middle = low + fraction * (high - low)
+        middle = low + np.clip(_zero(g_low, g_high), 0.05, 0.95) * (high - low)
         g_middle = margins(line, middle)
         same = (g_middle <= 0.0) == (g_low <= 0.0)
         low, g_low = np.where(same, middle, low), np.where(same, g_middle, g_low)
         high, g_high = np.where(same, high, middle), np.where(same, g_high, g_middle)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        fraction = g_low / (g_low - g_high)
-    crossings = low + np.where(np.isfinite(fraction), np.clip(fraction, 0.0, 1.0), 0.5) * (high - low)
+    crossings = low + np.clip(_zero(g_low, g_high), 0.0, 1.0) * (high - low)
     probabilities, other_side = np.zeros(lines), np.zeros(lines)
     for number in range(lines):
         ends = np.concatenate([[-np.inf], crossings[line == number], [np.inf]])
@@ -101,6 +96,12 @@ def _lines(
             other_side[number] += float(ndtr(min(end, 0.0)) - ndtr(begin)) if begin < 0.0 else 0.0
     nearest = float(np.min(np.abs(crossings), initial=_GRID[-1])) if len(crossings) else float(_GRID[-1])
     return probabilities, other_side, nearest
+
+
+def _zero(g_low: np.ndarray, g_high: np.ndarray) -> np.ndarray:
+    """Fractions of intervals where lines through the margins of their ends are zero; a half where one is undefined."""
+    defined = np.isfinite(g_low) & np.isfinite(g_high) & (g_low != g_high)
+    return np.where(defined, g_low, 1.0) / np.where(defined, g_low - g_high, 2.0)
 
 
 def _judged(
@@ -128,6 +129,7 @@ def _judged(
         )
         if gap > 3.0:
             warnings.append(f"subset simulation found {search.probability:.3g}: lines miss a part of failure")
+    warnings += calls.undefined_remark()
     effective = probabilities.sum() ** 2 / np.sum(probabilities**2) if probability > 0.0 else 0.0
     if effective < 20.0:
         warnings.append(f"lines are worth {effective:.0f} equal ones")

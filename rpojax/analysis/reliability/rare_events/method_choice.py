@@ -14,7 +14,7 @@ from rpojax.analysis.reliability.rare_events import (
 from rpojax.analysis.reliability.rare_events.exploration import Exploration
 from rpojax.analysis.reliability.rare_events.importance_sampling import Round
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls, undefined_fault
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
     MethodChoice,
@@ -97,11 +97,8 @@ def _by_importance(
     points = importance_sampling.design_points(last)
     if len(points) > 1:
         remarks.append(_regions(points))
-    if calls.undefined:
-        remarks.append(f"{calls.undefined} points had no defined margin and count as failures")
-        share = float(last.weights[np.isneginf(last.margins)].sum() / max(last.weights.sum(), 1e-300))
-        if share > 0.05:
-            faults.append(f"{100.0 * share:.0f} % of the estimate are points without a defined margin")
+    faults += undefined_fault(last.margins, last.weights)
+    remarks += calls.undefined_remark()
     levels = [*found.subset.levels, *found.annealing.levels]
     levels += [importance_sampling.level_record("importance round", each) for each in (*rounds, last)]
     has_failed = last.probability > 0.0
@@ -179,8 +176,7 @@ def _by_subset(
         > _SURPRISE * math.hypot(math.sqrt(math.log1p(variation**2)), min(rounds[-1].variation, 2.0))
     ):
         faults.append(f"importance sampling found {rounds[-1].probability:.3g}: chains miss a part of failure")
-    if calls.undefined:
-        faults.append(f"{calls.undefined} points had no defined margin and count as failures")
+    faults += calls.undefined_remark()
     if not complete:
         return _without_failure(calls, rng, first, results, faults, reason)
     return ProbabilityEstimate(

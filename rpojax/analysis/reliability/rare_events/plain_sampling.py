@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls, undefined_fault
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     LevelRecord,
     ProbabilityEstimate,
@@ -36,14 +36,15 @@ def from_margins(margins: np.ndarray, calls: LimitStateCalls, reason: str) -> Pr
         warnings.append(f"no failure in {runs} plain samples: the upper end of the interval is all that is known")
     elif failures < MIN_FAILURES:
         warnings.append(f"{failures} failures in {runs} plain samples are few")
+    faults = undefined_fault(margins, np.ones(runs))
     return ProbabilityEstimate(
         probability=probability,
         interval_95=binomial_interval(failures, runs),
         coefficient_of_variation=math.sqrt((1.0 - probability) / failures) if failures else math.inf,
         evaluations=calls.used,
         method="plain",
-        trusted=failures >= MIN_FAILURES,
-        warnings=tuple(warnings),
+        trusted=failures >= MIN_FAILURES and not faults,
+        warnings=(*warnings, *faults, *calls.undefined_remark()),
         reason=reason,
         effective_sample_size=float(failures),
         levels=(LevelRecord("plain samples", runs, probability),),

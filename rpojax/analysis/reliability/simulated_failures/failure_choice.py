@@ -39,7 +39,8 @@ class Failure:
         side = "above" if self.bound == "at most" else "below"
         assert self.metric is not None
         unit = metric_catalogue.unit_of(self.metric)
-        return f"{self.metric} {side} {self.limit:g}{'' if unit == '-' else f' {unit}'}, or a run that ended early"
+        limit = f"{self.limit:g}{'' if unit == '-' else f' {unit}'}"
+        return f"{self.metric} {side} {limit}, or undefined, as in a run that ended early"
 
     def to_record(self) -> dict[str, Any]:
         """Content for JSON."""

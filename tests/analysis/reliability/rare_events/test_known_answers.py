@@ -108,6 +108,27 @@ def test_undefined_margins_are_failures_and_told() -> None:
     assert any("no defined margin" in warning for warning in found.warnings)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_find_where_margins_become_undefined(seed: int) -> None:
+    def undefined_beyond(z: Array) -> Array:
+        return jnp.where(z[:, 0] > 3.0, jnp.nan, 1.0)
+
+    found = rpojax.estimate_probability(jax.jit(undefined_beyond), 3, method="line", budget=4000, seed=seed)
+    assert found.interval_95[0] <= norm.sf(3.0) <= found.interval_95[1]
+    assert found.probability == pytest.approx(norm.sf(3.0), rel=0.15)
+    assert not found.trusted
+    assert any("no defined margin" in warning for warning in found.warnings)
+
+
+def test_a_probability_of_points_without_a_margin_is_not_trusted() -> None:
+    found = rpojax.estimate_probability(
+        jax.jit(lambda z: jnp.where(z[:, 0] > 0.0, jnp.nan, 1.0)), 2, method="plain", budget=1000
+    )
+    assert found.probability == pytest.approx(0.5, abs=0.06)
+    assert not found.trusted
+    assert any("100 % of the estimate are points without a defined margin" in warning for warning in found.warnings)
+
+
 def test_an_estimate_depends_on_its_seed_alone() -> None:
     first, again, other = (rpojax.estimate_probability(plane, 3, budget=1000, seed=seed) for seed in (5, 5, 6))
     assert first.to_dict() == again.to_dict()

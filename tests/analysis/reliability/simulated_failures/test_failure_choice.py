@@ -73,7 +73,7 @@ def test_a_metric_of_the_scenarios_plugin_is_one_of_its_own(mission: ScenarioFil
     choice = FailureChoice(metric="minutes_late", limit=5.0, bound="at most")
     with forgotten_plugins():
         own = scenario_loader.load("inspection", plugin=plugin)
-        assert choose_failure(own, choice).words == "minutes_late above 5, or a run that ended early"
+        assert choose_failure(own, choice).words == "minutes_late above 5, or undefined, as in a run that ended early"
         with pytest.raises(RpojaxError, match=r"^metric: found 'minutes_late'"):
             choose_failure(mission, choice)
 
