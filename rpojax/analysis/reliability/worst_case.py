@@ -24,6 +24,7 @@ from rpojax.analysis.reliability.simulated_limit_state import (
 )
 from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign import run_and_resume
+from rpojax.campaign.storage import folder_creation
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import stage
 from rpojax.scenario.dispersed_numbers import standard_normal_space
@@ -94,7 +95,8 @@ def find_worst_case(
         found = search_worst_case(space, chosen, settings, seed)
     with stage("simulating the worst case", not progress):
         if run_directory is not None:
-            return dataclasses.replace(found, simulated_value=simulate_worst_case(found, Path(run_directory), force))
+            with folder_creation.made_whole(Path(run_directory), force) as made:
+                return dataclasses.replace(found, simulated_value=simulate_worst_case(found, made))
         with tempfile.TemporaryDirectory() as folder:
             return dataclasses.replace(found, simulated_value=simulate_worst_case(found, Path(folder) / "run"))
 
@@ -137,7 +139,7 @@ def search_worst_case(
     return WorstCase(limit, space, seed, found, measured, used.compile_s, arrays)
 
 
-def simulate_worst_case(found: WorstCase, directory: Path, force: bool = False) -> float:
+def simulate_worst_case(found: WorstCase, directory: Path) -> float:
     """Metric of the reported point, simulated as `rpojax run` does into a campaign folder; NaN if it is frozen.
 
     Raises:
@@ -150,7 +152,6 @@ def simulate_worst_case(found: WorstCase, directory: Path, force: bool = False) 
         found.seed,
         first_run=found.reported_point.replicate,
         block_size=1,
-        force=force,
         progress=False,
     )
     return float(campaign.metrics[found.limit.metric][0])

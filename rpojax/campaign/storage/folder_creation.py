@@ -1,8 +1,10 @@
 """Creation of a campaign folder by a rename: it is absent or complete, also when makers die or several race for it."""
 
+import contextlib
 import os
 import shutil
 import tomllib
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ import tomli_w
 
 from rpojax.campaign import preflight
 from rpojax.campaign.storage import atomic_files, campaign_configuration, safe_paths, stale_files
+from rpojax.campaign.storage.atomic_outputs import check_replaceable
 from rpojax.campaign.storage.campaign_configuration import FORMAT_VERSION, CampaignConfiguration
 from rpojax.campaign.storage.seal import record_seal
 from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
@@ -83,6 +86,28 @@ def _move_into_place(directory: Path, configuration: CampaignConfiguration, forc
         raise OutputError.of_argument(
             "out", f"found {str(directory)!r} ({reason}), expected a folder to write to"
         ) from None
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def made_whole(directory: Path, force: bool) -> Iterator[Path]:
+    """A temporary folder beside `directory`, which takes its place at the end of the body; after an error it is gone.
+
+    Raises:
+        OutputError: there is something, which `force` does not let it replace, or the folder cannot be moved.
+    """
+    place = Path(os.path.realpath(directory))
+    check_replaceable([place], force)
+    made = place.with_name(atomic_files.partial_name(place.name))
+    try:
+        yield made
+        if force and place.exists():
+            _remove_folder(place)
+        if not _try_rename(made, place):
+            raise OutputError(f"{directory}: exists already; force=True replaces it")
+    except OSError as error:
+        raise OutputError(f"{directory}: found {error.strerror or error}, expected a folder to write to") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)
 

@@ -219,7 +219,12 @@ def test_the_command_writes_a_scenario_that_is_the_point(
 ) -> None:
     monkeypatch.setattr(worst_case, "make_evaluator", lambda space, metrics, starts: LinearRuns(space.dimension))
     monkeypatch.setattr(worst_case, "measure_costs", lambda evaluator: COSTS)
-    monkeypatch.setattr(worst_case, "simulate_worst_case", lambda worst, directory, force: simulated)
+
+    def simulate(_: WorstCase, directory: Path) -> float:
+        directory.mkdir(parents=True)
+        return simulated
+
+    monkeypatch.setattr(worst_case, "simulate_worst_case", simulate)
     out = tmp_path / "worst of all"
     given = ["--metric", "delta_v_m_s", "--limit", str(limit), "--bound", "at most", "--out", str(out), "--seed", "5"]
     # Otherwise runs beyond 5 sigmas of one number fail, which counts as a violation.
@@ -237,6 +242,30 @@ def test_the_command_writes_a_scenario_that_is_the_point(
         for key, value in entry["values"].items():
             np.testing.assert_allclose(drawn[key], value, rtol=1e-12)
     assert main.main(["worst-case", "inspection", *given]) == main.Status.BAD_INPUT
+
+
+def test_an_interrupted_simulation_leaves_nothing_and_what_was_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def simulate(_: WorstCase, directory: Path) -> float:
+        directory.mkdir(parents=True)
+        (directory / "campaign.json").write_text("half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(worst_case, "make_evaluator", lambda space, metrics, starts: LinearRuns(space.dimension))
+    monkeypatch.setattr(worst_case, "measure_costs", lambda evaluator: COSTS)
+    monkeypatch.setattr(worst_case, "simulate_worst_case", simulate)
+    out = tmp_path / "worst"
+    words = ["worst-case", "inspection", "--metric", "delta_v_m_s", "--limit", "16", "--out", str(out)]
+    assert main.main(words) not in (main.Status.DONE, main.Status.BAD_INPUT)
+    assert "nothing was written" in capsys.readouterr().err
+    assert list(out.iterdir()) == []
+    (out / "flight").mkdir()
+    (out / "flight" / "campaign.json").write_text("of before")
+    assert main.main([*words, "--force"]) not in (main.Status.DONE, main.Status.BAD_INPUT)
+    assert [(each.name, each.read_text()) for each in out.rglob("*") if each.is_file()] == [
+        ("campaign.json", "of before")
+    ]
 
 
 @pytest.mark.slow
