@@ -96,7 +96,7 @@ def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest
     assert call("inspection", "--seed", 7, "--judge", 50, "--out", "tuned.toml") == 0
     text = capsys.readouterr().out
     assert "navigation.edge_noise_px: 1.0 -> 2.0" in text
-    assert "objective 3.0000 -> 1.0000" in text
+    assert "objective of the first step 3.0000, of the last 1.0000, which had other runs" in text
     assert "50 unseen runs, seed 8" in text
     assert "pointing: no value in 5 of 64 runs at the first step and 2 at the last (7 of all 128)" in text
     assert "formation: no value" not in text
@@ -109,9 +109,12 @@ def test_a_tuning_that_changes_nothing_says_so() -> None:
     from rpojax.cli.commands.analysis.tune import _verdict
 
     same = {"ratio_95": (0.98, 1.03)}
-    assert "about as good as it gets" in _verdict({"formation_error_rms_m": same})
-    worse = _verdict({"formation_error_rms_m": {"ratio_95": (1.1, 1.2)}, "delta_v_m_s": same})
+    assert "about as good as it gets" in _verdict({"formation_error_rms_m": same}, {})
+    more = {"ratio_95": (1.1, 1.2)}
+    worse = _verdict({"formation_error_rms_m": more, "delta_v_m_s": same}, {})
     assert worse == "Beyond chance, worse than the start: formation_error_rms_m."
+    assert _verdict({"seen": more, "delta_v_m_s": same}, {"seen": -2.0}) == ""
+    assert _verdict({"seen": more}, {"seen": 1.0}) == "Beyond chance, worse than the start: seen."
 
 
 @pytest.mark.parametrize(

@@ -104,7 +104,10 @@ def simulate_runs(
 
 
 def compare_means(one: RunMetrics, other: RunMetrics) -> dict[str, MeanChange]:
-    """Means by metric over the runs that have it in both settings; left out where they give no ratio."""
+    """Means by metric over the runs that have it in both settings.
+
+    Left out where they give no ratio: a mean that may be zero or of either sign, as of correlations.
+    """
     rng = np.random.default_rng(0)
     found = {}
     for name in one.metrics:
@@ -115,7 +118,7 @@ def compare_means(one: RunMetrics, other: RunMetrics) -> dict[str, MeanChange]:
         drawn = rng.integers(pair.shape[1], size=(_RESAMPLES, pair.shape[1]))
         resampled = pair[:, drawn].mean(axis=2)
         first, second = map(float, pair.mean(axis=1))
-        if first == 0.0 or (resampled[0] == 0.0).any():
+        if resampled[0].min() <= 0.0 <= resampled[0].max():
             continue
         first_95, second_95, ratio_95 = map(_interval_95, (*resampled, resampled[1] / resampled[0]))
         found[name] = MeanChange(first, second, first_95, second_95, second / first, ratio_95)

@@ -1,7 +1,8 @@
 """The command `rpojax tune`: flight software tuned by gradient, validated on unseen runs."""
 
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,7 +29,7 @@ SHOWN = (
     "delta_v_m_s",
     "pointing_error_p95_deg",
 )
-"""Metrics whose means are printed."""
+"""Metrics whose means are printed, beside those with a weight in the scenario."""
 
 
 def tune(
@@ -76,7 +77,7 @@ def tune(
     if session.as_json:
         print_json(content)
     else:
-        _show(content, out)
+        _show(content, out, file.tuning.metrics or {})
     return Status.DONE
 
 
@@ -92,7 +93,7 @@ def _check_progress(progress: Path, resume: bool, force: bool) -> None:
         raise OutputError(f"{progress}: a tuning is under way; --resume goes on with it, --force begins anew")
 
 
-def _show(content: dict[str, Any], out: Path) -> None:
+def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -104,14 +105,15 @@ def _show(content: dict[str, Any], out: Path) -> None:
         shown.print(f"{key}: {_rounded(change['from'])} -> {_rounded(change['to'])}", markup=False, soft_wrap=True)
     first, last = content["steps"][0], content["steps"][-1]
     times = f"{content['tuning_s']:.0f} s, compilation {content['compile_s']:.0f} s beside it"
-    shown.print(f"objective {first['objective']:.4f} -> {last['objective']:.4f}; {times}, {content['mode']} mode")
+    told = f"objective of the first step {first['objective']:.4f}, of the last {last['objective']:.4f}"
+    shown.print(f"{told}, which had other runs; {times}, {content['mode']} mode", soft_wrap=True)
     for line in _undefined_lines(content["steps"], content["settings"]["runs"]):
         shown.print(line, soft_wrap=True)
     if judged := content.get("judged"):
         table = Table(title=f"{judged['runs']} unseen runs, seed {judged['seed']}: means")
         for heading in ("metric", "unit", "start", "tuned", "ratio", "95 % interval"):
             table.add_column(heading, justify="left" if heading in ("metric", "unit") else "right")
-        for name in SHOWN:
+        for name in dict.fromkeys([*SHOWN, *weights]):
             if change := judged["means"].get(name):
                 label, (low, high) = metric_label(name), change["ratio_95"]
                 interval = f"{format_number(low, 3)} to {format_number(high, 3)}"
@@ -130,7 +132,7 @@ def _show(content: dict[str, Any], out: Path) -> None:
                     "its mean is over the runs that have it in both",
                     soft_wrap=True,
                 )
-        if verdict := _verdict(judged["means"]):
+        if verdict := _verdict(judged["means"], weights):
             shown.print(verdict)
     shown.print(f"tuned scenario: {out}")
 
@@ -148,11 +150,21 @@ def _undefined_lines(steps: Sequence[dict[str, Any]], runs: int) -> list[str]:
     return lines
 
 
-def _verdict(means: dict[str, Any]) -> str:
+def _verdict(means: dict[str, Any], weights: Mapping[str, float]) -> str:
     """A warning where the tuning made metrics worse or changed none of them significantly."""
-    names = [name for name in SHOWN if name in means and not name.startswith(("nees", "nis"))]
-    better = [name for name in names if means[name]["ratio_95"][1] < 1.0]
-    worse = [name for name in names if means[name]["ratio_95"][0] > 1.0]
+    names = [name for name in SHOWN if not name.startswith(("nees", "nis"))]
+    # Less is better, but of metrics with a negative weight.
+    signs = {
+        **dict.fromkeys(names, 1.0),
+        **{name: math.copysign(1.0, weight) for name, weight in weights.items() if weight},
+    }
+    ends = {
+        name: sorted(sign * (end - 1.0) for end in means[name]["ratio_95"])
+        for name, sign in signs.items()
+        if name in means
+    }
+    better = [name for name, (_, high) in ends.items() if high < 0.0]
+    worse = [name for name, (low, _) in ends.items() if low > 0.0]
     if not better and not worse:
         return "No error or effort differs from the start's beyond chance: this start was about as good as it gets."
     if worse:
