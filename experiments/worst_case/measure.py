@@ -121,7 +121,7 @@ def table(
 
 def confirmation(worst: WorstCase, folder: Path) -> str:
     """Metric of the worst case as `rpojax run` simulates it, and whether it violates the limit."""
-    value = worst_case.simulate_worst_case(worst, folder, force=True)
+    value = worst_case.simulate_worst_case(worst, folder)
     broken = not np.isfinite(value) or worst.limit.is_violated(value)
     return f"{value:.4g}, {'broken' if broken else 'kept'}"
 
