@@ -175,7 +175,8 @@ def train(
             known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
     params = round_to_half_precision(calibrate_score(params, unseen))
-    figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
+    found = evaluate_detector.detect_images(params, unseen.images)
+    figures = evaluate_detector.detection_metrics(found, unseen)
     words = (*(folder.name for folder in datasets), "--out", out.name)
     words += ("--epochs", epochs, "--second-epochs", second_epochs, "--rate", f"{rate:g}", "--seed", seed)
     words += () if minutes is None else ("--minutes", f"{minutes:g}")
@@ -186,7 +187,7 @@ def train(
     card["start"] = before.get("command")
     save_detector(params, out, card)
     train_detector.remove_checkpoints(checkpoint)
-    notes = list(dict.fromkeys((*known.notes, *unseen.notes)))
+    notes = list(dict.fromkeys((*known.notes, *unseen.notes, *evaluate_detector.noticed_labels(found, unseen))))
     _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": notes}, as_json)
     return 0
 
@@ -267,6 +268,7 @@ def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[Det
     """Training and validation data: two folders if there are two, else every tenth picture is held out."""
     import numpy as np
 
+    from rpojax.training.labelled_pictures.dataset_faults import DatasetError
     from rpojax.training.synthetic_data import detection_dataset
 
     if (folder / _VALIDATION).is_dir():
@@ -277,7 +279,7 @@ def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[Det
         return whole, whole
     number = np.arange(len(whole))
     if len(whole) < 20:
-        raise detection_dataset.DatasetError(f"{folder}: found {len(whole)} images, expected at least 20 to train on")
+        raise DatasetError(f"{folder}: found {len(whole)} images, expected at least 20 to train on")
     return whole.subset(number[number % 10 != 0]), whole.subset(number[number % 10 == 0])
 
 
