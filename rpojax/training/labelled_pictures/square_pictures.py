@@ -91,5 +91,5 @@ def read_square_picture(path: Path, size_px: int, declared: tuple[int, int] | No
         sides = max(1, round(width * scale)), max(1, round(height * scale))
         codes = cv2.resize(codes, sides, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
     square = np.zeros((size_px, size_px, 3), np.uint8)
-    square[: codes.shape[0], : codes.shape[1]] = np.round(255.0 * codes)
+    square[: codes.shape[0], : codes.shape[1]] = codes if codes.dtype == np.uint8 else np.round(255.0 * codes)
     return SquarePicture(square, scale, width, height, image.bits)

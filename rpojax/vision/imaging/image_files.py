@@ -41,7 +41,8 @@ class ImageFile:
     """An image as its file has it.
 
     Attributes:
-        codes: (h, w, 3) sRGB codes in 0..1 float32, upright as its EXIF orientation says, transparent parts black
+        codes: (h, w, 3) sRGB codes, upright as its EXIF orientation says, transparent parts black: 0..255 uint8, or
+            0..1 float32 where 8 bits do not hold them
         orientation: of EXIF
         bits: of a channel that its largest code takes, where the file has 16
     """
@@ -49,6 +50,11 @@ class ImageFile:
     codes: np.ndarray
     orientation: int
     bits: int | None
+
+    @property
+    def fractions(self) -> np.ndarray:
+        """The codes in 0..1 float32."""
+        return _fractions(self.codes)
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -59,7 +65,7 @@ def read_image(path: Path) -> np.ndarray:
     image = decode_image(path, PHOTOGRAPHS)
     for note in few_bits([image.bits]):
         warnings.warn(f"warning: {path}: {note}", Notice, stacklevel=2)
-    return image.codes
+    return image.fractions
 
 
 def few_bits(bits: Collection[int | None]) -> tuple[str, ...]:
@@ -142,9 +148,14 @@ def _decoded(path: Path, image: "Image") -> ImageFile:
     # What is to be decoded is known until it is, which reading of EXIF may do.
     is_deep = image.mode.startswith("I") or _DEEP.search(str(getattr(image, "tile", ""))) is not None
     turn = image.getexif().get(_EXIF_ORIENTATION, UPRIGHT)
-    codes = _codes(path, ImageOps.exif_transpose(image))
-    largest = round(float(codes.max()) * (2**_MOST_BITS - 1))
-    return ImageFile(codes, turn if turn in _TURNED else UPRIGHT, largest.bit_length() if is_deep else None)
+    turn = turn if turn in _TURNED else UPRIGHT
+    codes = _codes(path, image if turn == UPRIGHT else ImageOps.exif_transpose(image))
+    largest = float(_fractions(codes.max(keepdims=True)).item())
+    return ImageFile(codes, turn, round(largest * (2**_MOST_BITS - 1)).bit_length() if is_deep else None)
+
+
+def _fractions(codes: np.ndarray) -> np.ndarray:
+    return codes if codes.dtype == np.float32 else codes.astype(np.float32) / np.float32(255.0)
 
 
 def _codes(path: Path, image: "Image") -> np.ndarray:
@@ -156,4 +167,4 @@ def _codes(path: Path, image: "Image") -> np.ndarray:
     if image.mode in ("LA", "PA", "RGBA", "La", "RGBa") or "transparency" in image.info:
         pixels = np.asarray(image.convert("RGBA")).astype(np.float32) / 255.0
         return pixels[..., :3] * pixels[..., 3:]
-    return np.asarray(image.convert("RGB")).astype(np.float32) / np.float32(255.0)
+    return np.asarray(image if image.mode == "RGB" else image.convert("RGB"))
