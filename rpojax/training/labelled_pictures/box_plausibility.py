@@ -117,8 +117,19 @@ def _labelled_otherwise(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tupl
     number = 0
     for image, found in zip(images, boxes, strict=True):
         ordered = np.unique(found, axis=0)
-        number += not np.array_equal(first.setdefault(hashlib.sha256(image).digest(), ordered), ordered)
+        number += not np.array_equal(first.setdefault(_digest(image), ordered), ordered)
     return (f"{number} of {len(images)} pictures show the same as another one and have other boxes",) * (number > 0)
+
+
+def pictures_in_both(training: np.ndarray, validation: np.ndarray) -> tuple[str, ...]:
+    """A sentence if images (m, p, p, 3) of 8 bit for validation are among those (n, p, p, 3) of the training."""
+    known = set(map(_digest, training))
+    number = sum(_digest(image) in known for image in validation)
+    return (f"{number} of {len(validation)} pictures for validation are among those of the training",) * (number > 0)
+
+
+def _digest(image: np.ndarray) -> bytes:
+    return hashlib.sha256(image.tobytes()).digest()
 
 
 def _dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, ...]:

@@ -14,7 +14,12 @@ import pytest
 from PIL import Image
 
 from rpojax.errors import Notice
-from rpojax.training.labelled_pictures.box_plausibility import BoxForm, implausible_boxes, outlines_elsewhere
+from rpojax.training.labelled_pictures.box_plausibility import (
+    BoxForm,
+    implausible_boxes,
+    outlines_elsewhere,
+    pictures_in_both,
+)
 from rpojax.training.labelled_pictures.dataset_faults import DatasetError
 from rpojax.training.labelled_pictures.square_pictures import read_square_picture
 from rpojax.training.synthetic_data.detection_dataset import read_dataset
@@ -221,6 +226,12 @@ def test_one_picture_with_two_labels_is_noticed(tmp_path: Path) -> None:
     folder = write(tmp_path, [[100, 50, 60, 80]], images=entries)
     shutil.copy(folder / "images" / "0.png", folder / "copy.png")
     assert ["1 of 2 pictures show the same as another one" in note for note in notes_of(folder)] == [True]
+
+
+def test_pictures_of_training_and_validation_are_compared() -> None:
+    images = np.random.default_rng(0).integers(0, 255, (6, 8, 8, 3), np.uint8)
+    assert pictures_in_both(images[:3], images[3:]) == ()
+    assert "2 of 3 pictures for validation" in pictures_in_both(images[:3], images[1:4])[0]
 
 
 @pytest.mark.parametrize(

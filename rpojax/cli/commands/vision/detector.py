@@ -160,12 +160,15 @@ def train(
     from rpojax.training.detector.evaluation import evaluate_detector
     from rpojax.training.detector.initial_weights import initial_weights
     from rpojax.training.detector.score_calibration import calibrate_score
+    from rpojax.training.labelled_pictures.box_plausibility import pictures_in_both
+    from rpojax.training.labelled_pictures.dataset_faults import noticed
     from rpojax.training.synthetic_data.detection_dataset import concatenate
     from rpojax.vision.detector.detector_file import round_to_half_precision, save_detector
 
     begun, before = initial_weights(start, seed)
     parts = [_training_and_validation(folder) for folder in datasets]
     known, unseen = (concatenate([part[index] for part in parts]) for index in (0, 1))
+    shared = noticed("data sets", pictures_in_both(known.images, unseen.images))
     judged = unseen.subset(np.unique(np.linspace(0, len(unseen) - 1, _MOST_JUDGED).astype(int)))
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
@@ -187,8 +190,9 @@ def train(
     card["start"] = before.get("command")
     save_detector(params, out, card)
     train_detector.remove_checkpoints(checkpoint)
-    notes = list(dict.fromkeys((*known.notes, *unseen.notes, *evaluate_detector.noticed_labels(found, unseen))))
-    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": notes}, as_json)
+    notes = (*known.notes, *unseen.notes, *shared, *evaluate_detector.noticed_labels(found, unseen))
+    warned = list(dict.fromkeys(notes))
+    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": warned}, as_json)
     return 0
 
 
