@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Literal
 
+from rpojax.training.labelled_pictures.box_plausibility import BoxForm
 from rpojax.training.public_data import spark_folder, speed_folder, yolo_folder
 from rpojax.training.public_data.labelled_picture import LabelledPicture, evenly_chosen, to_dataset
-from rpojax.training.synthetic_data.box_plausibility import BoxForm
 from rpojax.training.synthetic_data.composites import SIZE_PX
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 

@@ -1,19 +1,15 @@
 """A picture of a public data set with its boxes."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from rpojax.training.synthetic_data.box_plausibility import BoxForm, dark_boxes, implausible_boxes
-from rpojax.training.synthetic_data.detection_dataset import (
-    DatasetError,
-    DetectionDataset,
-    noticed,
-    read_square_picture,
-)
+from rpojax.training.labelled_pictures.box_plausibility import BoxForm, implausible_boxes, implausible_pictures
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError, noticed
+from rpojax.training.labelled_pictures.square_pictures import read_pictures
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.untrusted.file_reading import FileError
 
 
@@ -27,6 +23,7 @@ class LabelledPicture:
         in_fractions: whether boxes are in fractions
         background: as the data set names it, or 'unknown'
         sides: width and height [px] that the file must have for its boxes to be right, where they are known
+        others: what the data set calls its boxes, if that may be something else than spacecraft
     """
 
     path: Path
@@ -34,6 +31,7 @@ class LabelledPicture:
     in_fractions: bool = False
     background: str = "unknown"
     sides: tuple[int, int] | None = None
+    others: str = ""
 
 
 def reason_in_short(error: Exception) -> str:
@@ -56,26 +54,25 @@ def to_dataset(pictures: Sequence[LabelledPicture], size_px: int, form: BoxForm,
     Raises:
         DatasetError: a picture cannot be read or stands in the list twice, or a box lies outside of its picture.
     """
-    times = Counter(entry.path for entry in pictures)
-    if len(times) < len(pictures):
-        path = next(path for path, number in times.items() if number > 1)
-        raise DatasetError(f"{path}: found {times[path]} entries of {labels} with this picture, expected one for each")
-    codes = np.zeros((len(pictures), size_px, size_px, 3), np.uint8)
-    boxes, as_labelled, sizes = [], [], []
-    for index, entry in enumerate(pictures):
-        picture = read_square_picture(entry.path, size_px, entry.sides)
-        sides = np.array([picture.width, picture.height] * 2, dtype=float)
+    read = read_pictures([entry.path for entry in pictures], size_px, [entry.sides for entry in pictures], labels)
+    boxes, as_labelled = [], []
+    for entry, scale, size in zip(pictures, read.scales, read.sizes, strict=True):
+        sides = np.tile(size, 2).astype(float)
         found = entry.boxes * sides if entry.in_fractions else entry.boxes
-        codes[index] = picture.codes
         as_labelled.append(found)
-        sizes.append((picture.width, picture.height))
-        boxes.append((_inside(entry.path, found, sides) * picture.scale).astype(np.float32))
+        boxes.append((_inside(entry.path, found, sides) * scale).astype(np.float32))
+    sentences = (
+        *(f"boxes of {others} count as spacecraft" for others in {entry.others for entry in pictures} - {""}),
+        *implausible_boxes(as_labelled, read.sizes, form),
+        *implausible_pictures(read.codes, boxes, read.bits),
+    )
     return DetectionDataset(
-        codes,
+        read.codes,
         tuple(boxes),
         tuple(entry.background for entry in pictures),
         ("other",) * len(pictures),
-        notes=noticed(labels, (*implausible_boxes(as_labelled, sizes, form), *dark_boxes(codes, boxes))),
+        notes=noticed(labels, sentences),
+        sizes=read.sizes,
     )
 
 

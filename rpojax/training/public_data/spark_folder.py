@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.errors import RpojaxError
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError
 from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
-from rpojax.training.synthetic_data.detection_dataset import DatasetError
 from rpojax.untrusted.file_reading import FileKind, is_regular
 from rpojax.untrusted.text_reading import read_text
 
@@ -65,14 +65,20 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
         raise DatasetError(
             f"{labels}: cannot be read ({reason_in_short(error)}), expected a table as in SPARK"
         ) from None
-    columns = next((each for each in _EDITIONS if {each.name, each.craft, each.box} <= set(names)), None)
-    if len(set(names)) < len(names):
-        raise DatasetError(f"{labels}: found columns {', '.join(names)!r:.120}, expected each once")
-    if columns is None or not rows:
-        found = f"columns {', '.join(map(str, names))}"[:120] if names and columns is None else "no rows"
-        known = "; ".join(f"{each.name}, {each.craft} and {each.box}" for each in _EDITIONS)
-        raise DatasetError(f"{labels}: found {found}, expected rows with {known}".replace("\n", " "))
+    columns = _columns(labels, names)
+    if not rows:
+        raise DatasetError(f"{labels}: found no rows, expected one for each picture")
     return [_picture(folder, labels, columns, line, row) for line, row in enumerate(rows, start=2)]
+
+
+def _columns(labels: Path, names: Sequence[str]) -> _Columns:
+    """Columns of the edition of a table with columns of these names."""
+    fitting = [each for each in _EDITIONS if {each.name, each.craft, each.box} <= set(names)]
+    if len(fitting) == 1 and len(set(names)) == len(names):
+        return fitting[0]
+    found = f"columns {', '.join(map(str, names))}"[:120].replace("\n", " ")
+    known = " or ".join(f"{each.name}, {each.craft} and {each.box}" for each in _EDITIONS)
+    raise DatasetError(f"{labels}: found {found}, expected {known}, each once and of one edition")
 
 
 def _picture(

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rpojax.errors import RpojaxError
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError
 from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
-from rpojax.training.synthetic_data.detection_dataset import DatasetError
 from rpojax.untrusted.file_reading import FileKind, absolute_path, is_regular
 from rpojax.untrusted.json_reading import read_json
 
@@ -105,13 +105,14 @@ def _read_camera(path: Path) -> _Camera:
     try:
         camera = _Camera(
             np.array(content["cameraMatrix"], dtype=float).reshape(3, 3),
-            np.array(content.get("distCoeffs", [0.0] * 5), dtype=float).reshape(-1),
+            np.array(content["distCoeffs"], dtype=float).reshape(-1),
             int(content["Nu"]),
             int(content["Nv"]),
         )
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DatasetError(
-            f"{path}: found a fault at {reason_in_short(error)}, expected cameraMatrix, distCoeffs, Nu and Nv"
+            f"{path}: found a fault at {reason_in_short(error)}, expected cameraMatrix, distCoeffs (zeros without "
+            "distortion), Nu and Nv"
         ) from None
     (fx, skew, _), (low, fy, _), last = camera.matrix.tolist()
     if not (fx > 0.0 and fy > 0.0 and abs(skew) < fx and low == 0.0 and last == [0.0, 0.0, 1.0]):
@@ -125,9 +126,10 @@ def _read_camera(path: Path) -> _Camera:
 def _picture(folder: Path, labels: Path, camera: _Camera, number: int, entry: Any) -> LabelledPicture:
     try:
         name = str(entry["filename"])
-        q = np.array(next(entry[key] for key in _ATTITUDES if key in entry), dtype=float).reshape(4)
+        attitudes = [np.array(entry[key], dtype=float).reshape(4) for key in _ATTITUDES if key in entry]
         r = np.array(entry[_POSITION], dtype=float).reshape(3)
-    except (KeyError, TypeError, ValueError, StopIteration) as error:
+        q = attitudes[0]
+    except (KeyError, TypeError, ValueError, IndexError) as error:
         # SPEED, and SPEED+ before its second version, have a list of test pictures without poses.
         keys = f"filename, {_ATTITUDES[0]} and {_POSITION}, or other labels"
         raise DatasetError(
@@ -138,6 +140,8 @@ def _picture(folder: Path, labels: Path, camera: _Camera, number: int, entry: An
             f"{labels}: found {name!r:.80} at {r[2]:g} m with a quaternion of norm {np.linalg.norm(q):g}, expected a "
             "spacecraft in front of the camera and a unit quaternion"
         )
+    if any((each != q).any() for each in attitudes):
+        raise DatasetError(f"{labels}: found {name!r:.80} with different {' and '.join(_ATTITUDES)}, expected one")
     box = projected_box(camera.matrix, camera.distortion, q, r)
     return LabelledPicture(
         _image_path(folder, labels, name),

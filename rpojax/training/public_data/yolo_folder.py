@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.errors import RpojaxError
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError
 from rpojax.training.public_data.labelled_picture import LabelledPicture, reason_in_short
-from rpojax.training.synthetic_data.detection_dataset import DatasetError
 from rpojax.untrusted.file_reading import FileKind
 from rpojax.untrusted.text_reading import read_text
 
 _WORDS = 5
 """Words of a line: a class and four numbers."""
-_NO_BOXES = frozenset({"classes.txt", "notes.txt", "obj.names.txt", "train.txt", "val.txt", "test.txt"})
+_NO_BOXES = frozenset({"classes.txt", "notes.txt", "obj.names.txt", "readme.txt", "train.txt", "val.txt", "test.txt"})
 """Texts that programs put beside those of boxes."""
 _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
 
@@ -27,8 +27,7 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
         labels: folder of the text files, by default `labels`
 
     Raises:
-        DatasetError: a folder is missing, a file is not as expected, boxes are of several classes, or of no picture
-            while other pictures have none.
+        DatasetError: a folder is missing, a file is not as expected, or boxes are of several classes or of no picture.
     """
     images, texts = folder / "images", labels or folder / "labels"
     for place in (images, texts):
@@ -43,14 +42,15 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
         raise DatasetError(f"{file}: found two pictures of this name, expected one")
     if not any(file.exists() for file in files):
         raise DatasetError(f"{files[0]}: found no such file, nor that of another picture, expected boxes of some")
-    _check_others(files)
+    _check_others(images, texts, files)
     classes: set[int] = set()
-    pictures = [
-        LabelledPicture(path, _boxes(file, classes), in_fractions=True) for path, file in zip(paths, files, strict=True)
+    boxes = [_boxes(file, classes) for file in files]
+    if len(classes) > 1 or min(classes, default=0) < 0:
+        raise DatasetError(f"{texts}: found classes {sorted(classes)[:9]}, expected one from 0 on, a spacecraft")
+    others = "".join(f"class {number}" for number in classes if number)
+    return [
+        LabelledPicture(path, found, in_fractions=True, others=others) for path, found in zip(paths, boxes, strict=True)
     ]
-    if len(classes) > 1:
-        raise DatasetError(f"{texts}: found classes {sorted(classes)[:9]}, expected one, a spacecraft")
-    return pictures
 
 
 def _is_hidden(path: Path) -> bool:
@@ -58,17 +58,20 @@ def _is_hidden(path: Path) -> bool:
     return path.name.startswith(".")
 
 
-def _check_others(files: Sequence[Path]) -> None:
-    """Refuses texts of boxes that belong to no picture, without which another one would count as empty."""
-    wanted, lacking = set(files), [file for file in files if not file.exists()]
-    folders = {file.parent for file in files if file.parent.is_dir()}
-    others = [path for folder in folders for path in folder.iterdir() if path.suffix.lower() == ".txt"]
-    unknown = sorted(path for path in others if not (path in wanted or path.name in _NO_BOXES or _is_hidden(path)))
-    if unknown and lacking:
-        raise DatasetError(
-            f"{unknown[0]}: found no picture of this name ({len(unknown)} such files), expected one, since "
-            f"{len(lacking)} pictures without such a file, as {lacking[0].name}, would count as empty"
-        )
+def _check_others(images: Path, texts: Path, files: Sequence[Path]) -> None:
+    """Refuses texts that belong to no picture, without which others would count as empty or be left out."""
+    lacking = [file for file in files if not file.exists()]
+    names = {file.name for file in lacking}
+    others = [path for path in texts.rglob("*") if path.suffix.lower() == ".txt" and path.name.lower() not in _NO_BOXES]
+    others += [path for path in images.rglob("*.txt") if path.name in names]
+    unknown = sorted(path for path in set(others).difference(files) if not _is_hidden(path))
+    if not unknown:
+        return
+    reason = f" ({', '.join(sorted(_PICTURES))})"
+    if lacking:
+        reason = f", since {len(lacking)} pictures without such a file, as {lacking[0].name}, would count as empty"
+    found = f"no picture of this name at the same place ({len(unknown)} such files)"
+    raise DatasetError(f"{unknown[0]}: found {found}, expected one{reason}")
 
 
 def _boxes(path: Path, classes: set[int]) -> np.ndarray:

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from rpojax.cli import main
 from rpojax.errors import Notice
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError
 from rpojax.training.public_data import data_formats, speed_folder
 from rpojax.training.public_data.data_formats import PublicFormat
 from rpojax.training.public_data.labelled_picture import LabelledPicture, evenly_chosen
-from rpojax.training.synthetic_data.detection_dataset import DatasetError
 
 WIDTH, HEIGHT = 480, 300
 MATRIX = [[750.0, 0.0, 240.0], [0.0, 750.0, 150.0], [0.0, 0.0, 1.0]]
@@ -24,6 +24,8 @@ MIRRORED = [[-750.0, 0.0, 240.0], [0.0, -750.0, 150.0], [0.0, 0.0, 1.0]]
 DISTORTION = [-0.22, 0.51, -0.0006, -0.0002, -0.13]
 SPARK_OF = 'Class,Image name,Bounding box\nSoho,0.png,"({})"\n'
 CAMERA = {"Nu": WIDTH, "Nv": HEIGHT, "cameraMatrix": MATRIX, "distCoeffs": DISTORTION}
+
+POSE = {"filename": "img000000.png", "q_vbs2tango_true": [1, 0, 0, 0], "r_Vo2To_vbs_true": [0, 0, 5]}
 
 
 def draw(path: Path, box: tuple[float, float, float, float] | None) -> None:
@@ -244,6 +246,21 @@ def test_a_limit_takes_pictures_evenly() -> None:
         ("speed", speed_plus, "camera.json", json.dumps(CAMERA | {"cameraMatrix": TRANSPOSED}), "cameraMatrix [[750.0"),
         ("speed", speed_plus, "camera.json", json.dumps(CAMERA | {"cameraMatrix": MIRRORED}), "cameraMatrix [[-750.0"),
         ("spark", spark, "val.csv", 'Class,Image name,Bounding box\nSoho,0.png,"(1_0, 2, 30, 4)"\n', "line 2"),
+        ("spark", spark, "val.csv", "filename,class,bbox,Class,Image name,Bounding box\n", "of one edition"),
+        (
+            "speed",
+            speed_plus,
+            "camera.json",
+            json.dumps({"dist_coeffs" if key == "distCoeffs" else key: value for key, value in CAMERA.items()}),
+            "'distCoeffs'",
+        ),
+        (
+            "speed",
+            speed_plus,
+            "lightbox/test.json",
+            json.dumps([{**POSE, "q_vbs2tango": [0, 0, 0, 1]}]),
+            "with different q_vbs2tango_true and q_vbs2tango",
+        ),
         ("spark", spark, "val.csv", 'Class,Image name,Bounding box,Class\nSoho,0.png,"(1, 2, 3, 4)",a\n', "each once"),
         ("yolo", yolo, "labels/val/a.txt", "0 0.5 0.5 0_1 0.1\n", "'0 0.5 0.5 0_1 0.1'"),
         ("yolo", yolo, "images/val/a.jpg", "", "two pictures of this name"),
@@ -251,6 +268,15 @@ def test_a_limit_takes_pictures_evenly() -> None:
         ("yolo", yolo, "labels/val/a.txt", "0 .1 .1 .2 .1 .2 .2 .1 .2\n", "a line of 9 words, as of outlines"),
         ("yolo", yolo, "labels/val/a.txt", "0 .3 .3 .2 .2 .97\n", "a line of 6 words, as of detections"),
         ("yolo", yolo, "labels/val/img_b.txt", "0 .3 .3 .2 .2\n", "1 pictures without such a file, as b.txt"),
+        (
+            "yolo",
+            yolo,
+            "labels/b.txt",
+            "0 .3 .3 .2 .2\n",
+            "1 pictures without such a file, as b.txt, would count as empty",
+        ),
+        ("yolo", yolo, "images/val/b.txt", "0 .3 .3 .2 .2\n", "1 pictures without such a file, as b.txt, would count"),
+        ("yolo", yolo, "labels/val/a.txt", "-1 .3 .3 .2 .2\n", "classes [-1]"),
         ("yolo", yolo, "labels/val/a.txt", "0 nan 0.2 0.1 0.1\n", "fractions"),
         ("yolo", yolo, "labels/val/a.txt", "0 0.5 0.5 0.1 0.1\n1 0.5 0.5 0.1 0.1\n", "classes"),
     ],
@@ -281,6 +307,13 @@ def far_away(entries: str) -> str:
         ("spark", spark, "val.csv", lambda _: SPARK_OF.format("0.1, 0.2, 0.4, 0.5"), "are they fractions"),
         ("spark", spark, "val.csv", lambda _: SPARK_OF.format("400, 200, 800, 500"), "scaled after labelling"),
         ("yolo", yolo, "labels/val/a.txt", lambda _: "0 0.55 0.3 0.95 0.4", "are they corners"),
+        (
+            "yolo",
+            yolo,
+            "labels/val/a.txt",
+            lambda _: "3 0.375 0.375 0.25 0.25\n",
+            "boxes of class 3 count as spacecraft",
+        ),
         ("yolo", yolo, "labels/val/a.txt", lambda _: "0 0.5 0.5 0.2 0.2\n" * 2, "stand once more"),
     ],
 )
@@ -322,6 +355,14 @@ def test_other_texts_beside_labels_are_no_boxes(tmp_path: Path) -> None:
     for hidden in ("labels/val/._a.txt", "images/val/._a.png"):
         (folder / hidden).write_bytes(b"\0\5\x16\7")
     assert len(data_formats.read_folder(folder, "yolo")) == 2
+
+
+def test_labels_of_a_picture_that_is_missing_are_refused(tmp_path: Path) -> None:
+    folder = yolo(tmp_path)
+    (folder / "labels" / "val" / "b.txt").write_text("")
+    (folder / "images" / "val" / "b.png").rename(folder / "images" / "val" / "b.jp2")
+    with pytest.raises(DatasetError, match=r"b.txt: found no picture of this name .*, expected one \(.bmp,"):
+        data_formats.read_folder(folder, "yolo")
 
 
 def test_labels_of_no_picture_are_refused(tmp_path: Path) -> None:

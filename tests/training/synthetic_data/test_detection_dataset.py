@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError
 from rpojax.training.synthetic_data import (
     detection_dataset,
 )
-from rpojax.training.synthetic_data.detection_dataset import ANNOTATIONS, DatasetError, read_dataset, write_dataset
+from rpojax.training.synthetic_data.detection_dataset import ANNOTATIONS, read_dataset, write_dataset
 from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 

@@ -6,11 +6,12 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
-from rpojax.vision.imaging.image_files import PIXEL_LIMIT, ImageFileError, read_image
+from rpojax.vision.imaging.image_files import PIXEL_LIMIT, ImageFileError, decode_image, read_image
 
 GREY = np.arange(20 * 30, dtype=np.uint8).reshape(20, 30)
 
@@ -34,10 +35,15 @@ def test_grey_palette_alpha_and_16_bit_give_same_codes(tmp_path: Path) -> None:
         np.testing.assert_allclose(codes, expected, atol=1e-4, err_msg=name)
 
 
+@pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize(("bits", "is_noted"), [(16, False), (14, True), (12, True), (10, True)])
-def test_a_grey_picture_with_codes_of_fewer_bits_is_noticed(tmp_path: Path, bits: int, is_noted: bool) -> None:
-    path = tmp_path / "grey.png"
-    Image.fromarray(np.array([[0, 2**bits - 1]], np.uint16)).save(path)
+def test_a_picture_with_codes_of_fewer_bits_is_noticed(
+    tmp_path: Path, bits: int, is_noted: bool, channels: int
+) -> None:
+    path = tmp_path / "deep.png"
+    codes = np.full((2, 2, channels), 2**bits - 1, np.uint16)
+    codes[..., 3:] = 2**16 - 1
+    assert cv2.imwrite(str(path), codes)
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         read_image(path)
@@ -137,6 +143,14 @@ def test_unusable_file_is_an_error_of_one_line(tmp_path: Path, make: Callable[[P
         read_image(path)
     assert "expected" in str(error.value)
     assert len(str(error.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(("mode", "found"), [("F", "floating-point numbers"), ("I", "codes 0 to 70000")])
+def test_other_numbers_than_codes_are_refused(tmp_path: Path, mode: str, found: str) -> None:
+    numbers = np.array([[0, 70000]], np.float32 if mode == "F" else np.int32)
+    Image.fromarray(numbers).save(tmp_path / "a.tiff")
+    with pytest.raises(ImageFileError, match=found):
+        decode_image(tmp_path / "a.tiff")
 
 
 def test_pixel_limit_is_above_45_and_below_100_megapixels() -> None:

@@ -160,12 +160,15 @@ def train(
     from rpojax.training.detector.evaluation import evaluate_detector
     from rpojax.training.detector.initial_weights import initial_weights
     from rpojax.training.detector.score_calibration import calibrate_score
+    from rpojax.training.labelled_pictures.box_plausibility import pictures_in_both
+    from rpojax.training.labelled_pictures.dataset_faults import noticed
     from rpojax.training.synthetic_data.detection_dataset import concatenate
     from rpojax.vision.detector.detector_file import round_to_half_precision, save_detector
 
     begun, before = initial_weights(start, seed)
     parts = [_training_and_validation(folder) for folder in datasets]
     known, unseen = (concatenate([part[index] for part in parts]) for index in (0, 1))
+    shared = noticed("data sets", pictures_in_both(known.images, unseen.images))
     judged = unseen.subset(np.unique(np.linspace(0, len(unseen) - 1, _MOST_JUDGED).astype(int)))
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
@@ -175,7 +178,8 @@ def train(
             known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
     params = round_to_half_precision(calibrate_score(params, unseen))
-    figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
+    found = evaluate_detector.detect_images(params, unseen.images)
+    figures = evaluate_detector.detection_metrics(found, unseen)
     words = (*(folder.name for folder in datasets), "--out", out.name)
     words += ("--epochs", epochs, "--second-epochs", second_epochs, "--rate", f"{rate:g}", "--seed", seed)
     words += () if minutes is None else ("--minutes", f"{minutes:g}")
@@ -186,8 +190,9 @@ def train(
     card["start"] = before.get("command")
     save_detector(params, out, card)
     train_detector.remove_checkpoints(checkpoint)
-    notes = list(dict.fromkeys((*known.notes, *unseen.notes)))
-    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": notes}, as_json)
+    notes = (*known.notes, *unseen.notes, *shared, *evaluate_detector.noticed_labels(found, unseen))
+    warned = list(dict.fromkeys(notes))
+    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": warned}, as_json)
     return 0
 
 
@@ -267,6 +272,7 @@ def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[Det
     """Training and validation data: two folders if there are two, else every tenth picture is held out."""
     import numpy as np
 
+    from rpojax.training.labelled_pictures.dataset_faults import DatasetError
     from rpojax.training.synthetic_data import detection_dataset
 
     if (folder / _VALIDATION).is_dir():
@@ -277,7 +283,7 @@ def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[Det
         return whole, whole
     number = np.arange(len(whole))
     if len(whole) < 20:
-        raise detection_dataset.DatasetError(f"{folder}: found {len(whole)} images, expected at least 20 to train on")
+        raise DatasetError(f"{folder}: found {len(whole)} images, expected at least 20 to train on")
     return whole.subset(number[number % 10 != 0]), whole.subset(number[number % 10 == 0])
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from rpojax.training.detector.evaluation.average_precision import Matches, average_precisions, match_detections
 from rpojax.training.detector.evaluation.box_ranges import IsOutside, outside_contrast_range, outside_size_range
 from rpojax.training.detector.evaluation.confidence_intervals import bootstrap_interval, wilson_interval
+from rpojax.training.detector.evaluation.label_agreement import implausible_labels
 from rpojax.training.detector.evaluation.pair_recall import pair_recalls
+from rpojax.training.labelled_pictures.dataset_faults import noticed
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector.box_decoding import Detections
 from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, detect
@@ -126,11 +128,16 @@ def _intervals(matches: Sequence[Matches], best: Sequence[np.ndarray], empty: np
     }
 
 
+def noticed_labels(found: ImageDetections, data: DetectionDataset) -> tuple[str, ...]:
+    """What is unlikely about labels by what was detected, told to the user as a `Notice`."""
+    return noticed("labels", implausible_labels(found.boxes, found.scores, data))
+
+
 def evaluation_report(found: ImageDetections, data: DetectionDataset) -> dict[str, Any]:
     """Overall metrics with intervals, and by apparent size, contrast, background, neighbours, and craft."""
     return {
         "images": len(data),
-        "warnings": list(data.notes),
+        "warnings": [*data.notes, *noticed_labels(found, data)],
         "threshold": SCORE_THRESHOLD,
         "least_side_px": MIN_SIDE_PX,
         **detection_metrics(found, data, intervals=True),

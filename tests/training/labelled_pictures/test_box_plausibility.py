@@ -1,7 +1,10 @@
 """Boxes in other units than those of COCO are noticed, and right ones are not."""
 
 import json
+import re
+import shutil
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +14,16 @@ import pytest
 from PIL import Image
 
 from rpojax.errors import Notice
-from rpojax.training.synthetic_data.box_plausibility import BoxForm, implausible_boxes, outlines_elsewhere
-from rpojax.training.synthetic_data.detection_dataset import DatasetError, read_dataset
+from rpojax.training.labelled_pictures.box_plausibility import (
+    BoxForm,
+    implausible_boxes,
+    outlines_elsewhere,
+    pictures_in_both,
+)
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError
+from rpojax.training.labelled_pictures.square_pictures import read_square_picture
+from rpojax.training.synthetic_data.detection_dataset import read_dataset
+from rpojax.vision.imaging.image_files import read_image
 
 RIGHT = np.array(
     [[10.0, 20.0, 40.0, 50.0], [300.0, 180.0, 360.0, 230.0], [5.0, 5.0, 395.0, 290.0], [200.0, 9, 260, 99]]
@@ -35,7 +46,7 @@ WIDTH, HEIGHT = RIGHT_EDGE - LEFT, BOTTOM - TOP
     [
         (RIGHT, None),
         (RIGHT[:1], None),  # a single small one in a corner
-        (np.zeros((0, 4)), None),
+        (np.zeros((0, 4)), "no label of a spacecraft: all 1 pictures count as empty"),
         (RIGHT + np.array([-3.0, -3.0, 3.0, 3.0]), None),  # rounded outwards
         (RIGHT / [400.0, 300.0, 400.0, 300.0], "all 4 boxes are below 2 px: are they fractions"),
         (np.full((1, 4), [0.1, 0.1, 0.5, 0.5]), "all 1 boxes are below 2 px"),
@@ -139,14 +150,103 @@ def test_outlines_and_boxes_of_a_file_are_compared(tmp_path: Path) -> None:
         read_dataset(write(tmp_path / "half", [], annotations=notes))
 
 
-@pytest.mark.parametrize(("bits", "is_dark"), [(16, False), (12, True)])
-def test_pictures_of_fewer_bits_than_their_file_are_noticed(tmp_path: Path, bits: int, is_dark: bool) -> None:
+@pytest.mark.parametrize(("bits", "notes"), [(16, 0), (14, 1), (13, 1), (12, 1)])
+def test_pictures_of_fewer_bits_than_their_file_are_noticed(tmp_path: Path, bits: int, notes: int) -> None:
     folder = write(tmp_path, [[100, 100, 60, 60]])
-    cv2.imwrite(str(folder / "images" / "0.png"), np.full((*SIZE[::-1], 3), 2 ** (bits - 1), np.uint16))
+    cv2.imwrite(str(folder / "images" / "0.png"), np.full((*SIZE[::-1], 3), 2**bits - 1, np.uint16))
+    found = notes_of(folder)
+    assert len(found) == notes
+    assert all(f"no code of 16 bit is above {2**bits - 1}" in note for note in found)
+
+
+def notes_of(folder: Path) -> tuple[str, ...]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Notice)
-        notes = read_dataset(folder).notes
-    assert [("1 of 1 boxes show no code above 15" in note) for note in notes] == [True] * is_dark
+        return read_dataset(folder).notes
+
+
+def test_black_boxes_are_noticed(tmp_path: Path) -> None:
+    folder = write(tmp_path, [[100, 100, 60, 60]])
+    cv2.imwrite(str(folder / "images" / "0.png"), np.full((*SIZE[::-1], 3), 9, np.uint8))
+    assert "1 of 1 boxes show no code above 15" in notes_of(folder)[0]
+
+
+def test_transparent_parts_are_black_as_in_detection(tmp_path: Path) -> None:
+    folder = write(tmp_path, [[100, 100, 60, 60]])
+    pixels = np.full((*SIZE[::-1], 4), 255, np.uint8)
+    pixels[:, :200, 3] = 0
+    cv2.imwrite(str(folder / "images" / "0.png"), pixels)
+    square = read_square_picture(folder / "images" / "0.png", 400)
+    expected = np.round(255 * read_image(folder / "images" / "0.png"))
+    np.testing.assert_array_equal(square.codes[:300], expected)
+    assert expected[:, :200].max() == 0.0
+
+
+def test_a_picture_of_several_frames_is_refused(tmp_path: Path) -> None:
+    folder = write(tmp_path, [[100, 100, 60, 60]])
+    frames = [Image.new("RGB", SIZE, color) for color in ("black", "gray")]
+    frames[0].save(folder / "images" / "0.png", "TIFF", save_all=True, append_images=frames[1:])
+    with pytest.raises(DatasetError, match="found 2 frames"):
+        read_dataset(folder)
+
+
+ENTRY = {"file_name": "images/0.png", "width": SIZE[0], "height": SIZE[1]}
+NOTE = {"image_id": 0, "category_id": 1, "bbox": [100, 50, 60, 80]}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda mask: mask, None),
+        (lambda mask: mask // 255, "masks of 1 of 1 images do not cover.* no code is above 1, where 255"),
+        (lambda mask: 255 - mask, "are masks inverted, or boxes elsewhere"),
+        (lambda mask: np.roll(mask, 40, axis=1), "are masks inverted, or boxes elsewhere"),
+        (lambda mask: 0 * mask, "no code is above 0"),
+    ],
+)
+def test_masks_agree_with_boxes(tmp_path: Path, change: Callable[[np.ndarray], np.ndarray], said: str | None) -> None:
+    folder = write(tmp_path, [[100, 50, 60, 80]], images=[{**ENTRY, "id": 0, "mask_file": "mask.png"}])
+    mask = np.zeros(SIZE[::-1], np.uint8)
+    mask[50:130, 100:160] = 255
+    cv2.imwrite(str(folder / "mask.png"), change(mask))
+    notes = notes_of(folder)
+    assert len(notes) == (said is not None)
+    assert said is None or re.search(said, notes[0])
+
+
+def test_masks_of_some_images_alone_are_told(tmp_path: Path) -> None:
+    entries = [{**ENTRY, "id": 0, "mask_file": "mask.png"}, {**ENTRY, "id": 1, "file_name": "images/1.png"}]
+    folder = write(tmp_path, [[100, 50, 60, 80]], images=entries)
+    cv2.imwrite(str(folder / "images" / "1.png"), np.full((*SIZE[::-1], 3), 70, np.uint8))
+    assert [("1 of 2 images have no mask_file" in note) for note in notes_of(folder)] == [True]
+
+
+def test_one_picture_with_two_labels_is_noticed(tmp_path: Path) -> None:
+    entries = [{**ENTRY, "id": 0}, {**ENTRY, "id": 1, "file_name": "copy.png"}]
+    folder = write(tmp_path, [[100, 50, 60, 80]], images=entries)
+    shutil.copy(folder / "images" / "0.png", folder / "copy.png")
+    assert ["1 of 2 pictures show the same as another one" in note for note in notes_of(folder)] == [True]
+
+
+def test_pictures_of_training_and_validation_are_compared() -> None:
+    images = np.random.default_rng(0).integers(0, 255, (6, 8, 8, 3), np.uint8)
+    assert pictures_in_both(images[:3], images[3:]) == ()
+    assert "2 of 3 pictures for validation" in pictures_in_both(images[:3], images[1:4])[0]
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (["Sentinel"], None),
+        (["earth", "Spacecraft"], "boxes of category 'earth', one of the 2 that are listed, count as spacecraft"),
+        (["Spacecraft", "earth"], None),
+    ],
+)
+def test_boxes_of_one_of_several_categories_are_noticed(tmp_path: Path, names: list[str], said: str | None) -> None:
+    listed = [{"id": number, "name": name} for number, name in enumerate(names, start=1)]
+    notes = notes_of(write(tmp_path, [[100, 50, 60, 80]], categories=listed))
+    assert len(notes) == (said is not None)
+    assert said is None or said in notes[0]
 
 
 @pytest.mark.parametrize("turn", [3, 6])
@@ -166,11 +266,19 @@ def test_a_picture_that_its_exif_turns_is_refused(tmp_path: Path, turn: int) -> 
 @pytest.mark.parametrize(
     ("changed", "reason"),
     [
-        ({"images": [{"id": 0, "file_name": "images/0.png", "width": 400, "height": 300}] * 2}, "two images of id 0"),
+        ({"images": [{**ENTRY, "id": 0}] * 2}, "2 images of id 0"),
+        ({"images": [{**ENTRY, "id": i} for i in (0, 1)]}, "found 2 entries of .* with this picture"),
         (
-            {"images": [{"id": i, "file_name": "images/0.png", "width": 400, "height": 300} for i in (0, 1)]},
-            "two images of the file images/0.png",
+            {
+                "images": [
+                    {**ENTRY, "id": i, "file_name": name} for i, name in enumerate(("images/0.png", "./images/0.png"))
+                ]
+            },
+            "found 2 entries of .* with this picture",
         ),
+        ({"annotations": [{**NOTE, "id": 5}, {**NOTE, "id": 5, "bbox": [9, 9, 30, 30]}]}, "2 annotations of id 5"),
+        ({"categories": [{"id": 1, "name": name} for name in "ab"], "annotations": [NOTE]}, "2 categories of id 1"),
+        ({"annotations": [{**NOTE, "known_edges": ["false"] * 4}]}, "known_edges"),
         ({"annotations": [{"image_id": 7, "bbox": [1, 1, 9, 9]}]}, "an annotation of image 7, which is not listed"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, -9, 9]}]}, "bbox"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "bbox_mode": 0}]}, "bbox_mode 0"),

@@ -1,10 +1,14 @@
 """Boxes of a data set that are formally right and look as if they were meant in another way."""
 
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable, Collection, Sequence
 from enum import Enum
 from typing import Final
 
 import numpy as np
+
+from rpojax.vision.imaging.image_files import few_bits
+from rpojax.vision.intersection_over_union import intersection_over_union
 
 
 class BoxForm(Enum):
@@ -28,12 +32,14 @@ _MOST_DARK: Final = 0.5
 """Share of boxes that may be dark, as in eclipse."""
 _LEAST_OVERLAP: Final = 0.5
 """Least intersection over union of a box and that around its outline."""
+_LEAST_COVERED: Final = 26
+"""Code of a mask from which on a spacecraft covers a pixel by a tenth, and a box surrounds it."""
 _LEAST_BOXES: Final = 20
 """Fewer boxes may lie in one part of their pictures by chance, such as those of one sequence."""
 
 
 def implausible_boxes(
-    boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, int]], form: BoxForm = BoxForm.SIZES
+    boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, int]] | np.ndarray, form: BoxForm = BoxForm.SIZES
 ) -> tuple[str, ...]:
     """Sentences on what is unlikely about boxes, each with its likely cause; empty for plausible ones.
 
@@ -45,7 +51,7 @@ def implausible_boxes(
     counts = [len(each) for each in boxes]
     total = sum(counts)
     if total == 0:
-        return ()
+        return (f"no label of a spacecraft: all {len(boxes)} pictures count as empty",)
     low, high = np.split(np.concatenate([each for each in boxes if len(each)]), 2, axis=1)
     picture = np.repeat(np.array(sizes, dtype=float), counts, axis=0)
     size, found = high - low, []
@@ -67,20 +73,66 @@ def implausible_boxes(
 
 def outlines_elsewhere(boxes: np.ndarray, outlines: np.ndarray) -> tuple[str, ...]:
     """A sentence if boxes (n, 4) are not around their outlines, of which `outlines` (n, 4) are the boxes."""
-    if not len(boxes):
-        return ()
-    sides = np.minimum(boxes[:, 2:], outlines[:, 2:]) - np.maximum(boxes[:, :2], outlines[:, :2])
-    common = np.prod(np.maximum(sides, 0.0), axis=1)
-    total = sum(np.prod(each[:, 2:] - each[:, :2], axis=1) for each in (boxes, outlines)) - common
-    apart = (common < _LEAST_OVERLAP * total) & (np.abs(boxes - outlines).max(axis=1) > _LEAST_SIDE_PX)
-    if apart.sum() < max(1.0, _MANY * len(boxes)):
-        return ()
-    return (
-        f"{apart.sum()} of {len(boxes)} boxes are not around their outlines (segmentation): which of them is right?",
-    )
+    number = _number_apart(boxes, outlines)
+    said = f"{number} of {len(boxes)} boxes are not around their outlines (segmentation): which of them is right?"
+    return (said,) if number else ()
 
 
-def dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, ...]:
+def masks_elsewhere(boxes: Sequence[np.ndarray], masks: np.ndarray) -> tuple[str, ...]:
+    """A sentence if masks (n, p, p) of codes 0 to 255 do not cover what boxes (m, 4) [px] of each image surround."""
+    around = np.zeros((len(masks), 2, 4))
+    for index, (found, mask) in enumerate(zip(boxes, masks, strict=True)):
+        rows, columns = np.nonzero(mask >= _LEAST_COVERED)
+        if len(found):
+            around[index, 0] = np.clip([*found[:, :2].min(axis=0), *found[:, 2:].max(axis=0)], 0, len(mask))
+        if len(rows):
+            around[index, 1] = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
+    number = _number_apart(around[:, 0], around[:, 1])
+    cause = "are masks inverted, or boxes elsewhere?"
+    if masks.max(initial=0) < _LEAST_COVERED:
+        cause = f"no code is above {masks.max(initial=0)}, where 255 is a pixel that a spacecraft covers"
+    return (f"masks of {number} of {len(masks)} images do not cover what their boxes surround: {cause}",) * (number > 0)
+
+
+def _number_apart(boxes: np.ndarray, others: np.ndarray) -> int:
+    """How many of boxes (n, 4) [px] are not like the others (n, 4); 0 if that are few."""
+    differ = np.abs(boxes - others).max(axis=1, initial=0.0) > _LEAST_SIDE_PX
+    apart = differ & (intersection_over_union(boxes, others) < _LEAST_OVERLAP)
+    return int(apart.sum()) if apart.sum() >= max(1.0, _MANY * len(boxes)) else 0
+
+
+def implausible_pictures(
+    images: np.ndarray, boxes: Sequence[np.ndarray], bits: Collection[int | None]
+) -> tuple[str, ...]:
+    """Sentences on what is unlikely about images (n, p, p, 3) of 8 bit with boxes (m, 4) [px].
+
+    `bits` are those that the largest code of each file with 16 takes.
+    """
+    return (*(few_bits(bits) or _dark_boxes(images, boxes)), *_labelled_otherwise(images, boxes))
+
+
+def _labelled_otherwise(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, ...]:
+    """A sentence if the same image stands more than once in a data set, with other boxes."""
+    first: dict[bytes, np.ndarray] = {}
+    number = 0
+    for image, found in zip(images, boxes, strict=True):
+        ordered = np.unique(found, axis=0)
+        number += not np.array_equal(first.setdefault(_digest(image), ordered), ordered)
+    return (f"{number} of {len(images)} pictures show the same as another one and have other boxes",) * (number > 0)
+
+
+def pictures_in_both(training: np.ndarray, validation: np.ndarray) -> tuple[str, ...]:
+    """A sentence if images (m, p, p, 3) of 8 bit for validation are among those (n, p, p, 3) of the training."""
+    known = set(map(_digest, training))
+    number = sum(_digest(image) in known for image in validation)
+    return (f"{number} of {len(validation)} pictures for validation are among those of the training",) * (number > 0)
+
+
+def _digest(image: np.ndarray) -> bytes:
+    return hashlib.sha256(image.tobytes()).digest()
+
+
+def _dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, ...]:
     """A sentence if images (n, p, p, 3) of 8 bit show nothing in most of their boxes (m, 4) [px]."""
     brightest = []
     for image, found in zip(images, boxes, strict=True):
@@ -93,7 +145,7 @@ def dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, ..
         return ()
     return (
         f"{dark} of {len(brightest)} boxes show no code above {_LEAST_CODE - 1} of 255: "
-        "are pictures of 10 to 14 bit stored in 16?",
+        "are pictures linear, or boxes those of others?",
     )
 
 
