@@ -15,12 +15,12 @@ import numpy as np
 
 from rpojax.campaign.execution import surface_coverage
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
-from rpojax.campaign.execution.runs_in_parts import in_parts
 from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.resource_estimates import HISTORY_MEMORY_BYTES
 from rpojax.campaign.storage import atomic_files, campaign_folder
 from rpojax.metrics.time_windows import split_name
+from rpojax.runtime.thread_pools import in_parts
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile

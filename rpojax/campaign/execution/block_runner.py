@@ -11,7 +11,6 @@ from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns, Segment
 from rpojax.campaign.execution.block_recording import ChannelRecorder, ServicerResults, recorded_channels
 from rpojax.campaign.execution.campaign_engine import check_versions
-from rpojax.campaign.execution.runs_in_parts import in_parts
 from rpojax.campaign.execution.selected_histories import SelectionSoFar
 from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.execution.teams import member_values, passive_separation, team_recording
@@ -20,6 +19,7 @@ from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
 from rpojax.metrics import metric_catalogue
+from rpojax.runtime.thread_pools import in_parts
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import team_metrics
