@@ -125,10 +125,10 @@ def call_in_threads(functions: Sequence[Callable[[], T]], times: int) -> Generat
 def copied_to_host(arrays: T) -> T:
     """Arrays of one accelerator in memory of the host, which NumPy reads in place; those of a CPU as they are.
 
-    The copy runs beside the next computation. Pinned memory is written many times faster than other memory, of which
-    the system first has to find every page; its allocator keeps what was freed.
+    Pinned memory is written many times faster than other memory, of which the system first has to find every page;
+    its allocator keeps what was freed.
     """
-    (device,) = {device for each in jax.tree.leaves(arrays) for device in each.devices()}
+    device = next(iter(jax.tree.leaves(arrays)[0].devices()))
     if _computes_in_memory_of_the_host(device):
         return arrays
     return jax.device_put(arrays, SingleDeviceSharding(device, memory_kind=_PINNED))

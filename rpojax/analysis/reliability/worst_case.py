@@ -23,7 +23,7 @@ from rpojax.analysis.reliability.simulated_limit_state import (
     measure_costs,
 )
 from rpojax.analysis.reliability.worst_case_record import WorstCase
-from rpojax.campaign import run_and_resume
+from rpojax.campaign import preflight, run_and_resume
 from rpojax.campaign.storage import folder_creation
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import stage
@@ -87,6 +87,8 @@ def find_worst_case(
     Raises:
         RpojaxError: an option names no limit or no search, nothing can be moved, or the folder cannot be used.
     """
+    if run_directory is not None:
+        preflight.check_folder(Path(run_directory), force)
     chosen = select_limit(file, choice)
     space = standard_normal_space.make_space(file)
     settings = dataclasses.replace(settings, screening_points=max(settings.screening_points, settings.starts))

@@ -8,7 +8,8 @@ import json
 import os
 import socket
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -91,16 +92,20 @@ def flush(paths: Collection[Path]) -> None:
         UnfinishedError: one cannot be flushed, because the disk is full or for another reason.
     """
     with thread_pool(_FLUSHED_AT_ONCE) as pool:
-        deque(pool.map(_flush_file, paths), maxlen=0)
-        deque(pool.map(_flush_folder, {path.parent for path in paths}), maxlen=0)
+        deque(pool.map(partial(_flushed, _flush_file), paths), maxlen=0)
+        deque(pool.map(partial(_flushed, _flush_folder), {path.parent for path in paths}), maxlen=0)
+
+
+def _flushed(flush: Callable[[Path], None], path: Path) -> None:
+    try:
+        flush(path)
+    except OSError as error:
+        raise write_error(path, error) from None
 
 
 def _flush_file(path: Path) -> None:
-    try:
-        with path.open("rb") as stream:
-            os.fsync(stream.fileno())
-    except OSError as error:
-        raise write_error(path, error) from None
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
 
 
 def _flush_folder(folder: Path) -> None:

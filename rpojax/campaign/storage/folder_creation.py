@@ -13,7 +13,6 @@ import tomli_w
 
 from rpojax.campaign import preflight
 from rpojax.campaign.storage import atomic_files, campaign_configuration, safe_paths, stale_files
-from rpojax.campaign.storage.atomic_outputs import check_replaceable
 from rpojax.campaign.storage.campaign_configuration import FORMAT_VERSION, CampaignConfiguration
 from rpojax.campaign.storage.seal import record_seal
 from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
@@ -73,8 +72,7 @@ def _move_into_place(directory: Path, configuration: CampaignConfiguration, forc
     place = Path(os.path.realpath(directory))
     made = place.with_name(atomic_files.partial_name(place.name))
     try:
-        for stale in stale_files.stale_folders(place):
-            shutil.rmtree(stale, ignore_errors=True)
+        made = _temporary_folder(place)
         made.mkdir(parents=True)
         atomic_files.write(made / _SCENARIO_NAME, tomli_w.dumps(configuration.scenario).encode())
         atomic_files.write_json(made / campaign_configuration.FILE_NAME, record_seal.sealed(_new_record(configuration)))
@@ -92,14 +90,14 @@ def _move_into_place(directory: Path, configuration: CampaignConfiguration, forc
 
 @contextlib.contextmanager
 def made_whole(directory: Path, force: bool) -> Iterator[Path]:
-    """A temporary folder beside `directory`, which takes its place at the end of the body; after an error it is gone.
+    """A temporary folder for a campaign, which takes the place of `directory` at the end of the body, if it succeeds.
 
     Raises:
-        OutputError: there is something, which `force` does not let it replace, or the folder cannot be moved.
+        OutputError: there is something that `force` does not let it replace, or the folder cannot be moved.
     """
+    preflight.check_folder(directory, force)
     place = Path(os.path.realpath(directory))
-    check_replaceable([place], force)
-    made = place.with_name(atomic_files.partial_name(place.name))
+    made = _temporary_folder(place)
     try:
         yield made
         if force and place.exists():
@@ -110,6 +108,13 @@ def made_whole(directory: Path, force: bool) -> Iterator[Path]:
         raise OutputError(f"{directory}: found {error.strerror or error}, expected a folder to write to") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)
+
+
+def _temporary_folder(place: Path) -> Path:
+    """Name of a folder beside a place, after those of processes that were killed are removed."""
+    for stale in stale_files.stale_folders(place):
+        shutil.rmtree(stale, ignore_errors=True)
+    return place.with_name(atomic_files.partial_name(place.name))
 
 
 def _new_record(configuration: CampaignConfiguration) -> dict[str, Any]:

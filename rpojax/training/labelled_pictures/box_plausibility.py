@@ -78,13 +78,16 @@ def outlines_elsewhere(boxes: np.ndarray, outlines: np.ndarray) -> tuple[str, ..
     return (said,) if number else ()
 
 
-def masks_elsewhere(boxes: Sequence[np.ndarray], masks: np.ndarray) -> tuple[str, ...]:
-    """A sentence if masks (n, p, p) of codes 0 to 255 do not cover what boxes (m, 4) [px] of each image surround."""
+def masks_elsewhere(boxes: Sequence[np.ndarray], masks: np.ndarray, sizes: np.ndarray) -> tuple[str, ...]:
+    """A sentence if masks (n, p, p) of codes 0 to 255 do not cover what boxes (m, 4) [px] of each image surround.
+
+    `sizes` (n, 2) are width and height of the part of each square that is picture [px].
+    """
     around = np.zeros((len(masks), 2, 4))
-    for index, (found, mask) in enumerate(zip(boxes, masks, strict=True)):
+    for index, (found, mask, size) in enumerate(zip(boxes, masks, sizes, strict=True)):
         rows, columns = np.nonzero(mask >= _LEAST_COVERED)
         if len(found):
-            around[index, 0] = np.clip([*found[:, :2].min(axis=0), *found[:, 2:].max(axis=0)], 0, len(mask))
+            around[index, 0] = np.clip([*found[:, :2].min(axis=0), *found[:, 2:].max(axis=0)], 0, np.tile(size, 2))
         if len(rows):
             around[index, 1] = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
     number = _number_apart(around[:, 0], around[:, 1])
@@ -117,14 +120,15 @@ def _labelled_otherwise(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tupl
     number = 0
     for image, found in zip(images, boxes, strict=True):
         ordered = np.unique(found, axis=0)
-        number += not np.array_equal(first.setdefault(_digest(image), ordered), ordered)
+        # All pictures in darkness are alike.
+        number += bool(image.any()) and not np.array_equal(first.setdefault(_digest(image), ordered), ordered)
     return (f"{number} of {len(images)} pictures show the same as another one and have other boxes",) * (number > 0)
 
 
 def pictures_in_both(training: np.ndarray, validation: np.ndarray) -> tuple[str, ...]:
     """A sentence if images (m, p, p, 3) of 8 bit for validation are among those (n, p, p, 3) of the training."""
     known = set(map(_digest, training))
-    number = sum(_digest(image) in known for image in validation)
+    number = sum(bool(image.any()) and _digest(image) in known for image in validation)
     return (f"{number} of {len(validation)} pictures for validation are among those of the training",) * (number > 0)
 
 

@@ -33,7 +33,7 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     for place in (images, texts):
         if not place.is_dir():
             raise DatasetError(f"{place}: found no such folder, expected images and labels, as in YOLO's layout")
-    paths = sorted(path for path in images.rglob("*") if path.suffix.lower() in _PICTURES and not _is_hidden(path))
+    paths = sorted(path for path in _shown(images) if path.suffix.lower() in _PICTURES)
     if not paths:
         raise DatasetError(f"{images}: found no pictures, expected at least one")
     files = [(texts / path.relative_to(images)).with_suffix(".txt") for path in paths]
@@ -53,18 +53,34 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
     ]
 
 
-def _is_hidden(path: Path) -> bool:
-    """Whether a file is one that systems keep beside others, such as `._a.png`."""
-    return path.name.startswith(".")
+def _shown(folder: Path) -> list[Path]:
+    """Paths in a folder, without those that systems keep beside others, such as `._a.png`, or in folders of their own."""
+    paths = folder.rglob("*")
+    return [path for path in paths if not any(part.startswith(".") for part in path.relative_to(folder).parts)]
+
+
+def _has_boxes(path: Path) -> bool:
+    """Whether a text is empty or begins with the words of a box: others, such as names of classes, are no labels."""
+    words = read_text(path, FileKind.ANNOTATIONS).partition("\n")[0].split()
+    return not words or (len(words) == _WORDS and all(_is_number(word) for word in words))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _check_others(images: Path, texts: Path, files: Sequence[Path]) -> None:
     """Refuses texts that belong to no picture, without which others would count as empty or be left out."""
     lacking = [file for file in files if not file.exists()]
     names = {file.name for file in lacking}
-    others = [path for path in texts.rglob("*") if path.suffix.lower() == ".txt" and path.name.lower() not in _NO_BOXES]
-    others += [path for path in images.rglob("*.txt") if path.name in names]
-    unknown = sorted(path for path in set(others).difference(files) if not _is_hidden(path))
+    others = [
+        path for path in _shown(texts) if path.suffix.lower() == ".txt" and path.name.lower() not in _NO_BOXES
+    ] + [path for path in _shown(images) if path.suffix == ".txt" and path.name in names]
+    unknown = sorted(path for path in set(others).difference(files) if _has_boxes(path))
     if not unknown:
         return
     reason = f" ({', '.join(sorted(_PICTURES))})"

@@ -206,7 +206,7 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
         *outlines_elsewhere(listed.outlined, listed.outlines),
         *implausible_pictures(pictures.codes, scaled, pictures.bits),
         *([some] if 0 < without < len(images) else []),
-        *(() if masks is None else masks_elsewhere(scaled, masks)),
+        *(() if masks is None else masks_elsewhere(scaled, masks, pictures.sizes * pictures.scales[:, None])),
     )
     return DetectionDataset(
         pictures.codes,

@@ -261,11 +261,15 @@ def test_an_interrupted_simulation_leaves_nothing_and_what_was_there(
     assert "nothing was written" in capsys.readouterr().err
     assert list(out.iterdir()) == []
     (out / "flight").mkdir()
-    (out / "flight" / "campaign.json").write_text("of before")
+    (out / "flight" / "campaign.json").write_text('{"scenario_hash": "of before"}')
     assert main.main([*words, "--force"]) not in (main.Status.DONE, main.Status.BAD_INPUT)
     assert [(each.name, each.read_text()) for each in out.rglob("*") if each.is_file()] == [
-        ("campaign.json", "of before")
+        ("campaign.json", '{"scenario_hash": "of before"}')
     ]
+    (out / "flight" / "campaign.json").rename(out / "flight" / "thesis.tex")
+    assert main.main([*words, "--force"]) == main.Status.BAD_INPUT
+    assert "which is no campaign: --force does not remove it" in capsys.readouterr().err
+    assert (out / "flight" / "thesis.tex").exists()
 
 
 @pytest.mark.slow

@@ -3,6 +3,8 @@
 import errno
 import json
 import os
+import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -43,12 +45,15 @@ def test_flushing_names_the_file_that_the_disk_refuses(tmp_path: Path, monkeypat
     with pytest.raises(UnfinishedError, match=r"missing: found no such file or directory"):
         atomic_files.flush([paths[0], tmp_path / "missing"])
 
-    def fail(_: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    for is_refused in (stat.S_ISREG, stat.S_ISDIR):
 
-    monkeypatch.setattr(os, "fsync", fail)
-    with pytest.raises(UnfinishedError, match=r"found no space left on device, expected room for the results"):
-        atomic_files.flush(paths)
+        def fail(handle: int, is_refused: Callable[[int], bool] = is_refused) -> None:
+            if is_refused(os.fstat(handle).st_mode):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(os, "fsync", fail)
+        with pytest.raises(UnfinishedError, match=r"found no space left on device, expected room for the results"):
+            atomic_files.flush(paths)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '"\ud800', "9" * 5000])

@@ -357,6 +357,15 @@ def test_other_texts_beside_labels_are_no_boxes(tmp_path: Path) -> None:
     assert len(data_formats.read_folder(folder, "yolo")) == 2
 
 
+@pytest.mark.parametrize("name", ["labels.txt", "README.dataset.txt", ".ipynb_checkpoints/a-checkpoint.txt"])
+def test_texts_without_boxes_beside_labels_are_no_labels(tmp_path: Path, name: str) -> None:
+    folder = yolo(tmp_path)
+    other = folder / "labels" / name
+    other.parent.mkdir(exist_ok=True)
+    other.write_text("spacecraft\n")
+    assert len(data_formats.read_folder(folder, "yolo")) == 2
+
+
 def test_labels_of_a_picture_that_is_missing_are_refused(tmp_path: Path) -> None:
     folder = yolo(tmp_path)
     (folder / "labels" / "val" / "b.txt").write_text("")

@@ -13,7 +13,7 @@ from scipy.stats import t as student
 
 from rpojax.analysis.reliability.rare_events import subset_simulation
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls, undefined_fault
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
     LevelRecord,
@@ -55,14 +55,18 @@ def estimate(
     )
     if concentration < 0.5:
         warnings.append("failures lie in several directions, so that no single one is important")
-    probabilities, other_side, nearest = _lines(calls, rng, direction)
+    probabilities, other_side, undefined, nearest = _lines(calls, rng, direction)
+    warnings += undefined_fault(np.where(undefined, -np.inf, 0.0), probabilities)
     return _judged(calls, search, probabilities, other_side, direction * nearest, warnings, reason)
 
 
 def _lines(
     calls: LimitStateCalls, rng: np.random.Generator, direction: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Probabilities (lines,) along lines, their part on the far side, and the least distance of failure."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Probabilities (lines,) along lines, their part on the far side, and the least distance of failure.
+
+    The third result are flags (lines,) of lines along which failure begins or ends where the margin is undefined.
+    """
     lines = max(1, calls.left // (len(_GRID) + 2 * _REFINEMENTS))
     points = calls.space.sample(rng, lines)
     across = points.x - (points.x @ direction)[:, None] * direction
@@ -87,6 +91,8 @@ def _lines(
         low, g_low = np.where(same, middle, low), np.where(same, g_middle, g_low)
         high, g_high = np.where(same, high, middle), np.where(same, g_high, g_middle)
     crossings = low + np.clip(_zero(g_low, g_high), 0.0, 1.0) * (high - low)
+    undefined = np.zeros(lines, dtype=bool)
+    undefined[line[np.isneginf(np.minimum(g_low, g_high))]] = True
     probabilities, other_side = np.zeros(lines), np.zeros(lines)
     for number in range(lines):
         ends = np.concatenate([[-np.inf], crossings[line == number], [np.inf]])
@@ -95,7 +101,7 @@ def _lines(
             probabilities[number] += float(ndtr(-begin) - ndtr(-end)) if begin > 0.0 else float(ndtr(end) - ndtr(begin))
             other_side[number] += float(ndtr(min(end, 0.0)) - ndtr(begin)) if begin < 0.0 else 0.0
     nearest = float(np.min(np.abs(crossings), initial=_GRID[-1])) if len(crossings) else float(_GRID[-1])
-    return probabilities, other_side, nearest
+    return probabilities, other_side, undefined, nearest
 
 
 def _zero(g_low: np.ndarray, g_high: np.ndarray) -> np.ndarray:
@@ -129,7 +135,6 @@ def _judged(
         )
         if gap > 3.0:
             warnings.append(f"subset simulation found {search.probability:.3g}: lines miss a part of failure")
-    warnings += calls.undefined_remark()
     effective = probabilities.sum() ** 2 / np.sum(probabilities**2) if probability > 0.0 else 0.0
     if effective < 20.0:
         warnings.append(f"lines are worth {effective:.0f} equal ones")
@@ -143,7 +148,7 @@ def _judged(
         evaluations=calls.used,
         method="line",
         trusted=not warnings,
-        warnings=tuple(warnings),
+        warnings=(*warnings, *calls.undefined_remark()),
         reason=reason,
         effective_sample_size=float(effective),
         levels=(*search.levels, LevelRecord("lines", lines, probability)),

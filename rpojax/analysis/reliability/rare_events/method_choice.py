@@ -176,7 +176,8 @@ def _by_subset(
         > _SURPRISE * math.hypot(math.sqrt(math.log1p(variation**2)), min(rounds[-1].variation, 2.0))
     ):
         faults.append(f"importance sampling found {rounds[-1].probability:.3g}: chains miss a part of failure")
-    faults += calls.undefined_remark()
+    last = np.concatenate([each.last.margins for each in used])
+    faults += undefined_fault(last, np.ones(len(last)))
     if not complete:
         return _without_failure(calls, rng, first, results, faults, reason)
     return ProbabilityEstimate(
@@ -186,7 +187,7 @@ def _by_subset(
         evaluations=calls.used,
         method="subset",
         trusted=not faults,
-        warnings=tuple(faults),
+        warnings=(*faults, *calls.undefined_remark()),
         reason=reason,
         effective_sample_size=1.0 / variation**2,
         levels=tuple(level for each in results for level in each.levels),

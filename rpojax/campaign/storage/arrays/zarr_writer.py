@@ -84,27 +84,32 @@ class ZarrWriter:
             self._write_array(path / name, layout, 0, values)
         digest = zarr_encoding.digest(channels, binding)
         self.flush()
-        self._write_file(path / "zarr.json", zarr_encoding.group_metadata({"sha256": digest}))
-        self.flush()
+        self._write_file(path / "zarr.json", zarr_encoding.group_metadata({"sha256": digest}), sync=True)
 
     def _write_array(self, path: Path, layout: ArrayLayout, block: int, values: np.ndarray) -> None:
         if path not in self._written_metadata:
-            self._write_file(path / "zarr.json", self._encoder.metadata(layout))
-            self._written_metadata.add(path)
+            self._write_metadata(path, self._encoder.metadata(layout))
         key, content = self._encoder.encode_block(layout, block, values)
         self._write_file(path / key, content)
 
     def _write_group_metadata(self, path: Path) -> None:
         for part in (Path(), *reversed(path.parents[:-1]), path):
             if part not in self._written_metadata:
-                self._write_file(part / "zarr.json", zarr_encoding.group_metadata())
-                self._written_metadata.add(part)
+                self._write_metadata(part, zarr_encoding.group_metadata())
 
-    def _write_file(self, path: Path, content: bytes) -> None:
+    def _write_metadata(self, path: Path, content: bytes) -> None:
+        """Writes `zarr.json`, which finished blocks need too, whole and on the disk before it replaces an equal one."""
+        self._write_file(
+            path / "zarr.json", content, sync=(self.directory / "results.zarr" / path / "zarr.json").exists()
+        )
+        self._written_metadata.add(path)
+
+    def _write_file(self, path: Path, content: bytes, sync: bool = False) -> None:
         full = self.directory / "results.zarr" / path
         safe_paths.make_folder(self.directory, full.parent)
-        atomic_files.write(full, content)
-        self._unflushed.add(full)
+        atomic_files.write(full, content, sync)
+        if not sync:
+            self._unflushed.add(full)
 
     def flush(self) -> None:
         """Flushes all files written so far to the disk.

@@ -14,7 +14,7 @@ _LEAST_PICTURES: Final = 5
 _MANY: Final = 0.5
 """Share of pictures, sure boxes of which are elsewhere, that is no accident of a detector."""
 _SOME: Final = 0.1
-"""Share of pictures that is worth a line if another meaning of their labels explains it."""
+"""Share of pictures that is worth a line if another meaning of their labels explains it, in which nothing is fitted."""
 _AGREES, _APART, _GAIN, _TIE = 0.5, 0.1, 0.25, 0.05
 """Intersection over union of a label with a sure box: agreement, none, what an explanation has to gain, and a tie."""
 
@@ -35,7 +35,7 @@ _FORMS: Final[dict[str, tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.n
 def implausible_labels(
     boxes: Sequence[np.ndarray], scores: Sequence[np.ndarray], data: DetectionDataset
 ) -> tuple[str, ...]:
-    """Sentences on labels that do not agree with most boxes of which a detector is sure.
+    """Sentences on labels that do not agree with boxes of which a detector is sure.
 
     Args:
         boxes: for every image found boxes (k, 4) left, top, right, bottom [px]
@@ -64,13 +64,14 @@ def _labels_elsewhere(best: np.ndarray, data: DetectionDataset) -> tuple[str, ..
     if len(failing) < max(_LEAST_PICTURES, _SOME * len(now)):
         return ()
     found = f"{len(failing)} of {len(now)} pictures have labels elsewhere than boxes of which the detector is sure"
-    gain, cause = _likely_cause(best[failing], data.subset(failing))
+    is_many = len(failing) >= _MANY * len(now)
+    gain, cause = _likely_cause(best[failing], data.subset(failing), fitted=is_many)
     if gain >= max(_AGREES, float(np.median(now[failing])) + _GAIN):
         return (f"{found}; most would agree if {cause}",)
     return (f"{found}: are they of these pictures?",) if np.mean(now < _APART) >= _MANY else ()
 
 
-def _likely_cause(best: np.ndarray, data: DetectionDataset) -> tuple[float, str]:
+def _likely_cause(best: np.ndarray, data: DetectionDataset, fitted: bool) -> tuple[float, str]:
     """What labels may mean instead so that they agree most with the best boxes, and their median agreement then."""
     sizes = data.file_sizes().astype(float)
     scale = sizes.max(axis=1, keepdims=True) / data.images.shape[1]
@@ -78,7 +79,8 @@ def _likely_cause(best: np.ndarray, data: DetectionDataset) -> tuple[float, str]
     image = np.repeat(np.arange(len(best)), counts)
     labels, target = np.concatenate(data.boxes) * scale[image], (best * scale)[image]
     found = []
-    for cause, edges in _meanings(labels.T, target.T, sizes[image].T):
+    meanings = _meanings(labels.T, sizes[image].T)
+    for cause, edges in itertools.chain(meanings, _fitted_meanings(labels.T, target.T) if fitted else ()):
         agreement = np.zeros(len(best))
         np.maximum.at(agreement, image, intersection_over_union(target, edges.T))
         found.append((float(np.median(agreement)), cause))
@@ -86,11 +88,10 @@ def _likely_cause(best: np.ndarray, data: DetectionDataset) -> tuple[float, str]
     return next(each for each in found if each[0] >= max(found)[0] - _TIE)
 
 
-def _meanings(box: np.ndarray, target: np.ndarray, size: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def _meanings(box: np.ndarray, size: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """What labels may mean, and their edges (4, n) [px] then.
 
-    `box` (4, n) are the edges as they were read, `target` (4, n) those of the best boxes, and `size` (2, n) width and
-    height of the pictures.
+    `box` (4, n) are the edges as they were read, and `size` (2, n) width and height of the pictures.
     """
     (left, top, right, bottom), (width, height) = box, size
     sides = np.concatenate([size, size])
@@ -103,6 +104,10 @@ def _meanings(box: np.ndarray, target: np.ndarray, size: np.ndarray) -> Iterator
         yield f"they were {of} of the pictures", box * sides / part
     for (read, (to_words, _)), (meant, (_, to_edges)) in itertools.permutations(_FORMS.items(), 2):
         yield f"they were {meant} in place of {read}", to_edges(to_words(box))
+
+
+def _fitted_meanings(box: np.ndarray, target: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Factors and shifts of edges (4, n) [px] that fit those of the best boxes (4, n), and edges with them."""
     times = float(np.median((box * target).sum(axis=0) / (box * box).sum(axis=0)))
     yield f"they were multiplied by {times:.3g}", times * box
     middle, half = (box[:2] + box[2:]) / 2, (box[2:] - box[:2]) / 2

@@ -120,6 +120,15 @@ def test_lines_find_where_margins_become_undefined(seed: int) -> None:
     assert any("no defined margin" in warning for warning in found.warnings)
 
 
+def test_lines_are_trusted_where_only_far_points_have_no_margin() -> None:
+    found = rpojax.estimate_probability(
+        jax.jit(lambda z: jnp.where(z[:, 0] > 5.0, jnp.nan, 3.0 - z[:, 0])), 3, method="line", budget=4000
+    )
+    assert found.probability == pytest.approx(norm.sf(3.0), rel=0.05)
+    assert found.trusted
+    assert any("no defined margin" in warning for warning in found.warnings)
+
+
 def test_a_probability_of_points_without_a_margin_is_not_trusted() -> None:
     found = rpojax.estimate_probability(
         jax.jit(lambda z: jnp.where(z[:, 0] > 0.0, jnp.nan, 1.0)), 2, method="plain", budget=1000

@@ -75,15 +75,20 @@ def test_what_says_that_files_are_complete_is_written_after_they_are_on_the_disk
     arrays = campaign.directory / "results.zarr"
 
     def refuse(paths: Collection[Path]) -> None:
-        assert paths
+        flushed.append(sorted(path.relative_to(arrays).parts[0] for path in paths))
         raise UnfinishedError("found no room")
 
-    with monkeypatch.context() as patch:
-        patch.setattr(atomic_files, "flush", refuse)
-        with pytest.raises(UnfinishedError):
-            campaign.write_history(3, {"time_s": np.arange(4.0)})
-        with pytest.raises(UnfinishedError):
-            campaign.write_block(0, synthetic_block(0), synthetic_timing())
+    flushed: list[list[str]] = []
+    for write in (
+        lambda: campaign.write_history(3, {"time_s": np.arange(4.0)}),
+        lambda: campaign.write_block(0, synthetic_block(0), synthetic_timing()),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(atomic_files, "flush", refuse)
+            with pytest.raises(UnfinishedError):
+                write()
+    assert "histories" in flushed[0]
+    assert {"metrics", "status"} <= set(flushed[1])
     assert (arrays / "histories/3/time_s/zarr.json").is_file()
     assert not (arrays / "histories/3/zarr.json").exists()
     assert 0 in campaign.missing_blocks()
@@ -92,6 +97,7 @@ def test_what_says_that_files_are_complete_is_written_after_they_are_on_the_disk
     campaign.write_block(0, synthetic_block(0), synthetic_timing())
     assert list(campaign.history_ids) == [3]
     assert 0 not in campaign.missing_blocks()
+    assert not campaign._writer._unflushed
 
 
 def contents(directory: Path) -> dict[str, bytes]:

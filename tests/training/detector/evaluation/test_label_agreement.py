@@ -93,3 +93,10 @@ def test_pictures_without_labels_in_which_a_spacecraft_is_found_are_told() -> No
     assert said(truth(), truth(), lacking=4) == ()
     assert "sure of a spacecraft in 9 of 9 pictures without one" in said(truth(), truth(), lacking=9)[0]
     assert len(said(truth(), truth(), lacking=COUNT)) == 1
+
+
+def test_a_few_boxes_of_another_size_are_the_detectors_and_not_the_labels() -> None:
+    right = truth()
+    found = right.copy()
+    found[:3] = right[:3] + 0.5 * (right[:3] - right[:3][:, [2, 3, 0, 1]])  # twice the sides
+    assert said(right, found) == ()
