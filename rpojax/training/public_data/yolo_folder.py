@@ -54,7 +54,7 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
 
 
 def _shown(folder: Path) -> list[Path]:
-    """Paths in a folder, without those that systems keep beside others, such as `._a.png`, or in folders of their own."""
+    """Paths in a folder, without what systems keep beside others, such as `._a.png`, or in folders of their own."""
     paths = folder.rglob("*")
     return [path for path in paths if not any(part.startswith(".") for part in path.relative_to(folder).parts)]
 
