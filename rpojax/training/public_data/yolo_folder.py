@@ -61,16 +61,11 @@ def _shown(folder: Path) -> list[Path]:
 
 def _has_boxes(path: Path) -> bool:
     """Whether a text is empty or begins with the words of a box: others, such as names of classes, are no labels."""
-    words = read_text(path, FileKind.ANNOTATIONS).partition("\n")[0].split()
-    return not words or (len(words) == _WORDS and all(_is_number(word) for word in words))
-
-
-def _is_number(word: str) -> bool:
+    first, _, _ = read_text(path, FileKind.ANNOTATIONS).partition("\n")
     try:
-        float(word)
+        return len([float(word) for word in first.split()]) in (0, _WORDS)
     except ValueError:
         return False
-    return True
 
 
 def _check_others(images: Path, texts: Path, files: Sequence[Path]) -> None:
