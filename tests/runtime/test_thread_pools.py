@@ -1,13 +1,11 @@
-"""A pool of threads lets an interrupt pass at once, and waits for its calls otherwise; rows in parts, in threads."""
+"""A pool of threads lets an interrupt pass at once, and waits for its calls otherwise."""
 
 import threading
 from concurrent.futures import Future
 
-import numpy as np
 import pytest
 
-from rpojax.runtime import thread_pools
-from rpojax.runtime.thread_pools import in_parts, thread_pool
+from rpojax.runtime.thread_pools import thread_pool
 
 
 def test_an_interrupt_leaves_a_call_that_cannot_be_stopped() -> None:
@@ -38,34 +36,3 @@ def test_after_an_error_and_at_the_end_all_calls_have_ended() -> None:
         for number in range(10):
             pool.submit(ended.append, number)
     assert sorted(ended) == list(range(10))
-
-
-@pytest.mark.parametrize(("first", "last", "parts"), [(0, 5, 1), (100, 612, 1), (100, 613, 2), (7, 2100, 5)])
-def test_parts_join_to_all_rows_in_order(first: int, last: int, parts: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(thread_pools, "available_cores", lambda: 3)
-    values = np.random.default_rng(1).normal(size=(2200, 2))
-    seen: list[slice] = []
-
-    def squares(rows: slice) -> dict[str, np.ndarray]:
-        seen.append(rows)
-        return {"square": values[rows] ** 2, "number": np.arange(rows.start, rows.stop)}
-
-    found = in_parts(squares, slice(first, last))
-    np.testing.assert_array_equal(found["square"], values[first:last] ** 2)
-    np.testing.assert_array_equal(found["number"], np.arange(first, last))
-    assert len(seen) == parts
-    assert max(rows.stop - rows.start for rows in seen) <= 512
-
-
-def test_parts_run_at_the_same_time_and_an_error_of_one_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(thread_pools, "available_cores", lambda: 2)
-    both = threading.Barrier(2, timeout=60.0)
-
-    def meet(rows: slice) -> dict[str, np.ndarray]:
-        both.wait()
-        if rows.start:
-            raise ValueError("of the second part")
-        return {"row": np.arange(rows.start, rows.stop)}
-
-    with pytest.raises(ValueError, match="of the second part"):
-        in_parts(meet, slice(0, 1000))

@@ -20,7 +20,7 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.resource_estimates import HISTORY_MEMORY_BYTES
 from rpojax.campaign.storage import atomic_files, campaign_folder
 from rpojax.metrics.time_windows import split_name
-from rpojax.runtime.thread_pools import in_parts
+from rpojax.runtime.rows_in_parts import in_parts
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile

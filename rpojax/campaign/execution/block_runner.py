@@ -19,7 +19,7 @@ from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
 from rpojax.metrics import metric_catalogue
-from rpojax.runtime.thread_pools import in_parts
+from rpojax.runtime.rows_in_parts import in_parts
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import team_metrics
