@@ -69,23 +69,18 @@ def check_scenario_copy(directory: Path, configuration: CampaignConfiguration) -
 
 def _move_into_place(directory: Path, configuration: CampaignConfiguration, force: bool) -> bool:
     """Makes the folder under a temporary name and renames it; false if another process was faster."""
-    place = Path(os.path.realpath(directory))
-    made = place.with_name(atomic_files.partial_name(place.name))
+    place, record = Path(os.path.realpath(directory)), record_seal.sealed(_new_record(configuration))
     try:
-        made = _temporary_folder(place)
-        made.mkdir(parents=True)
-        atomic_files.write(made / _SCENARIO_NAME, tomli_w.dumps(configuration.scenario).encode())
-        atomic_files.write_json(made / campaign_configuration.FILE_NAME, record_seal.sealed(_new_record(configuration)))
-        if force and place.exists():
-            _remove_folder(place)
-        return _try_rename(made, place)
+        with _temporary_folder(place) as made:
+            made.mkdir(parents=True)
+            atomic_files.write(made / _SCENARIO_NAME, tomli_w.dumps(configuration.scenario).encode())
+            atomic_files.write_json(made / campaign_configuration.FILE_NAME, record)
+            return _takes_place(made, place, force)
     except (OSError, UnfinishedError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error).partition(", expected")[0]
         raise OutputError.of_argument(
             "out", f"found {str(directory)!r} ({reason}), expected a folder to write to"
         ) from None
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
 
 
 @contextlib.contextmanager
@@ -97,24 +92,25 @@ def made_whole(directory: Path, force: bool) -> Iterator[Path]:
     """
     preflight.check_folder(directory, force)
     place = Path(os.path.realpath(directory))
-    made = _temporary_folder(place)
     try:
-        yield made
-        if force and place.exists():
-            _remove_folder(place)
-        if not _try_rename(made, place):
-            raise OutputError(f"{directory}: exists already; force=True replaces it")
+        with _temporary_folder(place) as made:
+            yield made
+            if not _takes_place(made, place, force):
+                raise OutputError(f"{directory}: exists already; force=True replaces it")
     except OSError as error:
         raise OutputError(f"{directory}: found {error.strerror or error}, expected a folder to write to") from None
+
+
+@contextlib.contextmanager
+def _temporary_folder(place: Path) -> Iterator[Path]:
+    """A folder to be made beside a place, gone at the end; those of processes that were killed are removed."""
+    made = place.with_name(atomic_files.partial_name(place.name))
+    try:
+        for stale in stale_files.stale_folders(place):
+            shutil.rmtree(stale, ignore_errors=True)
+        yield made
     finally:
         shutil.rmtree(made, ignore_errors=True)
-
-
-def _temporary_folder(place: Path) -> Path:
-    """Name of a folder beside a place, after those of processes that were killed are removed."""
-    for stale in stale_files.stale_folders(place):
-        shutil.rmtree(stale, ignore_errors=True)
-    return place.with_name(atomic_files.partial_name(place.name))
 
 
 def _new_record(configuration: CampaignConfiguration) -> dict[str, Any]:
@@ -122,8 +118,10 @@ def _new_record(configuration: CampaignConfiguration) -> dict[str, Any]:
     return replace(configuration, format_version=FORMAT_VERSION).to_record()
 
 
-def _try_rename(made: Path, place: Path) -> bool:
-    """Whether the folder could be renamed; it cannot replace a folder that is not empty."""
+def _takes_place(made: Path, place: Path, force: bool) -> bool:
+    """Whether the folder could be renamed; without `force` it cannot replace a folder that is not empty."""
+    if force and place.exists():
+        _remove_folder(place)
     try:
         made.rename(place)
     except OSError:

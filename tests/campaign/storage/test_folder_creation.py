@@ -44,7 +44,7 @@ def test_folder_created_meanwhile_by_another_process_is_joined(
     folder_creation.join_folder(out, configuration(mission))
     # The folder appears between the check and the rename.
     monkeypatch.setattr(os.path, "lexists", lambda path: Path(path) != out and Path(path).exists())
-    monkeypatch.setattr(folder_creation, "_try_rename", lambda made, place: False)
+    monkeypatch.setattr(folder_creation, "_takes_place", lambda made, place, force: False)
     folder_creation.join_folder(out, configuration(mission))
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
