@@ -2,6 +2,11 @@
 
 import gc
 import os
+
+# Before NumPy and SciPy are imported. Each worker has one core: threads of their linear algebra wait for one another
+# there, and the exponential of a matrix of 6 by 6 takes a hundred times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any

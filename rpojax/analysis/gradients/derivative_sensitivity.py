@@ -46,6 +46,8 @@ _KINKS = {
     "total": "a sum of burns, decided on in steps: the derivative of a smoothed decision stands in for the jump",
 }
 
+_STEPS = "a number of steps: its derivative is 0 although its values differ, and says nothing about them"
+
 
 @dataclass(frozen=True)
 class InputShare:
@@ -77,7 +79,7 @@ class MetricSensitivity:
         sigma: standard deviation by all of them, were the metric linear
         values: (runs,) of the metric in the runs with random dispersions that reached their end and have it
         undefined: runs that reached their end without a value or a finite derivative of it
-        kink: why the derivative jumps; None where it does not
+        kink: why the derivative jumps, or is 0 between the jumps; None where it is right
     """
 
     metric: str
@@ -279,7 +281,7 @@ def _metric_sensitivity(space: StandardNormalSpace, name: str, found: RolloutRes
         sigma=float(np.sqrt(np.mean(np.sum(gradients**2, axis=1)))),
         values=values[rows],
         undefined=undefined,
-        kink=_KINKS.get(str(metric.reduction)),
+        kink=_STEPS if not gradients.any() and np.ptp(values[rows]) > 0.0 else _KINKS.get(str(metric.reduction)),
     )
 
 

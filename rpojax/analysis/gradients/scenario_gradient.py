@@ -114,8 +114,9 @@ def gradient(
     """Derivatives of metrics of single runs with respect to scenario keys, by automatic differentiation.
 
     A key that is dispersed is shifted by the same amount in all runs. Boxes, gates and burns are decided as in the
-    run itself: the derivative holds between two changes of such an event. Flight software keeps its own model of the
-    vehicle, as with dispersions.
+    run itself: the derivative holds between two changes of such an event. Near the gate and the dead band it has a
+    slope in place of the step, and so may differ by some percent from a difference of runs, which has none. Flight
+    software keeps its own model of the vehicle, as with dispersions.
 
     Args:
         file: scenario with independent runs and the geometric or statistical camera

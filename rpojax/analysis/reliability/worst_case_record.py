@@ -79,6 +79,12 @@ class WorstCase:
             return False
         return not math.isfinite(self.simulated_value) or self.limit.is_violated(self.simulated_value)
 
+    @property
+    def undefined(self) -> bool:
+        """Whether what was found is a run without a value of the metric, which no limit bounds."""
+        found = self.search.nearest_violation
+        return found is not None and not math.isfinite(self.limit.value_at_margin(found.margin))
+
     def to_dict(self) -> dict[str, Any]:
         """Content of worst_case.json, in the types of JSON."""
         search, limit, point = self.search, self.limit, self.reported_point
@@ -97,6 +103,7 @@ class WorstCase:
             "value": limit.value_at_margin(point.margin),
             "value_flown": self.simulated_value,
             "confirmed": self.confirmed,
+            "undefined": self.undefined,
             "dispersions": self._dispersions(),
             "held": list(self.space.unmapped),
             "cost": self._cost(),

@@ -46,6 +46,9 @@ def _window_faults(file: ScenarioFile, requirement: RequirementSection) -> list[
     if window.phase is not None:
         if window.from_s is not None or window.to_s is not None:
             faults.append(("phase", window.phase, "either a phase or times from_s and to_s"))
+        last = file.phases[-1] if file.phases else None
+        if window.at == "end" and last is not None and window.phase == last.name and last.until is None:
+            faults.append(("at", window.at, f"begin, as phase {last.name} has no conditions until that end it"))
         if window.phase not in names:
             expected = f"one of {', '.join(names)}" if names else "it only in a scenario with [[phases]]"
             faults.append(("phase", window.phase, expected))

@@ -3,6 +3,7 @@
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained.coverage_surface import surface_warnings
 from rpojax.scenario.warnings.control_authority import control_warnings
+from rpojax.scenario.warnings.dispersed_bounds import bound_warnings
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.filter_beliefs import belief_warnings
 from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
@@ -16,6 +17,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
     """One line for each reason for which a mission may not work as the scenario declares it: key, found, expected."""
     reach = DispersedReach(file)
     found = [
+        *bound_warnings(file, reach),
         *small_box_warnings(file, reach),
         *packaged_picture_warnings(file),
         *light_warnings(file, reach),

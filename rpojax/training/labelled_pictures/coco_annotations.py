@@ -74,6 +74,8 @@ def read_annotations(path: Path) -> Annotations:
 
 
 def _annotations(content: Any) -> Annotations:
+    if isinstance(content, list):
+        raise ValueError("a list, as of the boxes that a detector has found")
     images = {}
     _check_each_once("images of id", (entry["id"] for entry in content["images"]))
     for entry in content["images"]:
@@ -131,7 +133,9 @@ def _annotation(note: Mapping[str, Any], images: Mapping[Hashable, dict[str, Any
     """
     number = note["image_id"]
     if number not in images:
-        raise ValueError(f"an annotation of image {number}, which is not listed")
+        same = [each for each in images if str(each) == str(number)]
+        what = f", as {type(same[0]).__name__} and not {type(number).__name__}" if same else ""
+        raise ValueError(f"an annotation of image {number!r:.40}, which is {'listed' if same else 'not listed'}{what}")
     if note.get("iscrowd") or note.get("ignore"):
         what = "a crowd" if note.get("iscrowd") else "a box to ignore"
         raise ValueError(f"{what} in image {number}, where each spacecraft has its box")

@@ -94,7 +94,7 @@ def _boxes(path: Path, classes: set[int]) -> np.ndarray:
         found = []
         for words in filter(None, map(str.split, lines)):
             if len(words) != _WORDS:
-                of = "detections with their scores" if len(words) == _WORDS + 1 else "outlines"
+                of = "detections with their scores, or boxes with an angle" if len(words) == _WORDS + 1 else "outlines"
                 likely = f", as of {of}" if len(words) > _WORDS else ""
                 raise ValueError(f"a line of {len(words)} words{likely}")
             if any("_" in word for word in words):  # Python would read 1_0 as ten

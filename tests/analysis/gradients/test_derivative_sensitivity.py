@@ -55,6 +55,19 @@ def test_a_linear_metric_has_its_standard_deviation(space: StandardNormalSpace) 
     assert linear.kink is not None
 
 
+def test_a_metric_of_steps_is_said_to_have_no_derivative_of_use(space: StandardNormalSpace) -> None:
+    class Steps(KnownDerivatives):
+        def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+            found = super().jacobian(inputs, keys)
+            jacobian = np.zeros_like(found.jacobian)
+            jacobian[:, 1] = found.jacobian[:, 1]
+            return replace(found, metrics=np.floor(found.metrics), jacobian=jacobian)
+
+    steps, curved = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, Steps(space))
+    assert steps.kink is not None and "a number of steps" in steps.kink
+    assert curved.kink is None or "a number of steps" not in curved.kink
+
+
 def test_failed_runs_are_left_out_and_the_share_of_one_run_is_reported(space: StandardNormalSpace) -> None:
     evaluator = KnownDerivatives(space)
     _, curved = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, evaluator)

@@ -148,6 +148,7 @@ def test_a_run_without_the_metric_violates_the_limit(mission: ScenarioFile) -> N
     assert 2.0 < worst.reported_point.distance < 3.0
     content = replace(worst, simulated_value=math.nan).to_dict()
     assert (content["confirmed"], content["value"], content["value_flown"]) == (True, None, None)
+    assert content["undefined"]
 
 
 def test_a_limit_out_of_reach_is_reported(mission: ScenarioFile) -> None:

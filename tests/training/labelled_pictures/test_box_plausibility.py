@@ -280,6 +280,7 @@ def test_a_picture_that_its_exif_turns_is_refused(tmp_path: Path, turn: int) -> 
         ({"categories": [{"id": 1, "name": name} for name in "ab"], "annotations": [NOTE]}, "2 categories of id 1"),
         ({"annotations": [{**NOTE, "known_edges": ["false"] * 4}]}, "known_edges"),
         ({"annotations": [{"image_id": 7, "bbox": [1, 1, 9, 9]}]}, "an annotation of image 7, which is not listed"),
+        ({"annotations": [{"image_id": "0", "bbox": [1, 1, 9, 9]}]}, "image '0', which is listed, as int and not str"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, -9, 9]}]}, "bbox"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "bbox_mode": 0}]}, "bbox_mode 0"),
         ({"annotations": [{"image_id": 0, "bbox": [1, 1, 9, 9], "ignore": 1}]}, "a box to ignore in image 0"),

@@ -1,8 +1,8 @@
 """Line sampling: the probability along parallel lines in the direction in which failure is nearest.
 
 Lines are random across the direction; along each the margin is evaluated on both sides on a grid, its changes of sign
-are refined by regula falsi, and the probability of what fails is that of a normal number (Koutsourelakis, Pradlwarter
-and Schueller 2004). Noise is drawn once for each line.
+are refined by regula falsi, or halved where it is a step, and the probability of what fails is that of a normal number
+(Koutsourelakis, Pradlwarter and Schueller 2004). Noise is drawn once for each line.
 """
 
 import math
@@ -25,12 +25,20 @@ _DIRECTION_SHARE = 0.35
 _LEVEL_SHARE = 0.05
 _GRID = np.array([-7.0, -5.0, -3.5, -2.0, 0.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0])
 _REFINEMENTS = 4
+_MOST_REFINEMENTS = 16
+"""Refinements at most of a change of sign at a step of the margin, which use what other lines leave over."""
+_SETTLED = 0.02
+"""Distance by which the last refinement moves a change of sign at most, or it is halved on."""
+_LARGEST_SLOPE_RATIO = 8.0
+"""Ratio of the margin's slopes on both sides of a place above which it is a step between them."""
 _MANY_DIMENSIONS = 10
 """Dimension above which the mean of a few failures is a poor direction, and the regression of margins a better one."""
 _ROOT_VARIATION = 2e-3
 """Coefficient of variation that stands for the error of the changes of sign that were found."""
 _OTHER_SIDE = 0.02
 """Share of the probability on the far side above which the direction is no important one."""
+_UNKNOWN = 0.1
+"""Share of the probability between places next to a step of the margin above which the estimate is not trusted."""
 
 
 def estimate(
@@ -55,17 +63,18 @@ def estimate(
     )
     if concentration < 0.5:
         warnings.append("failures lie in several directions, so that no single one is important")
-    probabilities, other_side, undefined, nearest = _lines(calls, rng, direction)
+    probabilities, other_side, undefined, unknown, nearest = _lines(calls, rng, direction)
     warnings += undefined_fault(np.where(undefined, -np.inf, 0.0), probabilities)
-    return _judged(calls, search, probabilities, other_side, direction * nearest, warnings, reason)
+    return _judged(calls, search, (probabilities, other_side, unknown), direction * nearest, warnings, reason)
 
 
 def _lines(
     calls: LimitStateCalls, rng: np.random.Generator, direction: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Probabilities (lines,) along lines, their part on the far side, and the least distance of failure.
 
-    The third result are flags (lines,) of lines along which failure begins or ends where the margin is undefined.
+    The third result are flags (lines,) of lines along which failure begins or ends where the margin is undefined, the
+    fourth the probability (lines,) within which changes of sign were not located.
     """
     lines = max(1, calls.left // (len(_GRID) + 2 * _REFINEMENTS))
     points = calls.space.sample(rng, lines)
@@ -81,18 +90,26 @@ def _lines(
     line, cell = np.nonzero(failed[:, 1:] != failed[:, :-1])
     low, high = _GRID[cell], _GRID[cell + 1]
     g_low, g_high = grid[line, cell], grid[line, cell + 1]
-    for _ in range(_REFINEMENTS):
-        kept = min(len(line), calls.left)
-        if kept < len(line):
+    # Without a straight line through the margins: halved until the ends tell otherwise.
+    abrupt = ~np.isfinite(g_low + g_high) | (g_low == 0.0) | (g_high == 0.0)
+    for refinement in range(_MOST_REFINEMENTS):
+        chosen = np.arange(len(line)) if refinement < _REFINEMENTS else np.flatnonzero(abrupt)
+        if not len(chosen) or len(chosen) > calls.left:
             break
-        middle = low + np.clip(_zero(g_low, g_high), 0.05, 0.95) * (high - low)
-        g_middle = margins(line, middle)
-        same = (g_middle <= 0.0) == (g_low <= 0.0)
-        low, g_low = np.where(same, middle, low), np.where(same, g_middle, g_low)
-        high, g_high = np.where(same, high, middle), np.where(same, g_high, g_middle)
-    crossings = low + np.clip(_zero(g_low, g_high), 0.0, 1.0) * (high - low)
-    undefined = np.zeros(lines, dtype=bool)
+        a, b, g_a, g_b = low[chosen], high[chosen], g_low[chosen], g_high[chosen]
+        share = np.where(abrupt[chosen], 0.5, np.clip(_zero(g_a, g_b), 0.05, 0.95))
+        middle = a + share * (b - a)
+        g_middle = margins(line[chosen], middle)
+        same = (g_middle <= 0.0) == (g_a <= 0.0)
+        low[chosen], g_low[chosen] = np.where(same, middle, a), np.where(same, g_middle, g_a)
+        high[chosen], g_high[chosen] = np.where(same, b, middle), np.where(same, g_b, g_middle)
+        abrupt[chosen] |= _is_abrupt(share, g_a, g_middle, g_b)
+        if refinement == _REFINEMENTS - 1:
+            abrupt |= np.abs(low + _zero(g_low, g_high) * (high - low) - middle) > _SETTLED
+    crossings = low + np.where(abrupt, 0.5, np.clip(_zero(g_low, g_high), 0.0, 1.0)) * (high - low)
+    undefined, unknown = np.zeros(lines, dtype=bool), np.zeros(lines)
     undefined[line[np.isneginf(np.minimum(g_low, g_high))]] = True
+    np.add.at(unknown, line[abrupt], (ndtr(high) - ndtr(low))[abrupt])
     probabilities, other_side = np.zeros(lines), np.zeros(lines)
     for number in range(lines):
         ends = np.concatenate([[-np.inf], crossings[line == number], [np.inf]])
@@ -101,7 +118,7 @@ def _lines(
             probabilities[number] += float(ndtr(-begin) - ndtr(-end)) if begin > 0.0 else float(ndtr(end) - ndtr(begin))
             other_side[number] += float(ndtr(min(end, 0.0)) - ndtr(begin)) if begin < 0.0 else 0.0
     nearest = float(np.min(np.abs(crossings), initial=_GRID[-1])) if len(crossings) else float(_GRID[-1])
-    return probabilities, other_side, undefined, nearest
+    return probabilities, other_side, undefined, unknown, nearest
 
 
 def _zero(g_low: np.ndarray, g_high: np.ndarray) -> np.ndarray:
@@ -110,21 +127,37 @@ def _zero(g_low: np.ndarray, g_high: np.ndarray) -> np.ndarray:
     return np.where(defined, g_low, 1.0) / np.where(defined, g_low - g_high, 2.0)
 
 
+def _is_abrupt(share: np.ndarray, g_low: np.ndarray, g_middle: np.ndarray, g_high: np.ndarray) -> np.ndarray:
+    """Whether margins of the ends and of a place at a share between them are those of a step, or undefined.
+
+    The slopes on both sides of the place differ by much, or have opposite signs: counts of ticks are such margins.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = (g_middle - g_low) / share / ((g_high - g_middle) / (1.0 - share))
+    return ~((ratio > 1.0 / _LARGEST_SLOPE_RATIO) & (ratio < _LARGEST_SLOPE_RATIO))
+
+
 def _judged(
     calls: LimitStateCalls,
     search: subset_simulation.SubsetResult,
-    probabilities: np.ndarray,
-    other_side: np.ndarray,
+    along_lines: tuple[np.ndarray, np.ndarray, np.ndarray],
     point: np.ndarray,
     warnings: list[str],
     reason: str,
 ) -> ProbabilityEstimate:
-    """Estimate from the probabilities along lines, and what speaks against it."""
+    """Estimate from probabilities along lines, of their far side and next to steps, and what speaks against it."""
+    probabilities, other_side, unknown = along_lines
     lines, probability = len(probabilities), float(probabilities.mean())
+    share_unknown = 0.0
     variation = math.inf
     if probability > 0.0:
         sampled = float(np.std(probabilities, ddof=1)) / math.sqrt(lines) / probability if lines > 1 else 1.0
-        variation = math.hypot(sampled, _ROOT_VARIATION)
+        # All lines may meet the same step, so that their errors add.
+        share_unknown = float(unknown.mean()) / probability
+        variation = math.hypot(sampled, _ROOT_VARIATION, 0.5 * share_unknown)
+    if share_unknown > _UNKNOWN:
+        share = f"{100 * share_unknown:.0f} %"
+        warnings.append(f"failure begins at steps of the margin, which are located to {share} of the probability")
     if probability <= 0.0:
         warnings.append("no line met failure")
     if other_side.sum() > _OTHER_SIDE * probabilities.sum() > 0.0:

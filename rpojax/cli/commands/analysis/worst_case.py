@@ -66,6 +66,8 @@ def _show(content: dict[str, Any], out: Path) -> None:
     if content["found"]:
         told = f"{rule}: broken {distance} from the median in {run}, first-order probability "
         console.print(told + f"{content['probability_first_order']:.2g} with that run's noise", soft_wrap=True)
+        if content["undefined"]:
+            console.print(f"there {content['metric']} has no value, which counts as broken", soft_wrap=True)
     else:
         told = f"{rule}: no violation found; closest is {format_number(content['value'])} {content['unit']} "
         console.print(told + f"at {distance} in {run}", soft_wrap=True)

@@ -20,7 +20,7 @@ _NODES: Final = 6
 """Lines around an epoch through which a Hermite polynomial of degree 11 goes."""
 _LARGEST_ERROR_M: Final = 1.0
 """Estimate of an interpolation's error beyond which it is refused."""
-_LARGEST_UNMODELLED_M_S2: Final = 5e-4
+_LARGEST_UNMODELLED_M_S2: Final = 1e-4
 """More than the attraction beyond the Earth's flattening, the air, Sun and Moon accelerate a spacecraft by."""
 _LARGEST_MISS: Final = 0.02
 """Share of the way to a neighbour; attraction and an even thrust are followed, and an impulse is on one side."""
@@ -160,16 +160,33 @@ def _check_velocity(part: _Ephemeris, row: int) -> None:
 
 
 def _check_without_burn(part: _Ephemeris, epoch: Instant, key: str) -> None:
-    """Refuses to interpolate over a burn, which no polynomial follows, and whose error no estimate sees."""
+    """Refuses to interpolate over a burn, which no polynomial follows, and whose error no estimate sees.
+
+    What else accelerates a spacecraft changes little from one row to the next: a burn is what neighbouring pairs of
+    rows do not have. Without such a pair it is what exceeds all other accelerations.
+    """
     rows = _nodes(part, epoch)
-    for (begin, first), (end, second) in pairwise(zip(part.times[rows], part.states[rows], strict=True)):
-        span = end - begin
-        if span > _LONGEST_FLIGHT_S:
-            continue
-        gained = min(float(np.linalg.norm(second[3:] - _flown(first, span, j2)[3:])) for j2 in (0.0, J2_EARTH))
-        if gained > _LARGEST_UNMODELLED_M_S2 * span and gained * span * _OFF_AT_BURN > _LARGEST_ERROR_M:
-            found = f"a change of {gained:.3g} m/s beside gravity from {begin.utc()} to {end.utc()}"
+    around = slice(max(0, rows.start - 1), rows.stop + 1)
+    pairs = list(pairwise(zip(part.times[around], part.states[around], strict=True)))
+    pushes: dict[int, np.ndarray] = {}  # mean accelerations beside gravity [m/s^2]
+    for number, ((begin, first), (end, second)) in enumerate(pairs):
+        if (span := end - begin) <= _LONGEST_FLIGHT_S:
+            missed = [(second[3:] - _flown(first, span, j2)[3:]) / span for j2 in (0.0, J2_EARTH)]
+            pushes[number] = min(missed, key=_length)
+    inside = range(rows.start - around.start, len(pairs) - (around.stop > rows.stop and len(part.times) > rows.stop))
+    for number in sorted(pushes.keys() & inside, key=lambda each: -_length(pushes[each])):
+        (begin, _), (end, _) = pairs[number]
+        beside = [pushes[other] for other in (number - 1, number + 1) if other in pushes]
+        usual = [*beside, np.mean(beside, axis=0)] if beside else [np.zeros(3)]
+        push, span = min(_length(pushes[number] - each) for each in usual), end - begin
+        if (beside or push > _LARGEST_UNMODELLED_M_S2) and push * span**2 * _OFF_AT_BURN > _LARGEST_ERROR_M:
+            change = f"{_length(pushes[number]) * span:.3g} m/s"
+            found = f"a change of {change} beside gravity from {begin.utc()} to {end.utc()}"
             raise ScenarioError(key, found, "rows without a burn to interpolate, or segments that meet at it")
+
+
+def _length(vector: np.ndarray) -> float:
+    return float(np.linalg.norm(vector))
 
 
 def _flown(state: np.ndarray, span_s: float, j2: float) -> np.ndarray:

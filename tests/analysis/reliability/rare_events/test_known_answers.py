@@ -120,6 +120,28 @@ def test_lines_find_where_margins_become_undefined(seed: int) -> None:
     assert any("no defined margin" in warning for warning in found.warnings)
 
 
+STEPS = {
+    "whole numbers": (lambda z: jnp.floor(3.0 - z[:, 0]), 2.0),
+    "whole numbers above": (lambda z: jnp.ceil(3.0 - z[:, 0]), 3.0),
+    "halves": (lambda z: jnp.floor(2.0 * (3.0 - z[:, 0])) / 2.0, 2.5),
+    "on the limit beyond a step": (lambda z: jnp.where(z[:, 0] > 2.6, 0.0, 3.0 - z[:, 0]), 2.6),
+    "barely beyond a step": (lambda z: jnp.where(z[:, 0] > 2.6, -1e-9, 5.0), 2.6),
+    "across": (lambda z: jnp.floor(4.0 * (3.0 - (z[:, 0] + z[:, 1]) / math.sqrt(2.0))), 2.75),
+    "a bend": (lambda z: jnp.minimum(3.1 - z[:, 0], 20.0 * (2.9 - z[:, 0])), 2.9),
+}
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_lines_find_steps_of_the_margin(name: str) -> None:
+    margin, distance = STEPS[name]
+    compiled = jax.jit(margin)
+    for seed in range(3):
+        found = rpojax.estimate_probability(compiled, 3, method="line", budget=4000, seed=seed)
+        assert found.interval_95[0] <= norm.sf(distance) <= found.interval_95[1]
+        assert found.probability == pytest.approx(norm.sf(distance), rel=0.15)
+        assert found.trusted
+
+
 def test_lines_are_trusted_where_only_far_points_have_no_margin() -> None:
     found = rpojax.estimate_probability(
         jax.jit(lambda z: jnp.where(z[:, 0] > 5.0, jnp.nan, 3.0 - z[:, 0])), 3, method="line", budget=4000

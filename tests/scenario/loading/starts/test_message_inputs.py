@@ -18,6 +18,7 @@ import sgp4.tests
 from astropy.time import Time, TimeDelta
 from ccsds_ndm.ndm_io import NDMFileFormats, NdmIo
 from element_sets import LINES, TLE, with_checksum
+from scipy.integrate import solve_ivp
 from sgp4 import omm
 from sgp4.api import Satrec
 
@@ -578,6 +579,69 @@ def test_no_state_is_interpolated_over_a_burn(tmp_path: Path, first: int, count:
         tmp_path, oem(segment(rows)), "2026-03-20T12:00:20"
     )
     assert start_of(tmp_path, oem(segment(rows)), "2026-03-20T12:01:00")["target_object"] == "SAT"
+
+
+def flown(spacing: float, burn: float, late: float, push: float) -> tuple[list[str], np.ndarray]:
+    """Rows of an orbit over a flattened Earth, and positions (3, seconds) [m] between the two in the middle.
+
+    A burn [m/s] is made some part of the spacing after the row before the middle. A push [m/s^2] turns twice in an
+    orbit, as the attraction beyond the flattening does.
+    """
+    seconds, at_burn = spacing * np.arange(12), (5.0 + late) * spacing
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        r, distance = y[:3], np.linalg.norm(y[:3])
+        flattening = 1.5 * 1.0826e-3 * (6378137.0 / distance) ** 2
+        attraction = -MU / distance**3 * (1.0 + flattening * ([1.0, 1.0, 3.0] - 5.0 * (r[2] / distance) ** 2)) * r
+        c, s = np.cos(2.0 * RATE * t), np.sin(2.0 * RATE * t)
+        return np.concatenate([y[3:], attraction + push * np.array([c, s, -c])])
+
+    def fly(state: np.ndarray, times: np.ndarray) -> np.ndarray:
+        span = (times[0], times[-1])
+        return np.asarray(solve_ivp(rates, span, state, "DOP853", times, rtol=1e-12, atol=1e-6).y)
+
+    between = spacing * (5.0 + np.linspace(0.0, 1.0, 11))
+    before, after = (np.concatenate([seconds, between]) <= at_burn), np.concatenate([seconds, between]) > at_burn
+    times = np.concatenate([seconds, between])
+    order = np.unique(np.append(times, at_burn))
+    first = fly(position(0.0)[0], order[order <= at_burn])
+    turned = first[:, -1] + burn * np.concatenate([np.zeros(3), first[3:, -1] / np.linalg.norm(first[3:, -1])])
+    second = fly(turned, order[order >= at_burn])
+    states = np.empty((len(times), 6))
+    states[before] = first[:, np.searchsorted(order[order <= at_burn], times[before])].T
+    states[after] = second[:, np.searchsorted(order[order >= at_burn], times[after])].T
+    names = labels(Time(NOON, scale="utc"), seconds)
+    return [row(*each) for each in zip(names, states[:12], strict=True)], states[12:, :3].T
+
+
+@pytest.mark.parametrize(
+    ("spacing", "burn"), [(180.0, 0.08), (240.0, 0.02), (240.0, 0.12), (300.0, 0.1), (400.0, 0.08), (500.0, 0.2)]
+)
+@pytest.mark.parametrize("late", [1e-5, 0.5])
+def test_where_a_small_burn_is_interpolated_over_the_error_is_below_a_metre(
+    tmp_path: Path, spacing: float, burn: float, late: float
+) -> None:
+    rows, between = flown(spacing, burn, late, 5e-5)
+    refused = 0
+    for number in range(1, 10):
+        epoch = labels(Time(NOON, scale="utc"), [spacing * (5.0 + 0.1 * number)])[0]
+        try:
+            found = start_of(tmp_path, oem(segment(rows)), epoch)
+        except ScenarioError as error:
+            assert "beside gravity" in str(error) or "interpolated with an error" in str(error)
+            refused += 1
+        else:
+            assert np.linalg.norm(found["target_position_m"] - between[:, number]) < 1.0
+    assert refused == 9 or burn * spacing < 5.0
+
+
+@pytest.mark.parametrize("spacing", [60.0, 240.0, 300.0])
+def test_the_attraction_beyond_the_flattening_is_no_burn(tmp_path: Path, spacing: float) -> None:
+    rows, between = flown(spacing, 0.0, 0.5, 5e-5)
+    for number in range(1, 10):
+        epoch = labels(Time(NOON, scale="utc"), [spacing * (5.0 + 0.1 * number)])[0]
+        found = start_of(tmp_path, oem(segment(rows)), epoch)
+        np.testing.assert_allclose(found["target_position_m"], between[:, number], rtol=0.0, atol=0.1)
 
 
 MINUTES = 60.0 * np.arange(10)

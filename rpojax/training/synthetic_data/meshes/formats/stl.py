@@ -41,7 +41,9 @@ def _binary(source: MeshSource) -> np.ndarray:
         size = f"{len(content)} bytes"
         raise source.fault(size, f"a mesh in STL, of which one of {count} facets has more")
     if len(content) > _HEADER + count * _FACET.itemsize:
-        source.notes.add("bytes after the last facet, not used")
+        more = (len(content) - _HEADER) // _FACET.itemsize - count
+        room = f", with room for {more} facets that the header does not count" if more else ""
+        source.notes.add(f"bytes after the last facet{room}, not used")
     facets = np.frombuffer(content, _FACET, count, _HEADER)
     colored = int(np.count_nonzero(facets["attribute"]))
     if colored or b"COLOR=" in content[:80]:
