@@ -11,7 +11,7 @@ _GROWTH_BYTES = 150e6
 """Growth after which freed memory goes back to the system."""
 _LIMIT_BYTES = 900e6
 """Size above which compiled programs and traces are dropped."""
-_GROWTH_TO_DROP_BYTES = 300e6
+_GROWTH_TO_DROP_BYTES = 200e6
 """Growth since programs were dropped after which they are dropped again: to look for garbage takes a second."""
 _PAGE_BYTES = 4096
 _resident_after_last = 0.0

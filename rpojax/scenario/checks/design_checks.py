@@ -7,7 +7,7 @@ import numpy as np
 from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
 from rpojax.dispersions.listed_values import check_listed_values
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks.assigned_value_checks import (
+from rpojax.scenario.dispersed_numbers.assigned_value_checks import (
     CATEGORICAL_KEYS,
     check_acceptable,
     check_key_exists,

@@ -5,7 +5,7 @@ import numpy as np
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable, check_key_exists
+from rpojax.scenario.dispersed_numbers.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable, check_key_exists
 from rpojax.scenario.dispersed_numbers.dispersion_keys import assigned_keys, evaluation_order, nominal_numbers
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile

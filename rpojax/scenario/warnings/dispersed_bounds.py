@@ -3,7 +3,7 @@
 import numpy as np
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable
+from rpojax.scenario.dispersed_numbers.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable
 from rpojax.scenario.dispersed_numbers.dispersion_keys import assigned_keys
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
