@@ -46,7 +46,7 @@ _KINKS = {
     "total": "a sum of burns, decided on in steps: the derivative of a smoothed decision stands in for the jump",
 }
 
-_STEPS = "a number of steps: its derivative is 0 although its values differ, and says nothing about them"
+_STEPS = "a number of steps, or moved by noise alone: its derivative is 0 although its values differ"
 
 
 @dataclass(frozen=True)

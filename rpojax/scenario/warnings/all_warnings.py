@@ -3,8 +3,7 @@
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained.coverage_surface import surface_warnings
 from rpojax.scenario.warnings.control_authority import control_warnings
-from rpojax.scenario.warnings.dispersed_bounds import bound_warnings
-from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach, bound_warnings
 from rpojax.scenario.warnings.filter_beliefs import belief_warnings
 from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
 from rpojax.scenario.warnings.phase_warnings import phase_warnings

@@ -1,11 +1,21 @@
-"""Ends of what the numbers of a scenario reach over its runs, by dispersions and by a table or grid."""
+"""Ends of what the numbers of a scenario reach over its runs, by dispersions and by a table or grid.
+
+Normal errors have no ends; what they reach beyond the bounds of the schema is warned of.
+"""
 
 import numpy as np
 
 from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.listed_values import listed_ends
-from rpojax.scenario.dispersed_numbers.dispersion_keys import assigned_parts, evaluation_order, nominal_numbers
+from rpojax.errors import ScenarioError
+from rpojax.scenario.dispersed_numbers.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable
+from rpojax.scenario.dispersed_numbers.dispersion_keys import (
+    assigned_keys,
+    assigned_parts,
+    evaluation_order,
+    nominal_numbers,
+)
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_of_key, parse_key
 from rpojax.scenario.schema import ScenarioFile
 
@@ -71,3 +81,21 @@ class DispersedReach:
         shape = nominal_numbers(self._file, entry).shape
         inputs = [self.ends(term.key)[:: 1 if term.factor > 0.0 else -1] for term in entry.terms]
         return np.stack([np.asarray(entry.value(shape, [ends[side] for ends in inputs])) for side in (0, 1)])
+
+
+def bound_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
+    """One line for each dispersed number that three sigma lead to where it cannot be, such as a negative mass."""
+    found = []
+    for index, dispersion in enumerate(file.dispersions):
+        for text, parameter in zip(dispersion.key_texts, assigned_keys(dispersion), strict=True):
+            if text in CATEGORICAL_KEYS:
+                continue
+            for value in reach.ends(text):
+                try:
+                    check_acceptable(
+                        file, f"dispersions.{index}", parameter, value.tolist(), False, np.round(value, 9).tolist()
+                    )
+                except ScenarioError as error:
+                    found.append(f"{error}; some runs are simulated with such a value")
+                    break
+    return found

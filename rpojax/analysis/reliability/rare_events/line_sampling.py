@@ -6,6 +6,7 @@ are refined by regula falsi, or halved where it is a step, and the probability o
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr
@@ -41,6 +42,25 @@ _UNKNOWN = 0.1
 """Share of the probability between places next to a step of the margin above which the estimate is not trusted."""
 
 
+@dataclass(frozen=True)
+class _Lines:
+    """What was found along lines.
+
+    Attributes:
+        probabilities: (lines,) of failure
+        other_side: (lines,) part of them on the far side
+        undefined: (lines,) whether failure begins or ends where the margin is undefined
+        unknown: (lines,) probability within which changes of sign were not located
+        nearest: least distance of failure
+    """
+
+    probabilities: np.ndarray
+    other_side: np.ndarray
+    undefined: np.ndarray
+    unknown: np.ndarray
+    nearest: float
+
+
 def estimate(
     calls: LimitStateCalls, rng: np.random.Generator, first: tuple[LatentPoints, np.ndarray], reason: str
 ) -> ProbabilityEstimate:
@@ -63,19 +83,13 @@ def estimate(
     )
     if concentration < 0.5:
         warnings.append("failures lie in several directions, so that no single one is important")
-    probabilities, other_side, undefined, unknown, nearest = _lines(calls, rng, direction)
-    warnings += undefined_fault(np.where(undefined, -np.inf, 0.0), probabilities)
-    return _judged(calls, search, (probabilities, other_side, unknown), direction * nearest, warnings, reason)
+    lines = _along_lines(calls, rng, direction)
+    warnings += undefined_fault(np.where(lines.undefined, -np.inf, 0.0), lines.probabilities)
+    return _judged(calls, search, lines, direction * lines.nearest, warnings, reason)
 
 
-def _lines(
-    calls: LimitStateCalls, rng: np.random.Generator, direction: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-    """Probabilities (lines,) along lines, their part on the far side, and the least distance of failure.
-
-    The third result are flags (lines,) of lines along which failure begins or ends where the margin is undefined, the
-    fourth the probability (lines,) within which changes of sign were not located.
-    """
+def _along_lines(calls: LimitStateCalls, rng: np.random.Generator, direction: np.ndarray) -> _Lines:
+    """Failure along as many random lines in a direction as the budget allows."""
     lines = max(1, calls.left // (len(_GRID) + 2 * _REFINEMENTS))
     points = calls.space.sample(rng, lines)
     across = points.x - (points.x @ direction)[:, None] * direction
@@ -90,7 +104,7 @@ def _lines(
     line, cell = np.nonzero(failed[:, 1:] != failed[:, :-1])
     low, high = _GRID[cell], _GRID[cell + 1]
     g_low, g_high = grid[line, cell], grid[line, cell + 1]
-    # Without a straight line through the margins: halved until the ends tell otherwise.
+    # Where no straight line through the margins leads to the change of sign: once it is, a cell is halved to the end.
     abrupt = ~np.isfinite(g_low + g_high) | (g_low == 0.0) | (g_high == 0.0)
     for refinement in range(_MOST_REFINEMENTS):
         chosen = np.arange(len(line)) if refinement < _REFINEMENTS else np.flatnonzero(abrupt)
@@ -118,7 +132,7 @@ def _lines(
             probabilities[number] += float(ndtr(-begin) - ndtr(-end)) if begin > 0.0 else float(ndtr(end) - ndtr(begin))
             other_side[number] += float(ndtr(min(end, 0.0)) - ndtr(begin)) if begin < 0.0 else 0.0
     nearest = float(np.min(np.abs(crossings), initial=_GRID[-1])) if len(crossings) else float(_GRID[-1])
-    return probabilities, other_side, undefined, unknown, nearest
+    return _Lines(probabilities, other_side, undefined, unknown, nearest)
 
 
 def _zero(g_low: np.ndarray, g_high: np.ndarray) -> np.ndarray:
@@ -140,20 +154,19 @@ def _is_abrupt(share: np.ndarray, g_low: np.ndarray, g_middle: np.ndarray, g_hig
 def _judged(
     calls: LimitStateCalls,
     search: subset_simulation.SubsetResult,
-    along_lines: tuple[np.ndarray, np.ndarray, np.ndarray],
+    along: _Lines,
     point: np.ndarray,
     warnings: list[str],
     reason: str,
 ) -> ProbabilityEstimate:
     """Estimate from probabilities along lines, of their far side and next to steps, and what speaks against it."""
-    probabilities, other_side, unknown = along_lines
+    probabilities, other_side = along.probabilities, along.other_side
     lines, probability = len(probabilities), float(probabilities.mean())
-    share_unknown = 0.0
-    variation = math.inf
+    share_unknown, variation = 0.0, math.inf
     if probability > 0.0:
         sampled = float(np.std(probabilities, ddof=1)) / math.sqrt(lines) / probability if lines > 1 else 1.0
         # All lines may meet the same step, so that their errors add.
-        share_unknown = float(unknown.mean()) / probability
+        share_unknown = float(along.unknown.mean()) / probability
         variation = math.hypot(sampled, _ROOT_VARIATION, 0.5 * share_unknown)
     if share_unknown > _UNKNOWN:
         share = f"{100 * share_unknown:.0f} %"

@@ -173,7 +173,8 @@ def _check_without_burn(part: _Ephemeris, epoch: Instant, key: str) -> None:
         if (span := end - begin) <= _LONGEST_FLIGHT_S:
             missed = [(second[3:] - _flown(first, span, j2)[3:]) / span for j2 in (0.0, J2_EARTH)]
             pushes[number] = min(missed, key=_length)
-    inside = range(rows.start - around.start, len(pairs) - (around.stop > rows.stop and len(part.times) > rows.stop))
+    first_inside = rows.start - around.start
+    inside = range(first_inside, first_inside + len(part.times[rows]) - 1)
     for number in sorted(pushes.keys() & inside, key=lambda each: -_length(pushes[each])):
         (begin, _), (end, _) = pairs[number]
         beside = [pushes[other] for other in (number - 1, number + 1) if other in pushes]
