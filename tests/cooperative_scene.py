@@ -22,6 +22,7 @@ from rpojax.flight.navigation.box_measurement.box_measurement_model import linea
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.relative_state import VIEW_STATES
 from rpojax.sensors import link_range
 from rpojax.sensors.link_range import LinkRange
 
@@ -98,7 +99,7 @@ def start(case: Case, tuning, baseline: BaselineTuning, key: Array) -> World:
     d = jnp.concatenate([-rho, -v_rel])
     err = jax.random.normal(keys[0], (12, N))
     r_S, v_S = r_T[:, None] + rho, v_T[:, None] + v_rel
-    orbit = vmap_last(partial(combined_orbit_filter.initial, tuning), in_axes=-1, out_axes=-1)(
+    orbit = vmap_last(partial(combined_orbit_filter.initial, tuning, slow_states=VIEW_STATES), in_axes=-1, out_axes=-1)(
         r_S + tuning.initial_position_sigma * err[:3],
         v_S + tuning.initial_velocity_sigma * err[3:6],
         d[:3] + tuning.initial_relative_position_sigma * err[6:9],

@@ -42,7 +42,7 @@ UNHEARD = "team.keep_out_m=0"
 SIZE = 1.5
 """True size over the belief, where the size is wrong."""
 
-CHANNELS["log_size"] = lambda tick: tick.telemetry.flight.orbit.relative.scale[0]
+CHANNELS["log_size"] = lambda tick: tick.telemetry.flight.orbit.relative.slow["size"][0]
 
 
 def stations(angle_deg: float, overrides: list[str]) -> list[str]:

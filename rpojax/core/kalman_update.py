@@ -137,17 +137,6 @@ def update(
     `process_variance` is added to the diagonal of the covariance before the rows, `inflation_variance` after them.
     Between rows only the vectors `P h` are updated; the covariance matrix is updated once, after the last row.
     """
-    return update_with_gains(covariance, rows, HP, process_variance, inflation_variance)[0]
-
-
-def update_with_gains(
-    covariance: Float[Array, "n n"],
-    rows: MeasurementRows,
-    HP: Float[Array, "m n"] | None = None,
-    process_variance: Float[Array, " n"] | None = None,
-    inflation_variance: Float[Array, " n"] | None = None,
-) -> tuple[KalmanUpdate, SequentialGains]:
-    """The same as `update`, with the gains, for callers that have further states."""
     size = rows.jacobian.shape[1]
     none = jnp.zeros(size, dtype=covariance.dtype)
     process_variance, inflation_variance = (
@@ -164,7 +153,7 @@ def update_with_gains(
     covariance = covariance + jnp.eye(size, dtype=covariance.dtype) * (process_variance + inflation_variance)[:, None]
     for factor, Ph in zip(gains.factors, gains.vectors, strict=True):
         covariance = covariance - factor * (Ph[:, None] * Ph[None, :])
-    result = KalmanUpdate(
+    return KalmanUpdate(
         deviation=gains.deviation,
         covariance=covariance,
         innovation=jnp.stack(gains.innovation),
@@ -172,4 +161,3 @@ def update_with_gains(
         used=rows.weight > 0.5,
         log_likelihood=gains.log_likelihood,
     )
-    return result, gains

@@ -24,11 +24,10 @@ from rpojax.flight.guidance import (
 )
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.mission.phase_settings import MissionSettings
-from rpojax.flight.navigation import attitude_ekf, relative_estimate
+from rpojax.flight.navigation import attitude_ekf, relative_state, thrust_estimator
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
-from rpojax.flight.navigation.burn_errors import thrust_estimator
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation_health import NavigationHealth
@@ -204,7 +203,7 @@ def guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt, other
     )
     reopened = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
-    orbit = replace(memory.orbit, relative=relative_estimate.reopen(memory.orbit.relative, reopened))
+    orbit = replace(memory.orbit, relative=relative_state.reopen(memory.orbit.relative, reopened))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode
 
 

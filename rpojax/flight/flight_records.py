@@ -16,10 +16,10 @@ from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
-from rpojax.flight.navigation.burn_errors.thrust_estimator import ThrustEstimate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
 from rpojax.flight.navigation_health import HealthTuning, NavigationHealth
 from rpojax.flight.vehicle_model import VehicleModel
 

@@ -19,7 +19,7 @@ from rpojax.flight.navigation.box_measurement import box_evidence
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]
@@ -96,7 +96,7 @@ def initial(relative: RelativeEstimate) -> NavigationHealth:
         mean=jnp.zeros(6, dtype=jnp.float64),
         square=jnp.ones(6, dtype=jnp.float64),
         contradicted=jnp.zeros((), dtype=jnp.float64),
-        size_error=jnp.zeros_like(relative.scale),
+        size_error=jnp.zeros_like(relative.slow["size"]),
         effort=control_effort.initial(),
         ratios=jnp.zeros(len(TESTS), dtype=jnp.float64),
         confident=jnp.ones((), dtype=bool),
@@ -135,7 +135,7 @@ def update(
     samples = 2.0 / evidence
     excess_limit = _NOISE_TOLERANCE**2 * _chi_square_over_dof(tuning.alarm_sigma, samples) - 1.0
     effort_limit = _NOISE_TOLERANCE**2 * _chi_square_over_dof(tuning.alarm_sigma, control_effort.DEGREES_OF_FREEDOM)
-    size_error = health.size_error + share * (estimate.scale - health.size_error)
+    size_error = health.size_error + share * (estimate.slow["size"] - health.size_error)
     size_sigma = gradient_safe.sqrt(jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0))
     ratios = jnp.stack(
         [

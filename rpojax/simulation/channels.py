@@ -66,12 +66,12 @@ class ObservedTick:
     @property
     def servicer_covariance(self) -> Float[Array, "6 6"]:
         """Covariance of the servicer's position and velocity in N."""
-        return self.telemetry.flight.orbit.servicer.covariance[:6, :6]
+        return self.telemetry.flight.orbit.servicer.motion_covariance
 
     @property
     def relative_covariance(self) -> Float[Array, "6 6"]:
         """Covariance of the target's position and velocity relative to the servicer in N."""
-        return self.telemetry.flight.orbit.relative.covariance[:6, :6]
+        return self.telemetry.flight.orbit.relative.motion_covariance
 
     @cached_property
     def servicer_density(self) -> tuple[Scalar, Scalar]:

@@ -69,7 +69,6 @@ def replace_orbit_estimate(tick: Tick, estimate: ExternalOrbitEstimate) -> Tick:
             r_TS_N=estimate.r_TS_N,
             v_TS_N=estimate.v_TS_N,
             covariance=_with_orbit_block(relative.covariance, estimate.relative_covariance),
-            burn_scale=replace(relative.burn_scale, covariance=jnp.zeros_like(relative.burn_scale.covariance)),
         ),
     )
     return replace(tick, flight=replace(tick.flight, orbit=orbit))

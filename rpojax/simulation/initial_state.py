@@ -8,9 +8,11 @@ from rpojax.core import random_streams
 from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
+from rpojax.core.state_layout import MOTION
 from rpojax.flight import computer
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.navigation import combined_orbit_filter, relative_estimate, servicer_orbit_ekf
+from rpojax.flight.navigation import combined_orbit_filter, relative_state, servicer_orbit_ekf
+from rpojax.flight.navigation.relative_state import SLOW_STATES, VIEW_STATES
 from rpojax.physics import plant_state
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
@@ -62,6 +64,7 @@ def init(
         truth.v_TN_N + truth.v_ST_N + error[3:6],
         -truth.r_ST_N + error[6:9],
         -truth.v_ST_N + error[9:12],
+        VIEW_STATES if _shares(scenario) else SLOW_STATES,
     )
     q_BN, omega = target_pointing.look_attitude(params.flight.vehicle, orbit)
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
@@ -90,6 +93,11 @@ def init(
     )
 
 
+def _shares(scenario: Scenario) -> bool:
+    """Whether the servicers of a team share boxes or estimates, with filters that have no state for burns."""
+    return scenario.team is not None and scenario.team.link.sharing != "none"
+
+
 def _sensor_errors(params: Params, noise: InitialNoise) -> SensorErrors:
     """Slowly varying errors of the sensors."""
     return SensorErrors(
@@ -102,7 +110,7 @@ def _sensor_errors(params: Params, noise: InitialNoise) -> SensorErrors:
 def _handover_error(params: Params, truth: Truth, normals: Float[Array, "12"]) -> Float[Array, "12"]:
     """Errors in N of the servicer's position and velocity and of those of the target from it, from normal numbers."""
     navigation, handover = params.flight.navigation, params.handover
-    told = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_estimate.initial_sigma(navigation)[:6]]
+    told = [servicer_orbit_ekf.initial_sigma(navigation)[: MOTION.size], relative_state.initial_sigma(navigation)]
     told_error = jnp.concatenate(told) * normals
     if handover is None:
         return told_error

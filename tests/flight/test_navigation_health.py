@@ -22,7 +22,7 @@ TICKS = 1500
 def run_tests(flight: FlightParams, sigmas: jax.Array, contradicted: jax.Array, scale: jax.Array) -> NavigationHealth:
     """Health at every tick, for innovations (ticks, 6) in sigmas; the size error is `scale` all the time."""
     estimate = rendezvous_scene.estimate(flight).relative
-    estimate = replace(estimate, scale=jnp.stack([0.0 * scale, scale]))
+    estimate = replace(estimate, slow={**estimate.slow, "size": jnp.stack([0.0 * scale, scale])})
     nothing = ExpectedBox(values=jnp.zeros(3), variance=jnp.ones(3), in_front=jnp.asarray(True))
 
     def tick(health: NavigationHealth, now: tuple[jax.Array, jax.Array]) -> tuple[NavigationHealth, NavigationHealth]:

@@ -12,8 +12,7 @@ from pydantic import BaseModel
 import rpojax
 from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
-from rpojax.flight.navigation import shape_errors
-from rpojax.flight.navigation.burn_errors import burn_scale
+from rpojax.flight.navigation import burn_execution_error, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params as parameters
@@ -213,10 +212,13 @@ def test_both_dispersed_errors_of_burns_count_with_and_without_sharing() -> None
     alone = tuning_of([], **values)
     # Filters that are shared have no state for what lasts: twice of it counts as new in each burn.
     shared = replace(alone, burn_scale_as_new=team_tuning().burn_scale_as_new)
-    assert (float(burn_scale.new_sigma(alone)), float(burn_scale.lasting_sigma(alone))) == (0.03, 0.02)
-    assert float(burn_scale.new_sigma(shared)) == pytest.approx(0.05, rel=1e-14)
-    assert float(burn_scale.initial(shared).variance) == 0.0
-    assert float(burn_scale.new_magnitude_sigma(shared, jnp.asarray(2.0))) == pytest.approx(0.1, rel=1e-14)
+    assert (float(burn_execution_error.new_sigma(alone)), float(burn_execution_error.lasting_sigma(alone))) == (
+        0.03,
+        0.02,
+    )
+    assert float(burn_execution_error.new_sigma(shared)) == pytest.approx(0.05, rel=1e-14)
+    assert float(burn_execution_error.lasting_sigma(shared)) == 0.0
+    assert float(burn_execution_error.new_magnitude_sigma(shared, jnp.asarray(2.0))) == pytest.approx(0.1, rel=1e-14)
 
 
 def team_tuning() -> OrbitFilterTuning:
@@ -232,7 +234,7 @@ def test_a_sigma_that_stands_alone_keeps_its_bits(sigma: float, precision: Any) 
     one = jnp.asarray(sigma, dtype=precision)
     tuning = replace(tuning, burn_magnitude_sigma=one, burn_scale_sigma=0.0 * one, center_sigma=one)
     tuning = replace(tuning, center_perspective=0.0 * one)
-    assert float(jax.jit(burn_scale.new_sigma)(tuning)) == float(one)
+    assert float(jax.jit(burn_execution_error.new_sigma)(tuning)) == float(one)
     found = jax.jit(shape_errors.center_variance)(tuning, 0.0 * one, jnp.ones(3, dtype=precision))
     assert float(found) == float(one * one)
 

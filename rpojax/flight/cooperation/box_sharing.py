@@ -6,11 +6,12 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import replace
+from rpojax.core.state_layout import MOTION
 from rpojax.flight.cooperation import baseline_motion, free_relative_motion, joint_filter, joint_measurements
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.peer_news import News
-from rpojax.flight.navigation import relative_estimate, relative_orbit_ekf
+from rpojax.flight.navigation import relative_orbit_ekf, relative_state
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
@@ -46,7 +47,7 @@ def update(
         delay: age of these messages [s]
     """
     estimate = joint_measurements.update_own(tuning, focal_px, estimate, q_KN, box)
-    added = relative_orbit_ekf.recovery_variance(tuning, estimate.own.r_TS_N, recovered)
+    added = relative_orbit_ekf.recovery_variance(tuning, estimate.own.layout, estimate.own.r_TS_N, recovered)
     estimate = joint_filter.inflate(estimate, added)
     back = None
     if delay > 0.0:
@@ -91,12 +92,12 @@ def predict(
     """
     r_before_N, r_after_N = before.servicer.r_SN_N, after.servicer.r_SN_N
     motion = [
-        baseline_motion.propagate(zonal_degree, state[: joint_filter.MOTION], r_before_N, r_after_N, delta_v_N, dt)
+        baseline_motion.propagate(zonal_degree, state[: MOTION.size], r_before_N, r_after_N, delta_v_N, dt)
         for state in (estimate.peers[k] for k in range(estimate.peers.shape[0]))
     ]
     return joint_filter.propagate(
         tuning,
-        joint_filter.widen(estimate, relative_estimate.reopening_factor(reopened)),
+        joint_filter.widen(estimate, relative_state.reopening_factor(reopened)),
         after.relative,
         jnp.stack(motion),
         two_body_gravity.gravity_gradient(r_before_N),

@@ -18,18 +18,20 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
+from rpojax.core.state_layout import MOTION
 from rpojax.core.vectors import product
 from rpojax.flight.cooperation import baseline_motion, covariance_intersection, free_relative_motion, peer_news
+from rpojax.flight.cooperation.baseline_motion import baseline_layout
 from rpojax.flight.cooperation.covariance_intersection import SplitEstimate
 from rpojax.flight.cooperation.free_relative_motion import apply
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.message import TargetTrack
 from rpojax.flight.cooperation.peer_news import News
-from rpojax.flight.navigation import orbit_covariance, relative_estimate, relative_orbit_ekf
+from rpojax.flight.navigation import orbit_covariance, relative_orbit_ekf, relative_state
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Flag = Bool[Array, ""]
 Matrix = Float[Array, "3 3"]
@@ -42,10 +44,9 @@ class Baselines:
     """Positions of the peers from this servicer, by GPS alone.
 
     Attributes:
-        mean: (peers, 9) position [m] and velocity [m/s] in N, slow error of the difference of GPS positions [m]; 10
-            with the bias of the range over the link [m]
-        covariance: (peers, 9, 9)
-        of_own: (peers, 9, 9) part of it that comes from this servicer, and is in all its baselines
+        mean: (peers, n) in the order of `baseline_layout`
+        covariance: (peers, n, n)
+        of_own: (peers, n, n) part of it that comes from this servicer, and is in all its baselines
     """
 
     mean: Array
@@ -75,7 +76,7 @@ class EstimateSharing:
     Attributes:
         baselines: to its peers
         local: estimate by its own boxes alone, None if fused estimates are filtered on
-        correlated: (12, 12) part of its covariance that may be correlated with others' estimates, None likewise
+        correlated: (n, n) part of its covariance that may be correlated with others' estimates, None likewise
         tracks: of its peers, None likewise
     """
 
@@ -98,33 +99,35 @@ def initial(
     count, dtype = baselines.shape[0], baselines.dtype
     covariances = []
     bias = jnp.full(int(has_ranges), baseline.range_bias_sigma**2)
+    slow_size = baseline_layout(has_ranges).size - MOTION.size
     for k in range(count):
         motion = baseline_motion.initial_variance(tuning, jax.tree.map(lambda leaf, k=k: leaf[k], peer_tuning))
         covariances.append(jnp.diag(jnp.concatenate([motion, jnp.full(3, baseline.error_sigma**2), bias])))
-    mean = jnp.concatenate([baselines, jnp.zeros((count, 3 + has_ranges), dtype=dtype)], axis=1)
+    mean = jnp.concatenate([baselines, jnp.zeros((count, slow_size), dtype=dtype)], axis=1)
     slow = jnp.full(3, 0.5 * baseline.error_sigma**2)
     of_own = jnp.diag(jnp.concatenate([0.5 * baseline_motion.initial_variance(tuning, tuning), slow, 0.0 * bias]))
     baseline_memory = Baselines(mean=mean, covariance=jnp.stack(covariances), of_own=jnp.stack([of_own] * count))
     memory = EstimateSharing(baselines=baseline_memory)
     if naive:
         return memory
-    none = jnp.stack([jnp.eye(6, dtype=dtype)] * count)
+    none = jnp.stack([jnp.eye(MOTION.size, dtype=dtype)] * count)
     tracks = Tracks(
-        estimates=SplitEstimate(mean=jnp.zeros((count, 6), dtype=dtype), correlated=none, independent=none),
+        estimates=SplitEstimate(mean=jnp.zeros((count, MOTION.size), dtype=dtype), correlated=none, independent=none),
         of_own=none,
         known=jnp.zeros(count, dtype=bool),
     )
     # Only the mounting of the camera is its own.
-    correlated = own.covariance - jnp.diag(jnp.pad(jnp.full(2, tuning.bearing_bias_sigma**2), (8, 2)))
+    mounting = own.layout.vector(bearing_bias=jnp.full(2, tuning.bearing_bias_sigma**2))
+    correlated = own.covariance - jnp.diag(mounting)
     return replace(memory, local=own, correlated=correlated, tracks=tracks)
 
 
-def target_track(estimate: RelativeEstimate, correlated: Float[Array, "12 12"]) -> TargetTrack:
+def target_track(estimate: RelativeEstimate, correlated: Float[Array, "n n"]) -> TargetTrack:
     """What a message tells of the target, with the part of the covariance that may be correlated with others'."""
     return TargetTrack(
         state=jnp.concatenate([estimate.r_TS_N, estimate.v_TS_N]),
-        covariance=estimate.covariance[:6, :6],
-        correlated=correlated[:6, :6],
+        covariance=estimate.motion_covariance,
+        correlated=replace(estimate, covariance=correlated).motion_covariance,
     )
 
 
@@ -142,11 +145,11 @@ def update(
     assert local is not None
     assert correlated is not None
     rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, focal_px, local, q_KN, box)
-    drift = jnp.pad(jnp.full(2, box.attitude_variance_change), (8, 2))
-    inflation = relative_orbit_ekf.recovery_variance(tuning, local.r_TS_N, recovered)
+    drift = local.layout.vector(bearing_bias=jnp.full(2, box.attitude_variance_change))
+    inflation = relative_orbit_ekf.recovery_variance(tuning, local.layout, local.r_TS_N, recovered)
     gains, P = kalman_update.reduced_by_rows(local.covariance + jnp.diag(drift), rows)
     correlated = kalman_update.part_after(correlated, rows, gains) + jnp.diag(inflation)
-    local = _moved_by(local, gains.deviation, P + jnp.diag(inflation))
+    local = relative_state.corrected(local, gains.deviation, P + jnp.diag(inflation))
     return replace(memory, local=replace(local, outline=orbit.relative.outline), correlated=correlated)
 
 
@@ -159,14 +162,16 @@ def receive(
     assert tracks is not None
     baselines = _updated_baselines(baseline, memory.baselines, orbit, news, delay)
     arrived = Tracks(
-        estimates=_tracks(baselines, orbit, news, delay), of_own=baselines.of_own[:, :6, :6], known=news.used
+        estimates=_tracks(baselines, orbit, news, delay),
+        of_own=baselines.of_own[:, : MOTION.size, : MOTION.size],
+        known=news.used,
     )
     tracks = replace(peer_news.select_peers(news.used, arrived, tracks), known=tracks.known | news.used)
     assert memory.correlated is not None
     independent = local.covariance - memory.correlated
-    own = SplitEstimate(mean=_state(local), correlated=memory.correlated, independent=independent)
+    own = SplitEstimate(mean=local.vector, correlated=memory.correlated, independent=independent)
     mean, P = covariance_intersection.fuse(own, _others(tracks), tracks.known)
-    return replace(memory, baselines=baselines, tracks=tracks), _estimate(local, mean, P)
+    return replace(memory, baselines=baselines, tracks=tracks), relative_state.moved_to(local, mean, P)
 
 
 def _others(tracks: Tracks) -> list[SplitEstimate]:
@@ -187,33 +192,11 @@ def receive_naively(
     """Memory and estimate after estimates of peers are taken as independent of the own one, which they are not."""
     baselines = _updated_baselines(baseline, memory.baselines, orbit, news, delay)
     arrived = _tracks(baselines, orbit, news, delay)
-    mean, P = _state(orbit.relative), orbit.relative.covariance
+    mean, P = orbit.relative.vector, orbit.relative.covariance
     for k in range(news.used.shape[0]):
-        total = arrived.correlated[k] + arrived.independent[k] + baselines.of_own[k, :6, :6]
+        total = arrived.correlated[k] + arrived.independent[k] + baselines.of_own[k, : MOTION.size, : MOTION.size]
         mean, P = covariance_intersection.independent_fusion(mean, P, arrived.mean[k], total, news.used[k])
-    return replace(memory, baselines=baselines), _estimate(orbit.relative, mean, P)
-
-
-def _state(estimate: RelativeEstimate) -> Float[Array, "12"]:
-    return jnp.concatenate(
-        [estimate.r_TS_N, estimate.v_TS_N, estimate.scale, estimate.bearing_bias, estimate.center_offset]
-    )
-
-
-def _moved_by(estimate: RelativeEstimate, deviation: Float[Array, "12"], covariance: Array) -> RelativeEstimate:
-    return _estimate(estimate, _state(estimate) + deviation, covariance)
-
-
-def _estimate(before: RelativeEstimate, state: Float[Array, "12"], covariance: Array) -> RelativeEstimate:
-    return replace(
-        before,
-        r_TS_N=state[:3],
-        v_TS_N=state[3:6],
-        scale=state[6:8],
-        bearing_bias=state[8:10],
-        center_offset=state[10:],
-        covariance=covariance,
-    )
+    return replace(memory, baselines=baselines), relative_state.moved_to(orbit.relative, mean, P)
 
 
 def _updated_baselines(
@@ -230,15 +213,14 @@ def _updated_baselines(
 
 def _updated_baseline(baseline: BaselineTuning, before: Baselines, news: News, back: Float[Array, "6 6"]) -> Baselines:
     """Baseline to one peer, with the news of that peer; half of the noise of a difference is the own receiver's."""
-    used, slow_count = news.used, before.mean.shape[0] - 6
+    used, layout = news.used, baseline_layout(news.ranges is not None)
     decay = jnp.exp(-news.interval / baseline.error_time_constant)
-    constant = jnp.ones(slow_count - 3, dtype=decay.dtype)
-    factors = jnp.concatenate([jnp.ones(6, dtype=decay.dtype), jnp.full(3, decay), constant])
-    growth = jnp.full(3, baseline.error_sigma**2 * (1.0 - decay**2))
-    slow = jnp.diag(jnp.concatenate([jnp.zeros(6, dtype=decay.dtype), growth, 0.0 * constant]))
-    x = factors * before.mean + jnp.pad(jnp.where(used, news.burns.change, 0.0), (0, slow_count))
+    factors = jnp.ones(layout.size, dtype=decay.dtype).at[layout["gps_difference"]].set(decay)
+    slow = jnp.diag(layout.vector(gps_difference=jnp.full(3, baseline.error_sigma**2 * (1.0 - decay**2))))
+    rest = (0, layout.size - MOTION.size)
+    x = factors * before.mean + jnp.pad(jnp.where(used, news.burns.change, 0.0), rest)
     both = factors[:, None] * factors[None, :]
-    burns = jnp.pad(jnp.where(used, news.burns.covariance, 0.0), ((0, slow_count), (0, slow_count)))
+    burns = jnp.pad(jnp.where(used, news.burns.covariance, 0.0), (rest, rest))
     rows, of_receiver = _baseline_rows(baseline, x, before.covariance * both + burns + slow, news, back)
     gains, covariance = kalman_update.reduced_by_rows(before.covariance * both + burns + slow, rows)
     of_own = kalman_update.part_after(before.of_own * both + 0.5 * slow, rows, gains, of_receiver)
@@ -249,21 +231,29 @@ def _baseline_rows(
     baseline: BaselineTuning, x: Float[Array, " n"], P: Float[Array, "n n"], news: News, back: Float[Array, "6 6"]
 ) -> tuple[MeasurementRows, Float[Array, " m"]]:
     """Difference of GPS positions, and range if there is one; and the variance that the own receiver adds to each."""
-    position, same = apply(back[:3], x[:6] + news.own_burns), jnp.eye(3, dtype=x.dtype)
-    rest = jnp.zeros((3, x.shape[0] - 9), dtype=x.dtype)
-    residual, jacobian = news.baseline - position - x[6:9], jnp.concatenate([back[:3], same, rest], axis=1)
+    layout, then = baseline_layout(news.ranges is not None), back[MOTION["position"]]
+    part = layout.split(x)
+    motion = jnp.concatenate([part["position"], part["velocity"]])
+    position, same = apply(then, motion + news.own_burns), jnp.eye(3, dtype=x.dtype)
+    by_position, by_velocity = then[:, MOTION["position"]], then[:, MOTION["velocity"]]
+    residual = news.baseline - position - part["gps_difference"]
+    jacobian = layout.rows(position=by_position, velocity=by_velocity, gps_difference=same)
     variance = jnp.full(3, baseline.noise**2)
     weight = jnp.full(3, jnp.where(news.measured, 1.0, 0.0)).astype(x.dtype)
     of_receiver = 0.5 * variance
     if news.ranges is not None:
         distance = gradient_safe.norm(position)
         u = position / distance
-        at_stamp = product(back[:3], product(back[:3], P[:6, :6]).T)
+        at_stamp = product(then, product(then, P[: MOTION.size, : MOTION.size]).T)
         across = jnp.trace(at_stamp) - jnp.sum(u * apply(at_stamp, u), axis=0)
         # Of second order, as in the joint filter.
         excess = jnp.maximum(across, 0.0) / distance
-        residual = jnp.concatenate([residual, (news.ranges - distance - 0.5 * excess - x[9])[None]])
-        of_range = jnp.concatenate([product(u[None], back[:3]), jnp.zeros((1, 3)), jnp.ones((1, 1))], axis=1)
+        residual = jnp.concatenate([residual, (news.ranges - distance - 0.5 * excess - part["range_bias"][0])[None]])
+        of_range = layout.rows(
+            position=product(u[None], by_position),
+            velocity=product(u[None], by_velocity),
+            range_bias=jnp.ones((1, 1), dtype=x.dtype),
+        )
         jacobian = jnp.concatenate([jacobian, of_range], axis=0)
         variance = jnp.concatenate([variance, (baseline.range_noise**2 + 0.5 * excess**2)[None]])
         weight = jnp.concatenate([weight, jnp.where(news.used, 1.0, 0.0)[None].astype(x.dtype)])
@@ -278,8 +268,8 @@ def _tracks(baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float
     assert track is not None
     sent = SplitEstimate(mean=track.state, correlated=track.correlated, independent=track.covariance - track.correlated)
     now = _moved(sent, orbit, delay) if delay > 0.0 else sent
-    of_peer = (baselines.covariance - baselines.of_own)[:, :6, :6]
-    return replace(now, mean=now.mean + baselines.mean[:, :6], independent=now.independent + of_peer)
+    of_peer = (baselines.covariance - baselines.of_own)[:, : MOTION.size, : MOTION.size]
+    return replace(now, mean=now.mean + baselines.mean[:, : MOTION.size], independent=now.independent + of_peer)
 
 
 def _moved(estimates: SplitEstimate, orbit: OrbitEstimate, delay: float) -> SplitEstimate:
@@ -319,12 +309,15 @@ def predict(
         return baseline_motion.propagate(zonal_degree, state, r_before_N, r_after_N, delta_v_N, dt)
 
     def grown(P: Array, process: Matrix) -> Array:
-        slow = P.shape[0] - 6
+        slow = P.shape[0] - MOTION.size
         one, zero = jnp.ones(slow, dtype=P.dtype), jnp.zeros(slow, dtype=P.dtype)
         return orbit_covariance.propagate(P, gradient, one, process, zero, dt)
 
     count = memory.baselines.mean.shape[0]
-    mean = [jnp.concatenate([moved(row[:6]), row[6:]]) for row in (memory.baselines.mean[k] for k in range(count))]
+    mean = [
+        jnp.concatenate([moved(row[: MOTION.size]), row[MOTION.size :]])
+        for row in (memory.baselines.mean[k] for k in range(count))
+    ]
     covariance = [grown(memory.baselines.covariance[k], noise) for k in range(count)]
     of_own = [grown(memory.baselines.of_own[k], burn_covariance + 0.5 * unmodelled) for k in range(count)]
     baselines = Baselines(mean=jnp.stack(mean), covariance=jnp.stack(covariance), of_own=jnp.stack(of_own))
@@ -340,10 +333,11 @@ def predict(
         independent=jnp.stack([grown(found.independent[k], zero) for k in range(count)]),
     )
     of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
-    state = moved(_state(memory.local)[:6])
-    wider = relative_estimate.reopen(memory.local, reopened)
-    local = relative_orbit_ekf.predict(tuning, wider, state[:3], state[3:], r_before_N, burn_covariance, dt)
-    correlated = relative_estimate.reopen(replace(memory.local, covariance=memory.correlated), reopened)
-    correlated = relative_orbit_ekf.predict(tuning, correlated, state[:3], state[3:], r_before_N, zero, dt)
+    motion = MOTION.split(moved(MOTION.vector(position=memory.local.r_TS_N, velocity=memory.local.v_TS_N)))
+    target = motion["position"], motion["velocity"], r_before_N
+    wider = relative_state.reopen(memory.local, reopened)
+    local = relative_orbit_ekf.predict(tuning, wider, *target, burn_covariance, dt)
+    correlated = relative_state.reopen(replace(memory.local, covariance=memory.correlated), reopened)
+    correlated = relative_orbit_ekf.predict(tuning, correlated, *target, zero, dt)
     tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
     return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

@@ -45,15 +45,14 @@ class JointCovariance:
         """Rows of the velocities."""
         return jnp.concatenate([self.xv.T, self.vv, self.vs], axis=1)
 
-    def slow_rows(self, first: int, count: int) -> Float[Array, "count n"]:
+    def slow_rows(self, chosen: slice) -> Float[Array, "count n"]:
         """Rows of some slow errors."""
-        chosen = slice(first, first + count)
         return jnp.concatenate([self.xs[:, chosen].T, self.vs[:, chosen].T, self.ss[chosen]], axis=1)
 
     @property
     def matrix(self) -> Float[Array, "n n"]:
         """The whole covariance."""
-        return jnp.concatenate([self.position_rows, self.velocity_rows, self.slow_rows(0, self.ss.shape[0])], axis=0)
+        return jnp.concatenate([self.position_rows, self.velocity_rows, self.slow_rows(slice(None))], axis=0)
 
     def of_body(self, body: int, slow: int) -> Float[Array, "n n"]:
         """Covariance of one body's position and velocity with the first `slow` slow errors."""

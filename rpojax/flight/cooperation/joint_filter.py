@@ -1,9 +1,9 @@
 """Joint filter of one servicer: the target relative to it, the baselines to its peers, and the errors of all views.
 
-Bodies are the target and the peers, each with position and velocity from this servicer in N. Slow errors are the six of
-the own view (`relative_orbit_ekf`), then for each peer: slow part of the size error of its boxes (1), bearing bias of
-its camera (2), slow error of the difference of GPS positions (3), and bias of the range over the link (1, if it is
-measured). The fast errors of the peers' boxes, which are a tumble's, count as noise (`joint_measurements`).
+Bodies are the target and the peers, each with position and velocity from this servicer in N. Slow errors are the slow
+states of the own filter (`relative_state`), then those of each peer (`peer_layout`): slow part of the size error of its
+boxes, bearing bias of its camera, slow error of the difference of GPS positions, and bias of the range over the link
+if that is measured. The fast errors of the peers' boxes, which are a tumble's, count as noise (`joint_measurements`).
 """
 
 import jax
@@ -12,24 +12,19 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree, replace
+from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.cooperation import baseline_motion, joint_covariance
+from rpojax.flight.cooperation.baseline_motion import peer_layout
 from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.cooperation.joint_covariance import JointCovariance
 from rpojax.flight.cooperation.link_settings import BaselineTuning
-from rpojax.flight.navigation import outline_correlation, shape_errors
+from rpojax.flight.navigation import relative_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 Scalar = Float[Array, ""]
-
-OWN_SLOW = 6
-"""Slow errors of the servicer's own view: size (2), bearing (2), centre (2)."""
-MOTION = 6
-"""Position and velocity of a body."""
-_PEER_SLOW = 6
-"""Slow errors of a peer without a range over the link: size (1), bearing (2), GPS difference (3)."""
 
 
 @pytree
@@ -38,7 +33,7 @@ class JointEstimate:
 
     Attributes:
         own: estimate of the target by this servicer; its covariance is that of the joint one only in `own_estimate`
-        peers: (peers, 12) mean position, velocity and slow errors of the peers; 13 with a range over the link
+        peers: (peers, n) means of the peers, in the order of `peer_layout`
         covariance: of all
     """
 
@@ -47,18 +42,25 @@ class JointEstimate:
     covariance: JointCovariance
 
     @property
-    def has_ranges(self) -> bool:
-        """Whether the biases of ranges over the links are states."""
-        return self.peers.shape[1] > MOTION + _PEER_SLOW
+    def peer_layout(self) -> StateLayout:
+        """Names of the blocks of a peer's state."""
+        return peer_layout(self.peers.shape[1] == peer_layout(has_ranges=True).size)
 
-    def slow_start(self, peer: int) -> int:
-        """Place of a peer's slow errors among all."""
-        return OWN_SLOW + peer * (self.peers.shape[1] - MOTION)
+    @property
+    def own_slow(self) -> StateLayout:
+        """Names of the servicer's own slow states."""
+        return self.own.layout.after("velocity")
+
+    def slow_places(self, peer: int, first: str, last: str | None = None) -> slice:
+        """Places of a peer's slow errors among all, from the first block to the last one."""
+        layout = self.peer_layout.after("velocity")
+        start = self.own_slow.size + peer * layout.size
+        return slice(start + layout[first].start, start + layout[last or first].stop)
 
 
 def own_estimate(estimate: JointEstimate) -> RelativeEstimate:
     """Estimate of the target relative to this servicer, with its covariance."""
-    return replace(estimate.own, covariance=estimate.covariance.of_body(0, OWN_SLOW))
+    return replace(estimate.own, covariance=estimate.covariance.of_body(0, estimate.own_slow.size))
 
 
 def initial(
@@ -70,36 +72,37 @@ def initial(
     has_ranges: bool,
 ) -> JointEstimate:
     """Estimate at hand-over, with the first baselines [m, m/s]; the tuning of the peers has a leading axis."""
-    count, dtype = baselines.shape[0], baselines.dtype
-    positions, velocities, slow = [jnp.zeros(3, dtype=dtype)], [jnp.zeros(3, dtype=dtype)], [jnp.zeros(OWN_SLOW)]
+    count, dtype, layout = baselines.shape[0], baselines.dtype, peer_layout(has_ranges)
+    zero = jnp.zeros(3, dtype=dtype)
+    positions, velocities, slow = [zero], [zero], [jnp.zeros(own.layout.size - MOTION.size, dtype=dtype)]
     for k in range(count):
         of = jax.tree.map(lambda leaf, k=k: leaf[k], peer_tuning)
         motion = baseline_motion.initial_variance(tuning, of)
-        positions.append(motion[:3])
-        velocities.append(motion[3:])
+        positions.append(motion[MOTION["position"]])
+        velocities.append(motion[MOTION["velocity"]])
         slow += [
             shape_errors.scale_variance(of)[:1],
             jnp.full(2, of.bearing_bias_sigma**2),
             jnp.full(3, baseline.error_sigma**2),
             *([baseline.range_bias_sigma[None] ** 2] if has_ranges else []),
         ]
-    columns = _PEER_SLOW + has_ranges
+    columns = layout.size - MOTION.size
     P = jnp.diag(jnp.concatenate([*positions, *velocities, *slow])) + _own_block(own.covariance, count, columns)
-    P = P + tuning.target_size_sigma**2 * _common_sizes(count, columns).astype(dtype)
+    P = P + tuning.target_size_sigma**2 * _common_sizes(own.layout, layout, count).astype(dtype)
     peers = jnp.concatenate([baselines, jnp.zeros((count, columns), dtype=dtype)], axis=1)
     return JointEstimate(own=own, peers=peers, covariance=joint_covariance.from_matrix(P, 1 + count))
 
 
-def _own_block(covariance: Float[Array, "12 12"], peers: int, columns: int) -> Float[Array, "n n"]:
+def _own_block(covariance: Float[Array, "m m"], peers: int, columns: int) -> Float[Array, "n n"]:
     """The servicer's own covariance in its place in the joint one."""
     gap, rest = 3 * peers, columns * peers
 
     def placed(block: Array) -> Array:
         return jnp.concatenate(
             [
-                jnp.pad(block[:3], ((0, gap), (0, 0))),
-                jnp.pad(block[3:6], ((0, gap), (0, 0))),
-                jnp.pad(block[6:], ((0, rest), (0, 0))),
+                jnp.pad(block[MOTION["position"]], ((0, gap), (0, 0))),
+                jnp.pad(block[MOTION["velocity"]], ((0, gap), (0, 0))),
+                jnp.pad(block[MOTION.size :], ((0, rest), (0, 0))),
             ],
             axis=0,
         )
@@ -107,11 +110,13 @@ def _own_block(covariance: Float[Array, "12 12"], peers: int, columns: int) -> F
     return placed(placed(covariance).T).T
 
 
-def _common_sizes(peers: int, columns: int) -> Float[Array, "n n"]:
+def _common_sizes(own: StateLayout, peer: StateLayout, peers: int) -> Float[Array, "n n"]:
     """Ones where the size errors of two views meet: all are of one target, whose size is wrong for all alike."""
-    first = MOTION * (1 + peers)
-    is_size = np.zeros(first + OWN_SLOW + columns * peers)
-    is_size[[first, *(first + OWN_SLOW + columns * k for k in range(peers))]] = 1.0
+    first = MOTION.size * peers
+    is_size = np.zeros(first + own.size + (peer.size - MOTION.size) * peers)
+    is_size[first + own["size"].start] = 1.0
+    for k in range(peers):
+        is_size[first + own.size + (peer.size - MOTION.size) * k + peer["size"].start - MOTION.size] = 1.0
     return jnp.asarray(np.outer(is_size, is_size) - np.diag(is_size))
 
 
@@ -125,15 +130,13 @@ def propagate(
     dt: float,
 ) -> JointEstimate:
     """Estimate `dt` [s] later with the means already propagated; errors of the peers' views wait for their messages."""
-    decay, own_variance = _slow_process(
-        tuning, replace(own, scale=estimate.own.scale, outline=estimate.own.outline), dt
-    )
+    decay, own_variance = relative_state.slow_process(tuning, estimate.own, own.r_TS_N, own.v_TS_N, dt)
     identity = jnp.eye(3, dtype=burn_covariance.dtype)
     unmodelled = tuning.relative_acceleration_noise**2 * dt * identity
     # A burn moves the servicer away from target and peers alike; half of an unmodelled acceleration is its own.
     same, other = burn_covariance + unmodelled, burn_covariance + 0.5 * unmodelled
     count = motion.shape[0]
-    rest = estimate.covariance.ss.shape[0] - OWN_SLOW
+    rest = estimate.covariance.ss.shape[0] - estimate.own_slow.size
     noise = [[same if i == j else other for j in range(1 + count)] for i in range(1 + count)]
     covariance = joint_covariance.propagate(
         estimate.covariance,
@@ -143,24 +146,8 @@ def propagate(
         jnp.pad(own_variance, (0, rest)),
         dt,
     )
-    peers = jnp.concatenate([motion, estimate.peers[:, MOTION:]], axis=1)
+    peers = jnp.concatenate([motion, estimate.peers[:, MOTION.size :]], axis=1)
     return JointEstimate(own=own, peers=peers, covariance=covariance)
-
-
-def _slow_process(
-    tuning: OrbitFilterTuning, own: RelativeEstimate, dt: float | Scalar
-) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
-    """Decay over `dt` [s] of the errors of size, bearing and centre of a view, and their process variance."""
-    errors = shape_errors.shape_errors(
-        tuning, outline_correlation.correlation_time(own.outline), own.scale[0], own.r_TS_N, own.v_TS_N
-    )
-    one = jnp.ones(2, dtype=errors.scale_variance.dtype)
-    decay = jnp.concatenate(
-        [jnp.exp(-dt / errors.scale_time_constant), one, one * jnp.exp(-dt / errors.center_time_constant)]
-    )
-    variance = jnp.concatenate([errors.scale_variance, 0.0 * one, errors.center_variance * one])
-    walk = jnp.pad(jnp.full(2, errors.bearing_process_variance * dt), (2, 2))
-    return decay, variance * (1.0 - decay**2) + walk
 
 
 def widen(estimate: JointEstimate, factor: Scalar) -> JointEstimate:
@@ -174,15 +161,15 @@ def widen(estimate: JointEstimate, factor: Scalar) -> JointEstimate:
     return replace(estimate, covariance=joint_covariance.scaled(P, motion, jnp.ones_like(P.ss[0])))
 
 
-def inflate(estimate: JointEstimate, variance: Float[Array, "12"]) -> JointEstimate:
+def inflate(estimate: JointEstimate, variance: Float[Array, " n"]) -> JointEstimate:
     """Estimate with variances added to the servicer's own states."""
     P = estimate.covariance
-    others, rest = P.xx.shape[0] - 3, P.ss.shape[0] - OWN_SLOW
+    others, rest = P.xx.shape[0] - 3, P.ss.shape[0] - estimate.own_slow.size
     covariance = replace(
         P,
-        xx=P.xx + jnp.diag(jnp.pad(variance[:3], (0, others))),
-        vv=P.vv + jnp.diag(jnp.pad(variance[3:6], (0, others))),
-        ss=P.ss + jnp.diag(jnp.pad(variance[6:], (0, rest))),
+        xx=P.xx + jnp.diag(jnp.pad(variance[MOTION["position"]], (0, others))),
+        vv=P.vv + jnp.diag(jnp.pad(variance[MOTION["velocity"]], (0, others))),
+        ss=P.ss + jnp.diag(jnp.pad(variance[MOTION.size :], (0, rest))),
     )
     return replace(estimate, covariance=covariance)
 
@@ -208,7 +195,8 @@ def hear(
         attitude_variance: (peers,) change of the variance of their attitudes since then [rad^2]
     """
     P = estimate.covariance
-    factors, added, states = [jnp.ones(OWN_SLOW)], [jnp.zeros(OWN_SLOW)], []
+    own_size = estimate.own_slow.size
+    factors, added, states = [jnp.ones(own_size)], [jnp.zeros(own_size)], []
     moved = []
     for k in range(estimate.peers.shape[0]):
         state, dt = estimate.peers[k], jnp.where(used[k], interval[k], 0.0)
@@ -219,13 +207,14 @@ def hear(
         added.append(jnp.where(used[k], variance, 0.0))
         moved.append(jnp.where(used[k], burns.covariance[k], 0.0))
         change = jnp.where(used[k], burns.change[k], 0.0)
-        states.append(jnp.concatenate([state[:MOTION] + change, decay * state[MOTION:]]))
+        states.append(jnp.concatenate([state[: MOTION.size] + change, decay * state[MOTION.size :]]))
     P = joint_covariance.scaled_slow(P, jnp.concatenate(factors))
+    x, v = MOTION["position"], MOTION["velocity"]
     covariance = replace(
         P,
-        xx=P.xx + _peer_blocks([block[:3, :3] for block in moved]),
-        xv=P.xv + _peer_blocks([block[:3, 3:] for block in moved]),
-        vv=P.vv + _peer_blocks([block[3:, 3:] for block in moved]),
+        xx=P.xx + _peer_blocks([block[x, x] for block in moved]),
+        xv=P.xv + _peer_blocks([block[x, v] for block in moved]),
+        vv=P.vv + _peer_blocks([block[v, v] for block in moved]),
         ss=P.ss + jnp.diag(jnp.concatenate(added)),
     )
     return replace(estimate, peers=jnp.stack(states), covariance=covariance)
@@ -240,20 +229,30 @@ def _peer_process(
     attitude_variance: Scalar,
 ) -> tuple[Array, Array]:
     """Decay over `dt` [s] of a peer's slow errors, and their process variance."""
-    state = estimate.peers[peer]
-    view = replace(
-        estimate.own,
-        scale=state[6:8] * jnp.array([1.0, 0.0]),
-        r_TS_N=estimate.own.r_TS_N - state[:3],
-        v_TS_N=estimate.own.v_TS_N - state[3:6],
+    layout, own = estimate.peer_layout, estimate.own
+    state = layout.split(estimate.peers[peer])
+    view = replace(own, slow={**own.slow, "size": jnp.pad(state["size"], (0, 1))})
+    decay, variance = (
+        estimate.own_slow.split(each)
+        for each in relative_state.slow_process(
+            tuning, view, own.r_TS_N - state["position"], own.v_TS_N - state["velocity"], dt
+        )
     )
-    decay, variance = _slow_process(tuning, view, dt)
     gps_decay = jnp.exp(-dt / baseline.error_time_constant)
-    gps_variance = baseline.error_sigma**2 * (1.0 - gps_decay**2)
-    constant = int(estimate.has_ranges)
-    decays = [decay[:1], decay[2:4], jnp.full(3, gps_decay), jnp.ones(constant, dtype=dt.dtype)]
-    variances = [variance[:1], variance[2:4] + attitude_variance, jnp.full(3, gps_variance), jnp.zeros(constant)]
-    return jnp.concatenate(decays), jnp.concatenate(variances)
+    decays = {
+        "size": decay["size"][:1],
+        "bearing_bias": decay["bearing_bias"],
+        "gps_difference": jnp.full(3, gps_decay),
+        "range_bias": jnp.ones(1, dtype=dt.dtype),
+    }
+    variances = {
+        "size": variance["size"][:1],
+        "bearing_bias": variance["bearing_bias"] + attitude_variance,
+        "gps_difference": jnp.full(3, baseline.error_sigma**2 * (1.0 - gps_decay**2)),
+        "range_bias": jnp.zeros(1, dtype=dt.dtype),
+    }
+    names = [name for name, _ in layout.after("velocity").blocks]
+    return jnp.concatenate([decays[name] for name in names]), jnp.concatenate([variances[name] for name in names])
 
 
 def _peer_blocks(blocks: list[Matrix]) -> Float[Array, "x x"]:

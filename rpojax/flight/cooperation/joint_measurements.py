@@ -11,23 +11,22 @@ from rpojax.core import kalman_update
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
+from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.core.vectors import product
 from rpojax.flight.cooperation import joint_covariance
 from rpojax.flight.cooperation.free_relative_motion import apply
 from rpojax.flight.cooperation.joint_covariance import JointCovariance
-from rpojax.flight.cooperation.joint_filter import MOTION, OWN_SLOW, JointEstimate, inflate, own_estimate
+from rpojax.flight.cooperation.joint_filter import JointEstimate, inflate, own_estimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
-from rpojax.flight.navigation import outline_correlation, relative_orbit_ekf, shape_errors
+from rpojax.flight.navigation import outline_correlation, relative_orbit_ekf, relative_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Flag = Bool[Array, ""]
 Scalar = Float[Array, ""]
 Transition = Float[Array, "6 6"] | None
 
-_GPS = slice(3, 6)
-"""Slow error of the GPS difference among a peer's slow errors."""
 _LEAST_INTERVAL = 1e-2
 """Shortest time between two boxes of a peer, of which the first has none [s]."""
 
@@ -37,13 +36,15 @@ def update_own(
 ) -> JointEstimate:
     """Estimate after the servicer's own box, which has passed its gate."""
     rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, focal_px, own_estimate(estimate), q_KN, box)
-    estimate = inflate(estimate, jnp.pad(jnp.full(2, box.attitude_variance_change), (8, 2)))
+    own, layout = estimate.own.layout, estimate.own_slow
+    estimate = inflate(estimate, own.vector(bearing_bias=jnp.full(2, box.attitude_variance_change)))
     P, J = estimate.covariance, rows.jacobian
-    jacobian = _placed([(0, J[:, :3]), (2 * P.xx.shape[0], J[:, 6:])], _size(P))
+    by_position = J[:, own["position"]]
+    jacobian = _placed([(0, by_position), (2 * P.xx.shape[0], J[:, MOTION.size :])], _size(P))
     # Size errors are in the third row alone, those of bearing and centre in the others.
-    slow = P.slow_rows(0, OWN_SLOW)
-    bearing = slow[2:4] + J[0, 10] * slow[4:6]
-    HP = product(J[:, :3], P.position_rows[:3]) + jnp.concatenate([bearing, slow[:1] + slow[1:2]], axis=0)
+    bias, center, (slow, fast) = (P.slow_rows(layout[name]) for name in ("bearing_bias", "center_offset", "size"))
+    bearing = bias + J[0, own["center_offset"].start] * center
+    HP = product(by_position, P.position_rows[:3]) + jnp.concatenate([bearing, (slow + fast)[None]], axis=0)
     return _corrected(estimate, replace(rows, jacobian=jacobian), HP)
 
 
@@ -66,14 +67,15 @@ def update_baselines(
     before = jnp.zeros((), dtype=P.xx.dtype)
     sums = jnp.zeros(3, dtype=P.xx.dtype), jnp.zeros((3, size), dtype=P.xx.dtype), jnp.zeros((3, size))
     for k in range(estimate.peers.shape[0]):
-        slow, weight = estimate.slow_start(k) + _GPS.start, jnp.where(used[k], 1.0, 0.0).astype(P.xx.dtype)
-        predicted = _baseline_then(estimate, k, own_burns, back) + estimate.peers[k, 9:12]
+        slow, weight = estimate.slow_places(k, "gps_difference"), jnp.where(used[k], 1.0, 0.0).astype(P.xx.dtype)
+        error = estimate.peers[k, estimate.peer_layout["gps_difference"]]
+        predicted = _baseline_then(estimate, k, own_burns, back) + error
         identity = jnp.eye(3, dtype=P.xx.dtype)
-        parts = [*_parts_then(identity, 1 + k, P, back), (2 * P.xx.shape[0] + slow, identity)]
+        parts = [*_parts_then(identity, 1 + k, P, back), (2 * P.xx.shape[0] + slow.start, identity)]
         row = (
             measured[k] - predicted,
             _placed(parts, size),
-            then[3 + 3 * k : 6 + 3 * k] + P.slow_rows(slow, 3),
+            then[3 + 3 * k : 6 + 3 * k] + P.slow_rows(slow),
         )
         share = 1.0 / (before + 1.0)
         residual, jacobian, HP = (each - share * total for each, total in zip(row, sums, strict=True))
@@ -111,17 +113,18 @@ def update_ranges(
     residuals, jacobians, products, variances = [], [], [], []
     for k in range(estimate.peers.shape[0]):
         b = _baseline_then(estimate, k, own_burns, back)
-        distance, slow = gradient_safe.norm(b), estimate.slow_start(k) + _GPS.stop
+        distance, slow = gradient_safe.norm(b), estimate.slow_places(k, "range_bias")
         u = b / distance
         rows_k = then[3 + 3 * k : 6 + 3 * k]
         position = _columns_then(rows_k, 1 + k, P, back)
         trace = position[0, 0] + position[1, 1] + position[2, 2]
         across = jnp.maximum(trace - jnp.sum(u * apply(position, u), axis=0), 0.0)
-        residuals.append(measured[k] - distance - 0.5 * across / distance - estimate.peers[k, 12])
+        bias = estimate.peers[k, estimate.peer_layout["range_bias"].start]
+        residuals.append(measured[k] - distance - 0.5 * across / distance - bias)
         one = jnp.ones((1, 1), dtype=u.dtype)
-        parts = [*_parts_then(u[None], 1 + k, P, back), (2 * P.xx.shape[0] + slow, one)]
+        parts = [*_parts_then(u[None], 1 + k, P, back), (2 * P.xx.shape[0] + slow.start, one)]
         jacobians.append(_placed(parts, size))
-        products.append(product(u[None], rows_k) + P.slow_rows(slow, 1))
+        products.append(product(u[None], rows_k) + P.slow_rows(slow))
         variances.append(baseline.range_noise**2 + 0.5 * (across / distance) ** 2)
     rows = MeasurementRows(
         residual=jnp.stack(residuals),
@@ -148,31 +151,34 @@ def update_peer_box(
     peer's box that change as the target tumbles count as white noise of the same spectral density at low frequencies:
     the variance of a Gauss-Markov process times (1 + a) / (1 - a), `a` its correlation over the interval.
     """
-    P, slow = estimate.covariance, estimate.slow_start(peer)
+    P, slow, own = estimate.covariance, estimate.slow_places(peer, "size", "bearing_bias"), estimate.own.layout
     errors = _fast_errors(tuning, estimate, peer)
     view, position_rows = _view(estimate, peer, errors, back)
     rows, accepted = relative_orbit_ekf.rows_of_box(tuning, True, focal_px, view, q_KN, box)
     J = rows.jacobian
+    by_position = J[:, own["position"]]
     interval = jnp.maximum(jnp.maximum(interval, box.interval), _LEAST_INTERVAL)
     size_noise = _white(errors.scale_variance[1], interval, errors.scale_time_constant[1])
-    center_noise = J[0, 10] ** 2 * _white(errors.center_variance, interval, errors.center_time_constant)
+    center_noise = J[0, own["center_offset"].start] ** 2 * _white(
+        errors.center_variance, interval, errors.center_time_constant
+    )
     variance = rows.variance + jnp.stack([center_noise, center_noise, size_noise])
-    of_bias = jnp.concatenate([J[:, 6:7], J[:, 8:10]], axis=1)
+    of_bias = jnp.concatenate([J[:, own["size"]][:, :1], J[:, own["bearing_bias"]]], axis=1)
     parts = [
-        *_parts_then(J[:, :3], 0, P, back),
-        *_parts_then(-J[:, :3], 1 + peer, P, back),
-        (2 * P.xx.shape[0] + slow, of_bias),
+        *_parts_then(by_position, 0, P, back),
+        *_parts_then(-by_position, 1 + peer, P, back),
+        (2 * P.xx.shape[0] + slow.start, of_bias),
     ]
-    HP = product(J[:, :3], position_rows) + product(of_bias, P.slow_rows(slow, 3))
+    HP = product(by_position, position_rows) + product(of_bias, P.slow_rows(slow))
     return _corrected(estimate, replace(rows, jacobian=_placed(parts, _size(P)), variance=variance), HP), accepted
 
 
 def _fast_errors(tuning: OrbitFilterTuning, estimate: JointEstimate, peer: int) -> shape_errors.ShapeErrors:
     """Errors of a peer's boxes that come from the target's shape."""
-    state = estimate.peers[peer]
+    state = estimate.peer_layout.split(estimate.peers[peer])
     time = outline_correlation.correlation_time(estimate.own.outline)
-    r, v = estimate.own.r_TS_N - state[:3], estimate.own.v_TS_N - state[3:6]
-    return shape_errors.shape_errors(tuning, time, state[MOTION], r, v)
+    r, v = estimate.own.r_TS_N - state["position"], estimate.own.v_TS_N - state["velocity"]
+    return shape_errors.shape_errors(tuning, time, state["size"][0], r, v)
 
 
 def _white(variance: Scalar, interval: Scalar, time_constant: Scalar) -> Scalar:
@@ -185,50 +191,48 @@ def _view(
     estimate: JointEstimate, peer: int, errors: shape_errors.ShapeErrors, back: Transition
 ) -> tuple[RelativeEstimate, Float[Array, "3 n"]]:
     """The target as a peer saw it at a time stamp, and the covariance of that position with the joint state."""
-    P, start = estimate.covariance, estimate.slow_start(peer)
-    state = estimate.peers[peer]
-    target = jnp.concatenate([estimate.own.r_TS_N, estimate.own.v_TS_N]) - state[:MOTION]
-    target = target if back is None else apply(back, target)
+    P, own, place = estimate.covariance, estimate.own, estimate.slow_places(peer, "size", "bearing_bias")
+    state = estimate.peer_layout.split(estimate.peers[peer])
+    target = MOTION.vector(position=own.r_TS_N - state["position"], velocity=own.v_TS_N - state["velocity"])
+    target = MOTION.split(target if back is None else apply(back, target))
     then = _rows_then(P, back)
     rows = then[:3] - then[3 + 3 * peer : 6 + 3 * peer]
     position = _columns_then(rows, 0, P, back) - _columns_then(rows, 1 + peer, P, back)
-    first = 2 * P.xx.shape[0] + start
-    mixed, slow = rows[:, first : first + 3], P.ss[start : start + 3, start : start + 3]
+    first = 2 * P.xx.shape[0]
+    mixed, slow = rows[:, first + place.start : first + place.stop], P.ss[place, place]
     fast, center = errors.scale_variance[1], errors.center_variance
+    shown = {"size": jnp.pad(state["size"], (0, 1)), "bearing_bias": state["bearing_bias"]}
     view = replace(
-        estimate.own,
-        r_TS_N=target[:3],
-        v_TS_N=target[3:],
-        scale=jnp.pad(state[6:7], (0, 1)),
-        bearing_bias=state[7:9],
-        center_offset=jnp.zeros_like(state[7:9]),
-        covariance=_view_covariance(position, mixed, slow, fast, center),
+        own,
+        r_TS_N=target["position"],
+        v_TS_N=target["velocity"],
+        slow={name: shown.get(name, jnp.zeros_like(value)) for name, value in own.slow.items()},
+        covariance=_view_covariance(own.layout, position, mixed, slow, fast, center),
     )
     return view, rows
 
 
-def _view_covariance(position: Array, mixed: Array, slow: Array, fast: Scalar, center: Scalar) -> Float[Array, "12 12"]:
+def _view_covariance(
+    layout: StateLayout, position: Array, mixed: Array, slow: Array, fast: Scalar, center: Scalar
+) -> Float[Array, "n n"]:
     """Covariance of a view from that of position (3, 3), of it with slow errors (3, 3), of these, and fast errors.
 
     That of the velocity is left out: a box does not depend on it.
     """
-    gap = jnp.zeros((3, 3), dtype=position.dtype)
-    column, pair = jnp.zeros((3, 1), dtype=position.dtype), jnp.zeros((3, 2), dtype=position.dtype)
 
-    def row(of_position: Array, of_slow: Array) -> Array:
-        return jnp.concatenate([of_position, gap, of_slow[:, :1], column, of_slow[:, 1:], pair], axis=1)
+    def rows(of_position: Array, of_slow: Array) -> Array:
+        size = jnp.pad(of_slow[:, :1], ((0, 0), (0, 1)))
+        return layout.rows(position=of_position, size=size, bearing_bias=of_slow[:, 1:])
 
-    errors = row(mixed.T, slow)
-    rest = jnp.diag(jnp.stack([jnp.zeros_like(fast)] * 7 + [fast] + [jnp.zeros_like(fast)] * 2 + [center] * 2))
-    rows = [
-        row(position, mixed),
-        jnp.zeros((3, 12), dtype=position.dtype),
-        errors[:1],
-        jnp.zeros((1, 12), dtype=position.dtype),
-        errors[1:],
-        jnp.zeros((2, 12), dtype=position.dtype),
-    ]
-    return jnp.concatenate(rows, axis=0) + rest
+    errors = rows(mixed.T, slow)
+    shown = {
+        "position": rows(position, mixed),
+        "size": jnp.pad(errors[:1], ((0, 1), (0, 0))),
+        "bearing_bias": errors[1:],
+    }
+    blocks = [shown.get(name, jnp.zeros((size, layout.size), dtype=position.dtype)) for name, size in layout.blocks]
+    fast_variance = layout.vector(size=jnp.stack([jnp.zeros_like(fast), fast]), center_offset=jnp.full(2, center))
+    return jnp.concatenate(blocks, axis=0) + jnp.diag(fast_variance)
 
 
 def _size(P: JointCovariance) -> int:
@@ -274,26 +278,23 @@ def _baseline_then(
     estimate: JointEstimate, peer: int, own_burns: Float[Array, "6"], back: Transition
 ) -> Float[Array, "3"]:
     """Position of a peer at the time stamp."""
-    motion = estimate.peers[peer, :MOTION]
-    return motion[:3] if back is None else apply(back[:3], motion + own_burns)
+    motion, place = estimate.peers[peer, : MOTION.size], MOTION["position"]
+    return motion[place] if back is None else apply(back[place], motion + own_burns)
 
 
 def _corrected(estimate: JointEstimate, rows: MeasurementRows, HP: Float[Array, "m n"]) -> JointEstimate:
     """Estimate after measurements, with Jacobian times covariance."""
     gains = kalman_update.sequential_gains(rows, lambda index: HP[index])
-    x, s, d = estimate.covariance.xx.shape[0], 2 * estimate.covariance.xx.shape[0], gains.deviation
-    own, peers = estimate.own, []
-    for k in range(estimate.peers.shape[0]):
-        place, slow = 3 + 3 * k, s + estimate.slow_start(k)
-        columns = estimate.peers.shape[1] - MOTION
-        peers.append(jnp.concatenate([d[place : place + 3], d[x + place : x + place + 3], d[slow : slow + columns]]))
-    own = replace(
-        own,
-        r_TS_N=own.r_TS_N + d[:3],
-        v_TS_N=own.v_TS_N + d[x : x + 3],
-        scale=own.scale + d[s : s + 2],
-        bearing_bias=own.bearing_bias + d[s + 2 : s + 4],
-        center_offset=own.center_offset + d[s + 4 : s + 6],
-    )
+    x, d, own_size = estimate.covariance.xx.shape[0], gains.deviation, estimate.own_slow.size
+    slow, columns = d[2 * x :], estimate.peers.shape[1] - MOTION.size
+
+    def of_body(body: int, first: int, count: int) -> Array:
+        return jnp.concatenate(
+            [d[3 * body : 3 * body + 3], d[x:][3 * body : 3 * body + 3], slow[first : first + count]]
+        )
+
+    count = estimate.peers.shape[0]
+    peers = [of_body(1 + k, own_size + k * columns, columns) for k in range(count)]
+    own = relative_state.corrected(estimate.own, of_body(0, 0, own_size), estimate.own.covariance)
     covariance = joint_covariance.reduced(estimate.covariance, gains)
     return JointEstimate(own=own, peers=estimate.peers + jnp.stack(peers), covariance=covariance)

@@ -28,11 +28,11 @@ from rpojax.flight.cooperation.link_settings import BaselineTuning, LinkSettings
 from rpojax.flight.cooperation.message import Message
 from rpojax.flight.cooperation.peer_news import Heard, News
 from rpojax.flight.cooperation.team_records import TeamRecords, for_receivers
-from rpojax.flight.navigation.burn_errors import burn_execution_error, burn_scale
+from rpojax.flight.navigation import burn_execution_error
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -118,7 +118,7 @@ def _message(
     burns: BurnSum,
     attitude_variance: Scalar,
     own: RelativeEstimate,
-    correlated: Float[Array, "12 12"],
+    correlated: Float[Array, "n n"],
     time: Scalar,
 ) -> Message:
     """Message of one servicer; with estimates that of the target is `own`, with the `correlated` part."""
@@ -320,7 +320,7 @@ def predict(
         reopened: Bool[Array, ""],
     ) -> SharingMemory:
         covariance = burn_execution_error.burn_covariance(
-            delta_v_N, burn_delta_v, inflation * burn_scale.new_sigma(tuning), tuning.burn_direction_sigma
+            delta_v_N, burn_delta_v, inflation * burn_execution_error.new_sigma(tuning), tuning.burn_direction_sigma
         )
         motion = before, after, delta_v_N, covariance, reopened, tick_s
         joint, estimates = memory.joint, memory.estimates

@@ -131,7 +131,7 @@ def may_be_too_small(params: FlightParams, memory: FlightMemory) -> Bool[Array, 
     """True if the target appears so small that frames without a box are no sign of its loss."""
     relative = memory.orbit.relative
     return detection_model.may_be_too_small(
-        params.navigation, params.vehicle.focal_px, relative.r_TS_N, relative.scale[0]
+        params.navigation, params.vehicle.focal_px, relative.r_TS_N, relative.slow["size"][0]
     )
 
 

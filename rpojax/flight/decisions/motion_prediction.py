@@ -56,7 +56,7 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar
         lead,
         yamanaka_ankersen.constants_of_motion(orbit, jnp.eye(6, dtype=state_H.dtype)),
     )
-    covariance_H = _in_hill_frame(relative.covariance[:6, :6], R_HN, omega_HN_N)
+    covariance_H = _in_hill_frame(relative.motion_covariance, R_HN, omega_HN_N)
     angle = burn_orbit.argument_of_latitude - orbit.argument_of_latitude
     c, s = jnp.cos(angle), jnp.sin(angle)
     return Prediction(

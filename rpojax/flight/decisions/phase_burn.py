@@ -20,7 +20,7 @@ from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, of_phase
 from rpojax.flight.mission.safe_burn import SafeBurn
 from rpojax.flight.mission.team_mission import TeamMission
-from rpojax.flight.navigation.burn_errors import burn_scale
+from rpojax.flight.navigation import burn_execution_error
 from rpojax.flight.stages import Stages
 from rpojax.flight.team_guidance import peer_drift, team_knowledge
 from rpojax.flight.team_guidance.known_peers import KnownPeers
@@ -197,7 +197,7 @@ def _safe_burn_among(
         predicted.R_CN,
         time,
         params.formation.lead,
-        jnp.hypot(burn_scale.new_sigma(navigation), navigation.burn_direction_sigma),
+        jnp.hypot(burn_execution_error.new_sigma(navigation), navigation.burn_direction_sigma),
     )
     drifts = PeerDrifts(
         state_H=state_H,

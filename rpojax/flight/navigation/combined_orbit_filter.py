@@ -14,13 +14,12 @@ from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation import relative_estimate, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation import burn_execution_error, relative_orbit_ekf, relative_state, servicer_orbit_ekf
 from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
-from rpojax.flight.navigation.burn_errors import burn_execution_error, burn_scale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import SLOW_STATES, RelativeEstimate, SlowState
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 
 Vector = Float[Array, "3"]
@@ -58,11 +57,18 @@ class Innovation:
     expected_box: ExpectedBox
 
 
-def initial(tuning: OrbitFilterTuning, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector) -> OrbitEstimate:
-    """Estimate at hand-over with positions [m] and velocities [m/s] as means."""
+def initial(
+    tuning: OrbitFilterTuning,
+    r_SN_N: Vector,
+    v_SN_N: Vector,
+    r_TS_N: Vector,
+    v_TS_N: Vector,
+    slow_states: tuple[SlowState, ...] = SLOW_STATES,
+) -> OrbitEstimate:
+    """Estimate at hand-over with positions [m] and velocities [m/s] as means, and these slow states of the target."""
     return OrbitEstimate(
         servicer=servicer_orbit_ekf.initial(tuning, r_SN_N, v_SN_N),
-        relative=relative_estimate.initial(tuning, r_TS_N, v_TS_N),
+        relative=relative_state.initial(tuning, r_TS_N, v_TS_N, slow_states),
     )
 
 
@@ -83,7 +89,7 @@ def predict(
     Moon.
     """
     servicer, relative = estimate.servicer, estimate.relative
-    delta_v_N = (1.0 + relative.burn_scale.mean) * delta_v_N
+    delta_v_N = relative_state.expected_delta_v(relative, delta_v_N)
     acceleration = delta_v_N / dt
     reference = encke_reference.reference_orbit(
         EARTH_GRAVITY, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.orbit_low
@@ -104,13 +110,13 @@ def predict(
     change_r, change_v, change_d, change_d_dot = runge_kutta.increment("rk4", derivative, mean, times, dt)
     r, v, orbit_low = reference.final_state(dt, change_r, change_v)
     d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
-    magnitude_sigma = burn_scale.new_magnitude_sigma(tuning, burn_sigma_inflation)
+    magnitude_sigma = burn_execution_error.new_magnitude_sigma(tuning, burn_sigma_inflation)
     new = burn_execution_error.burn_covariance(delta_v_N, burn_delta_v, magnitude_sigma, tuning.burn_direction_sigma)
     # The servicer's own estimate, which GPS keeps, takes all of the error as new.
     whole = burn_execution_error.burn_covariance(
         delta_v_N,
         burn_delta_v,
-        gradient_safe.sqrt(magnitude_sigma**2 + burn_scale.lasting_sigma(tuning) ** 2),
+        gradient_safe.sqrt(magnitude_sigma**2 + burn_execution_error.lasting_sigma(tuning) ** 2),
         tuning.burn_direction_sigma,
     )
     return OrbitEstimate(

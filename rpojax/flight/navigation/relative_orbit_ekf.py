@@ -1,6 +1,6 @@
 """Extended Kalman filter of the target relative to the servicer, with bounding boxes as measurements.
 
-Its state is a `RelativeEstimate`, its measurement that of `box_measurement`.
+Its state is that of `relative_state`, its measurement that of `box_measurement`.
 """
 
 import jax.numpy as jnp
@@ -11,17 +11,16 @@ from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import replace
-from rpojax.flight.navigation import orbit_covariance, outline_correlation, shape_errors
+from rpojax.core.state_layout import StateLayout
+from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state
 from rpojax.flight.navigation.box_measurement import box_measurement_model, outlier_gate
 from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox, PriorBox, expected_box, prior_box
 from rpojax.flight.navigation.box_measurement.box_measurement_rows import jacobian_times_covariance, measurement_rows
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateDecision, GateState
-from rpojax.flight.navigation.burn_errors import burn_scale
-from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -40,37 +39,30 @@ def predict(
 ) -> RelativeEstimate:
     """Estimate `dt` [s] later with its mean already propagated; `r_SN_N` [m] is the servicer's position before.
 
-    `burn_covariance` is that of the new errors of a burn of `delta_v_N` [m/s], whose magnitude has the lasting error,
-    too; without it lasting errors are part of `burn_covariance`.
+    `burn_covariance` is that of the new errors of a burn of `delta_v_N` [m/s], which has the lasting errors, too;
+    without it these are part of `burn_covariance`.
     """
-    errors = shape_errors.shape_errors(
-        tuning, outline_correlation.correlation_time(estimate.outline), estimate.scale[0], r_TS_N, v_TS_N
-    )
-    scale_decay = jnp.exp(-dt / errors.scale_time_constant)
-    one = jnp.ones(2, dtype=scale_decay.dtype)
-    center_decay = one * jnp.exp(-dt / errors.center_time_constant)
-    decay = jnp.concatenate([scale_decay, one, center_decay])
-    variance = jnp.concatenate([errors.scale_variance, 0.0 * one, errors.center_variance * one])
-    walk = jnp.pad(jnp.full(2, errors.bearing_process_variance * dt), (2, 2))
-    slow_process_variance = variance * (1.0 - decay**2) + walk
-    identity = jnp.eye(3, dtype=scale_decay.dtype)
+    decay, slow_process_variance = relative_state.slow_process(tuning, estimate, r_TS_N, v_TS_N, dt)
+    identity = jnp.eye(3, dtype=decay.dtype)
     velocity_process_covariance = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
-    gravity_gradient = two_body_gravity.gravity_gradient(r_SN_N)
-    lasting, added = estimate.burn_scale, None
-    if delta_v_N is not None:
-        lasting, added = burn_scale.propagated(lasting, gravity_gradient, decay, -delta_v_N, dt)
+    burns = [] if delta_v_N is None else relative_state.burn_effects(estimate.layout, -delta_v_N)
     covariance = orbit_covariance.propagate(
-        estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt, added
+        estimate.covariance,
+        two_body_gravity.gravity_gradient(r_SN_N),
+        decay,
+        velocity_process_covariance,
+        slow_process_variance,
+        dt,
+        burns,
     )
+    factors = estimate.layout.after("velocity").split(decay)
     return replace(
         estimate,
         r_TS_N=r_TS_N,
         v_TS_N=v_TS_N,
-        scale=scale_decay * estimate.scale,
-        center_offset=center_decay * estimate.center_offset,
+        slow={name: factors[name] * value for name, value in estimate.slow.items()},
         covariance=covariance,
         outline=outline_correlation.elapse(estimate.outline, dt),
-        burn_scale=lasting,
     )
 
 
@@ -93,17 +85,15 @@ def update(
     model, rows = measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, decision)
     rejected = box.present & ~decision.accepted
     gate, recover = outlier_gate.update(tuning, gate, q_KN, box, rejected, decision.confirmed)
-    rows_times_covariance = jacobian_times_covariance(estimate.covariance, model)
-    result, gains = kalman_update.update_with_gains(
+    result = kalman_update.update(
         estimate.covariance,
         rows,
-        rows_times_covariance,
+        jacobian_times_covariance(estimate, model),
         process_variance=prior.process_variance,
-        inflation_variance=recovery_variance(tuning, estimate.r_TS_N, recover),
+        inflation_variance=recovery_variance(tuning, estimate.layout, estimate.r_TS_N, recover),
     )
     outline = _updated_outline(tuning, focal_px, estimate, box, decision.accepted)
-    lasting = burn_scale.updated(estimate.burn_scale, rows, gains)
-    after = corrected(estimate, result, outline, lasting)
+    after = relative_state.corrected(replace(estimate, outline=outline), result.deviation, result.covariance)
     return after, gate, result, decision.accepted, expected_box(prior, box)
 
 
@@ -133,13 +123,14 @@ def rows_of_box(
     return rows, accepted
 
 
-def recovery_variance(tuning: OrbitFilterTuning, r_TS_N: Vector, recover: Bool[Array, ""]) -> Float[Array, "12"]:
+def recovery_variance(
+    tuning: OrbitFilterTuning, layout: StateLayout, r_TS_N: Vector, recover: Bool[Array, ""]
+) -> Float[Array, " n"]:
     """Covariance inflation after too many rejections, so that the filter accepts the target's boxes again."""
     square = jnp.sum(r_TS_N * r_TS_N, axis=0)
     position = jnp.where(recover, tuning.recovery_position_sigma**2 * square, 0.0)
     velocity = jnp.where(recover, tuning.recovery_velocity_sigma**2, 0.0)
-    of_position, of_velocity = jnp.repeat(jnp.eye(2, 4, dtype=square.dtype), 3, axis=1)
-    return of_position * position + of_velocity * velocity
+    return layout.vector(position=jnp.full(3, position), velocity=jnp.full(3, velocity))
 
 
 def _decide(
@@ -174,20 +165,3 @@ def _updated_outline(
 
 _ASPECT_NOISE_FACTOR = 4.5
 """Variance of the log aspect ratio over that of an edge in units of the size: 4 for a square, more for other shapes."""
-
-
-def corrected(
-    estimate: RelativeEstimate, result: KalmanUpdate, outline: OutlineCorrelation, lasting: BurnScale
-) -> RelativeEstimate:
-    """Estimate with the correction of an update, with the `lasting` error of burns after it."""
-    x = result.deviation
-    return RelativeEstimate(
-        r_TS_N=estimate.r_TS_N + x[:3],
-        v_TS_N=estimate.v_TS_N + x[3:6],
-        scale=estimate.scale + x[6:8],
-        bearing_bias=estimate.bearing_bias + x[8:10],
-        center_offset=estimate.center_offset + x[10:12],
-        covariance=result.covariance[:12, :12],
-        outline=outline,
-        burn_scale=lasting,
-    )

@@ -1,6 +1,6 @@
 """Extended Kalman filter of the servicer's orbit, with GPS positions as measurements.
 
-State (9): position and velocity of the servicer in N, slowly varying GPS error (3).
+State: position and velocity of the servicer in N, and the slowly varying error of GPS.
 """
 
 import jax.numpy as jnp
@@ -12,12 +12,15 @@ from rpojax.core.numerics import double_single
 from rpojax.core.numerics.double_single import LowOrder
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
+from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.navigation import orbit_covariance
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
+
+LAYOUT = StateLayout((*MOTION.blocks, ("gps_error", 3)))
 
 
 @pytree
@@ -28,7 +31,7 @@ class ServicerEstimate:
         r_SN_N: (3,) servicer position [m]
         v_SN_N: (3,) servicer velocity [m/s]
         gps_error_N: (3,) [m]
-        covariance: (9, 9) in this order
+        covariance: (9, 9) in this order, that of `LAYOUT`
         orbit_low: (2, 3) low-order parts of position [m] and velocity [m/s] in single precision; else None
     """
 
@@ -38,15 +41,18 @@ class ServicerEstimate:
     covariance: Array
     orbit_low: Array | None = None
 
+    @property
+    def motion_covariance(self) -> Float[Array, "6 6"]:
+        """Covariance of position and velocity [m, m/s]."""
+        return self.covariance[: MOTION.size, : MOTION.size]
+
 
 def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "9"]:
     """1-sigma of every state at hand-over."""
-    return jnp.concatenate(
-        [
-            jnp.full(3, tuning.initial_position_sigma),
-            jnp.full(3, tuning.initial_velocity_sigma),
-            jnp.full(3, tuning.gps_error_sigma),
-        ]
+    return LAYOUT.vector(
+        position=jnp.full(3, tuning.initial_position_sigma),
+        velocity=jnp.full(3, tuning.initial_velocity_sigma),
+        gps_error=jnp.full(3, tuning.gps_error_sigma),
     )
 
 
@@ -96,21 +102,21 @@ def update(
     identity = jnp.eye(3, dtype=difference.dtype)
     rows = MeasurementRows(
         residual=difference - estimate.gps_error_N,
-        jacobian=jnp.concatenate([identity, jnp.zeros((3, 3), dtype=difference.dtype), identity], axis=1),
+        jacobian=LAYOUT.rows(position=identity, gps_error=identity),
         variance=jnp.full(3, tuning.gps_noise**2),
         weight=jnp.full(3, jnp.where(gps.present, 1.0, 0.0)),
     )
     P = estimate.covariance
-    result = kalman_update.update(P, rows, HP=P[:3] + P[6:])
-    x = result.deviation
+    result = kalman_update.update(P, rows, HP=P[LAYOUT["position"]] + P[LAYOUT["gps_error"]])
+    x = LAYOUT.split(result.deviation)
     r_SN_N, v_SN_N, orbit_low = double_single.add_to_state(
-        estimate.r_SN_N, estimate.v_SN_N, estimate.orbit_low, x[:3], x[3:6]
+        estimate.r_SN_N, estimate.v_SN_N, estimate.orbit_low, x["position"], x["velocity"]
     )
     corrected = ServicerEstimate(
         r_SN_N=r_SN_N,
         v_SN_N=v_SN_N,
         orbit_low=orbit_low,
-        gps_error_N=estimate.gps_error_N + x[6:],
+        gps_error_N=estimate.gps_error_N + x["gps_error"],
         covariance=result.covariance,
     )
     return corrected, result

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.flight.cooperation import joint_filter
+from rpojax.core.state_layout import MOTION
 from rpojax.flight.cooperation.sharing import SharingMemory
 from rpojax.flight.team_guidance.intent import Intent
 
@@ -37,7 +37,7 @@ def motion(memory: SharingMemory) -> tuple[Float[Array, "peers 6"], Float[Array,
     if memory.joint is not None:
         count = memory.joint.peers.shape[0]
         covariances = [memory.joint.covariance.of_body(1 + k, 0) for k in range(count)]
-        return memory.joint.peers[:, : joint_filter.MOTION], jnp.stack(covariances)
+        return memory.joint.peers[:, : MOTION.size], jnp.stack(covariances)
     assert memory.estimates is not None
     baselines = memory.estimates.baselines
-    return baselines.mean[:, :6], baselines.covariance[:, :6, :6]
+    return baselines.mean[:, : MOTION.size], baselines.covariance[:, : MOTION.size, : MOTION.size]

@@ -114,7 +114,7 @@ def servicer_estimate(orbit: OrbitEstimate, attitude: AttitudeEstimate, gyro_var
         attitude.q_BN,
         servicer.v_SN_N,
         attitude.omega_BN_B,
-        servicer.covariance[:6, :6],
+        servicer.motion_covariance,
         attitude.covariance[:3, :3],
         rate_covariance(attitude, gyro_variance),
     )
@@ -134,7 +134,7 @@ def relative_estimate(orbit: OrbitEstimate, attitude: AttitudeEstimate, gyro_var
         relative_quaternion(attitude.q_BN, quaternion.from_matrix(R_HN)),
         rho_dot,
         attitude.omega_BN_B - quaternion.rotate(attitude.q_BN, omega_HN_N),
-        hill_covariance(R_HN, omega_HN_N, orbit.relative.covariance[:6, :6]),
+        hill_covariance(R_HN, omega_HN_N, orbit.relative.motion_covariance),
         attitude.covariance[:3, :3],
         rate_covariance(attitude, gyro_variance),
     )
@@ -152,7 +152,7 @@ def hill_covariance(R_HN: Matrix, omega_HN_N: Vector, P_N: Float[Array, "6 6"]) 
 
 def target_frame_estimate(orbit: OrbitEstimate) -> Odometry:
     """Estimated odometry of the target's Hill frame in N, its covariance propagated from that of the target's orbit."""
-    P = orbit.servicer.covariance[:6, :6] + orbit.relative.covariance[:6, :6]
+    P = orbit.servicer.motion_covariance + orbit.relative.motion_covariance
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)

@@ -18,7 +18,7 @@ from rpojax.flight.cooperation.message import Message, TargetTrack
 from rpojax.flight.cooperation.peer_news import News
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import VIEW_STATES, RelativeEstimate
 
 DELAY = 5.0
 NOISE, ERROR, TIME_CONSTANT, RANGE_NOISE, RANGE_BIAS = 0.05, 0.02, 700.0, 0.1, 0.05
@@ -41,7 +41,8 @@ class Team:
         self.used, self.measured = np.array(used), np.array(measured)
         orbit = rendezvous_scene.estimate(flight)
         P = random_covariance(rng, np.array([*3 * [0.4], *3 * [2e-3], 0.1, 0.05, 1e-3, 1e-3, 0.1, 0.1]))
-        self.orbit = replace(orbit, relative=replace(orbit.relative, covariance=jnp.asarray(P)))
+        slow = {state.name: orbit.relative.slow[state.name] for state in VIEW_STATES}
+        self.orbit = replace(orbit, relative=replace(orbit.relative, slow=slow, covariance=jnp.asarray(P)))
         self.x = np.stack([np.concatenate([30.0 * unit(rng.normal(size=3)), rng.normal(0.0, 0.01, 7)]) for _ in "ab"])
         self.P = np.stack([random_covariance(rng, BASELINE_SIGMAS) for _ in "ab"])
         self.own = 0.4 * self.P
@@ -173,7 +174,6 @@ def test_messages_update_baselines_and_tracks_as_dense_matrices_do(
         K = P[:, :6] @ np.linalg.inv(P[:6, :6] + total)
         mean, P = mean + K @ (forth @ team.state[k] + x[:6] - mean[:6]), P - K @ P[:6]
     for found in (fused, naive):
-        state = jnp.concatenate([found.r_TS_N, found.v_TS_N, found.scale, found.bearing_bias, found.center_offset])
-        assert_close(state, mean, P)
+        assert_close(found.vector, mean, P)
         assert_close(found.covariance, P, P)
     np.testing.assert_array_equal(memory.tracks.known, used)

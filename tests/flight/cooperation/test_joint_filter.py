@@ -14,9 +14,10 @@ from rpojax.flight.cooperation import free_relative_motion, joint_filter, joint_
 from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
-from rpojax.flight.navigation import outline_correlation, relative_estimate, shape_errors
+from rpojax.flight.navigation import outline_correlation, relative_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.relative_state import VIEW_STATES
 from rpojax.scenario import params as parameters
 from rpojax.scenario.loading import scenario_loader
 
@@ -50,7 +51,7 @@ def peer_tuning() -> OrbitFilterTuning:
 
 @jax.jit
 def initial() -> JointEstimate:
-    own = relative_estimate.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3))
+    own = relative_state.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3), VIEW_STATES)
     return joint_filter.initial(tuning(), BASELINE, own, PLACES, peer_tuning(), True)
 
 
@@ -99,7 +100,7 @@ peer_process = jax.jit(
     ),
     static_argnums=1,
 )
-slow_process = jax.jit(lambda own: joint_filter._slow_process(tuning(), own, 1.0))
+slow_process = jax.jit(lambda own: relative_state.slow_process(tuning(), own, own.r_TS_N, own.v_TS_N, 1.0))
 widen = jax.jit(joint_filter.widen)
 update_ranges = jax.jit(joint_measurements.update_ranges)
 

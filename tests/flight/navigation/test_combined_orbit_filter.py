@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter
+from rpojax.flight.navigation import combined_orbit_filter, relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -67,7 +67,7 @@ def fix(position_N: np.ndarray, present: bool = True) -> GpsMeasurement:
 
 @pytest.fixture(scope="module")
 def estimate(flight: FlightParams) -> OrbitEstimate:
-    """An estimate with correlated covariances and slow errors that are not zero."""
+    """An estimate with correlated covariances and slow errors that are not zero, without that of burns."""
     rng = np.random.default_rng(1)
     known = rendezvous_scene.estimate(flight, v_TS_N=np.array([0.05, -0.03, 0.02]))
     servicer = replace(
@@ -75,9 +75,11 @@ def estimate(flight: FlightParams) -> OrbitEstimate:
     )
     relative = replace(
         known.relative,
-        scale=0.1 * rng.normal(size=2),
-        bearing_bias=5e-4 * rng.normal(size=2),
-        center_offset=5e-3 * rng.normal(size=2),
+        slow={
+            "size": 0.1 * rng.normal(size=2),
+            "bearing_bias": 5e-4 * rng.normal(size=2),
+            "center_offset": 5e-3 * rng.normal(size=2),
+        },
         covariance=random_covariance(rng, RELATIVE_SIGMA),
     )
     return OrbitEstimate(servicer=servicer, relative=relative)
@@ -87,7 +89,7 @@ def means(estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
     s, r = estimate.servicer, estimate.relative
     return (
         jnp.concatenate([s.r_SN_N, s.v_SN_N, s.gps_error_N]),
-        jnp.concatenate([r.r_TS_N, r.v_TS_N, r.scale, r.bearing_bias, r.center_offset]),
+        r.vector,
     )
 
 
@@ -98,14 +100,7 @@ def transitions(tuning: OrbitFilterTuning, estimate: OrbitEstimate) -> tuple[jax
     def after(servicer: jax.Array, relative: jax.Array) -> tuple[jax.Array, jax.Array]:
         moved = OrbitEstimate(
             servicer=replace(estimate.servicer, r_SN_N=servicer[:3], v_SN_N=servicer[3:6], gps_error_N=servicer[6:]),
-            relative=replace(
-                estimate.relative,
-                r_TS_N=relative[:3],
-                v_TS_N=relative[3:6],
-                scale=relative[6:8],
-                bearing_bias=relative[8:10],
-                center_offset=relative[10:],
-            ),
+            relative=relative_state.moved_to(estimate.relative, relative, estimate.relative.covariance),
         )
         return means(
             combined_orbit_filter.predict(
@@ -153,9 +148,10 @@ def test_slow_errors_decay_with_their_time_constants(flight: FlightParams, estim
     found = coast(flight.navigation, estimate)
     size_decay = np.exp([-1.0 / slow_time(found), -1.0 / 30.0])
     np.testing.assert_allclose(found.servicer.gps_error_N, estimate.servicer.gps_error_N * np.exp(-1.0 / 700.0))
-    np.testing.assert_allclose(found.relative.scale, estimate.relative.scale * size_decay)
-    np.testing.assert_array_equal(found.relative.bearing_bias, estimate.relative.bearing_bias)
-    np.testing.assert_allclose(found.relative.center_offset, estimate.relative.center_offset * np.exp(-1.0 / 60.0))
+    np.testing.assert_allclose(found.relative.slow["size"], estimate.relative.slow["size"] * size_decay)
+    np.testing.assert_array_equal(found.relative.slow["bearing_bias"], estimate.relative.slow["bearing_bias"])
+    center = estimate.relative.slow["center_offset"] * np.exp(-1.0 / 60.0)
+    np.testing.assert_allclose(found.relative.slow["center_offset"], center)
 
 
 @pytest.mark.parametrize("half", ["servicer", "relative"])

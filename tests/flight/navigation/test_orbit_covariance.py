@@ -9,6 +9,12 @@ from rpojax.flight.navigation import orbit_covariance
 
 EXACT = 1e-13  # a few roundings relative to the standard deviations
 propagate = jax.jit(orbit_covariance.propagate, static_argnums=5)
+burning = jax.jit(
+    lambda P, gradient, decay, velocity, growth, dt, effects: orbit_covariance.propagate(
+        P, gradient, decay, velocity, growth, dt, [(6, effects[0]), (8, effects[1])]
+    ),
+    static_argnums=5,
+)
 
 
 @given(SEEDS)
@@ -33,18 +39,20 @@ def test_propagation_agrees_with_a_dense_kick_drift_and_decay(seed: int) -> None
     np.testing.assert_array_equal(symmetric, symmetric.T)
 
 
-def test_an_error_common_to_burns_adds_its_outer_product_and_the_transposed_one() -> None:
+def test_states_that_act_on_burns_add_to_position_and_velocity_as_a_dense_matrix_does() -> None:
     rng = np.random.default_rng(0)
     P, gradient, decay = random_covariance(rng, np.ones(9)), np.diag([2e-6, -1e-6, -1e-6]), np.full(3, 0.9)
-    velocity, growth = 1e-6 * np.eye(3), np.full(3, 1e-3)
-    g, u = rng.normal(size=6), rng.normal(size=9)
-    without = np.asarray(propagate(P, gradient, decay, velocity, growth, 1.0))
-    found = np.asarray(propagate(P, gradient, decay, velocity, growth, 1.0, (g, u)))
-    added = np.outer(np.concatenate([g, np.zeros(3)]), u)
-    np.testing.assert_allclose(found - without, added + added.T, atol=EXACT)
-    # To the last bit where no rounding of the free motion is in the way.
-    alone = np.asarray(propagate(np.zeros((9, 9)), 0.0 * gradient, decay, 0.0 * velocity, 0.0 * growth, 1.0, (g, u)))
-    np.testing.assert_array_equal(alone, alone.T)
+    velocity, growth, dt = 1e-6 * np.eye(3), np.full(3, 1e-3), 0.7
+    effects = rng.normal(size=(2, 3))
+    shear = np.eye(9)
+    for place, effect in zip((6, 8), effects, strict=True):
+        shear[:6, place] = np.concatenate([0.5 * dt * effect, effect])
+    quiet = 0.0 * velocity
+    free = np.asarray(propagate(P, gradient, decay, quiet, growth, dt))
+    found = np.asarray(burning(P, gradient, decay, velocity, growth, dt, effects))
+    expected = shear @ free @ shear.T + np.pad(velocity, (3, 3))
+    np.testing.assert_allclose(found, expected, atol=50 * EXACT)
+    np.testing.assert_allclose(found, found.T, atol=EXACT)
 
 
 def test_the_kick_and_drift_of_an_orbit_preserve_volume() -> None:

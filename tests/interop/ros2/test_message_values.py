@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 from rpojax.core.pytree import replace
 from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.flight.navigation import outline_correlation
-from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.interop.ros2 import message_builders, odometry
 from rpojax.interop.ros2.message_values import MissionStatus, RosTickValues
@@ -97,12 +96,9 @@ def test_the_covariance_of_the_hill_frame_agrees_with_sampled_orbits() -> None:
         relative=RelativeEstimate(
             r_TS_N=jnp.zeros(3),
             v_TS_N=jnp.zeros(3),
-            scale=jnp.zeros(2),
-            bearing_bias=jnp.zeros(2),
-            center_offset=jnp.zeros(2),
+            slow={"size": jnp.zeros(2), "bearing_bias": jnp.zeros(2), "center_offset": jnp.zeros(2)},
             covariance=jnp.zeros((12, 12)).at[:6, :6].set(P),
             outline=outline_correlation.initial(),
-            burn_scale=BurnScale(mean=jnp.zeros(()), variance=jnp.zeros(()), covariance=jnp.zeros(12)),
         ),
     )
     found = odometry.target_frame_estimate(orbit)

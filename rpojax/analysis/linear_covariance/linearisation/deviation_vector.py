@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from rpojax.flight.navigation.relative_state import SLOW_STATES
 from rpojax.scenario import params as parameters
 from rpojax.scenario.params import Params
 from rpojax.simulation.state import State
@@ -22,8 +23,8 @@ _STATES = (
     "truth.r_TN_N truth.v_TN_N truth.r_ST_N truth.v_ST_N truth.q_BN truth.omega_BN_B truth.wheel_speed truth.mass "
     "truth.delta_v sensor_errors.gps_bias_N sensor_errors.gyro_bias_B burn_error.magnitude burn_error.direction "
     "flight.orbit.servicer.r_SN_N flight.orbit.servicer.v_SN_N flight.orbit.servicer.gps_error_N "
-    "flight.orbit.relative.r_TS_N flight.orbit.relative.v_TS_N flight.orbit.relative.scale "
-    "flight.orbit.relative.bearing_bias flight.orbit.relative.center_offset flight.orbit.relative.burn_scale.mean "
+    "flight.orbit.relative.r_TS_N flight.orbit.relative.v_TS_N "
+    f"{' '.join(f'flight.orbit.relative.slow.{state.name}' for state in SLOW_STATES)} "
     "flight.attitude.q_BN flight.attitude.omega_BN_B flight.attitude.bias_B flight.attitude.gyro_B "
     "flight.pointing.reference.q_EN flight.pointing.reference.omega_EN_E flight.pointing.reference.remainder"
 )

@@ -11,7 +11,7 @@ from rpojax.flight.navigation.box_measurement import box_measurement_model, box_
 from rpojax.flight.navigation.box_measurement.box_measurement_model import LinearisedBox, linearise_box
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -45,7 +45,7 @@ class PriorBox:
         residual: (3,) measured less predicted, of tangents and log-size
         slow_errors: (3,) estimated errors of tangents and log-size
         measured: (3,) tangents and log-size less these
-        process_variance: (12,) of the attitude drift since the last frame
+        process_variance: (n,) of the attitude drift since the last frame
         innovation_variance: (3,)
         variance: (3,) part of it that comes from the state
         untruncated_variance: () of a tangent by a box that the frame does not cut
@@ -74,16 +74,16 @@ def prior_box(
 ) -> PriorBox:
     """Box by the prior estimate, compared with the measured one."""
     # Without stars the attitude error is a slow drift, not white noise; it adds to the bearing bias.
-    process_variance = jnp.pad(jnp.full(2, box.attitude_variance_change), (8, 2))
-    r_TS_N = estimate.r_TS_N
-    at_prior = linearise_box(tuning, focal_px, R_KN, r_TS_N, box, estimate.scale[0])
-    bearing_error = estimate.bearing_bias + at_prior.inverse_depth * estimate.center_offset
-    slow_errors = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
+    drift = jnp.full(2, box.attitude_variance_change)
+    r_TS_N, size = estimate.r_TS_N, estimate.slow["size"]
+    at_prior = linearise_box(tuning, focal_px, R_KN, r_TS_N, box, size[0])
+    bearing_error = estimate.slow["bearing_bias"] + at_prior.inverse_depth * estimate.slow["center_offset"]
+    slow_errors = jnp.concatenate([bearing_error, jnp.sum(size, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow_errors
-    range_is_wide = box.present & box_position.is_range_wide(r_TS_N, estimate.covariance[:3, :3])
+    range_is_wide = box.present & box_position.is_range_wide(r_TS_N, estimate.position_covariance)
     reference = jnp.where(range_is_wide, box_position.position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
-    model = linearise_box(tuning, focal_px, R_KN, reference, box, estimate.scale[0])
-    innovation_variance = _innovation_variance(estimate.covariance, process_variance[8:10], model)
+    model = linearise_box(tuning, focal_px, R_KN, reference, box, size[0])
+    innovation_variance = _innovation_variance(estimate, drift, model)
     variance = innovation_variance - model.variance
     # Compared with an untruncated box: the large noise of a truncated one would make any prior look certain enough.
     untruncated_variance = box_measurement_model.untruncated_bearing_variance(tuning, focal_px)
@@ -95,7 +95,7 @@ def prior_box(
         residual=measured - model.predicted - apply(model.position_jacobian, r_TS_N - reference),
         slow_errors=slow_errors,
         measured=measured,
-        process_variance=process_variance,
+        process_variance=estimate.layout.vector(bearing_bias=drift),
         innovation_variance=innovation_variance,
         variance=variance,
         untruncated_variance=untruncated_variance,
@@ -115,18 +115,23 @@ def expected_box(prior: PriorBox, box: BoxMeasurement) -> ExpectedBox:
 
 
 def _innovation_variance(
-    P: Float[Array, "12 12"], bearing_process_variance: Float[Array, "2"], model: LinearisedBox
+    estimate: RelativeEstimate, bearing_process_variance: Float[Array, "2"], model: LinearisedBox
 ) -> Vector:
     """Variance of the box residuals, with process variance added to that of the bearing bias.
 
     Of each row of the Jacobian it adds up position, slow errors and their covariance: the others are zero.
     """
+    P, layout = estimate.covariance, estimate.layout
     G, d = model.position_jacobian, model.inverse_depth
-    GP = product(G, P[:3, :3])
-    with_errors = jnp.concatenate([P[8:10, :3] + d * P[10:12, :3], P[6:7, :3] + P[7:8, :3]], axis=0)
+    GP = product(G, estimate.position_covariance)
+    with_position = P[:, layout["position"]]
+    bias, center = layout["bearing_bias"], layout["center_offset"]
+    slow, fast = (with_position[place][None] for place in layout.places("size"))
+    with_errors = jnp.concatenate([with_position[bias] + d * with_position[center], slow + fast], axis=0)
     bearing = [
-        P[bias, bias] + bearing_process_variance[axis] + d * (2.0 * P[bias, center] + d * P[center, center])
-        for axis, (bias, center) in enumerate(((8, 10), (9, 11)))
+        P[i, i] + bearing_process_variance[axis] + d * (2.0 * P[i, j] + d * P[j, j])
+        for axis, (i, j) in enumerate(zip(layout.places("bearing_bias"), layout.places("center_offset"), strict=True))
     ]
-    size = P[6, 6] + 2.0 * P[6, 7] + P[7, 7]
+    i, j = layout.places("size")
+    size = P[i, i] + 2.0 * P[i, j] + P[j, j]
     return jnp.sum((GP + 2.0 * with_errors) * G, axis=1) + jnp.stack([*bearing, size]) + model.variance

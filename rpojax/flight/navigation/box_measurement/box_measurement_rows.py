@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.state_layout import StateLayout
 from rpojax.core.vectors import apply, product
 from rpojax.flight.navigation import shape_errors
 from rpojax.flight.navigation.box_measurement import detection_model
@@ -12,7 +13,7 @@ from rpojax.flight.navigation.box_measurement.box_measurement_model import Linea
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateDecision
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -33,12 +34,12 @@ def measurement_rows(
     # per hour; so only while the prior is much wider than the box, where linearising at the prior would be worse.
     iterated = _iterated_position(tuning, focal_px, R_KN, estimate, box, prior.measured)
     linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
-    model = linearise_box(tuning, focal_px, R_KN, linearisation_point, box, estimate.scale[0])
+    model = linearise_box(tuning, focal_px, R_KN, linearisation_point, box, estimate.slow["size"][0])
     residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
     size = _size_row(tuning, focal_px, prior, box, decision, residual[2], model.variance[2])
     rows = MeasurementRows(
         residual=jnp.concatenate([residual[:2], size[:1]]),
-        jacobian=_jacobian(model),
+        jacobian=_jacobian(estimate.layout, model),
         variance=jnp.concatenate([model.variance[:2], size[1:2]]),
         weight=jnp.stack([decision.weight, decision.weight, size[2]]),
     )
@@ -80,21 +81,31 @@ _LEAST_PRECISION = 1e-6
 """Precision below which a frame tells nothing of the size."""
 
 
-def _jacobian(model: LinearisedBox) -> Float[Array, "3 12"]:
+def _jacobian(layout: StateLayout, model: LinearisedBox) -> Float[Array, "3 n"]:
     """Derivative of the box to the state."""
     dtype = model.position_jacobian.dtype
-    scale = jnp.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]], dtype=dtype)
     bearing = jnp.eye(3, 2, dtype=dtype)
-    columns = [model.position_jacobian, jnp.zeros((3, 3), dtype=dtype), scale, bearing, model.inverse_depth * bearing]
-    return jnp.concatenate(columns, axis=1)
+    return layout.rows(
+        position=model.position_jacobian,
+        size=jnp.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]], dtype=dtype),
+        bearing_bias=bearing,
+        center_offset=model.inverse_depth * bearing,
+    )
 
 
-def jacobian_times_covariance(P: Float[Array, "12 12"], model: LinearisedBox) -> Float[Array, "3 12"]:
+def jacobian_times_covariance(estimate: RelativeEstimate, model: LinearisedBox) -> Float[Array, "3 n"]:
     """Jacobian times covariance, by the columns of the Jacobian that are not zero."""
-    position = product(model.position_jacobian, P[:3])
-    d = model.inverse_depth
+    P, layout, d = estimate.covariance, estimate.layout, model.inverse_depth
+    position = product(model.position_jacobian, P[layout["position"]])
+    bias, center, size = P[layout["bearing_bias"]], P[layout["center_offset"]], P[layout["size"]]
     # Row by row: the update takes them one by one, and XLA need not join them.
-    return jnp.stack([position[0] + P[8] + d * P[10], position[1] + P[9] + d * P[11], position[2] + P[6] + P[7]])
+    return jnp.stack(
+        [
+            position[0] + bias[0] + d * center[0],
+            position[1] + bias[1] + d * center[1],
+            position[2] + size[0] + size[1],
+        ]
+    )
 
 
 def _iterated_position(
@@ -110,10 +121,10 @@ def _iterated_position(
     A bearing far more certain than the prior must be linearised along the measured direction, or the long axis of the
     updated covariance points the wrong way.
     """
-    P = estimate.covariance[:3, :3]
+    P, slow_size = estimate.position_covariance, estimate.slow["size"][0]
     point = estimate.r_TS_N
     for _ in range(2):
-        model = linearise_box(tuning, focal_px, R_KN, point, box, estimate.scale[0])
+        model = linearise_box(tuning, focal_px, R_KN, point, box, slow_size)
         G = model.position_jacobian[:2]
         residual = measured[:2] - model.predicted[:2] - jnp.sum(G * (estimate.r_TS_N - point)[None, :], axis=1)
         PG = jnp.sum(P[:, None, :] * G[None, :, :], axis=2)
@@ -121,7 +132,7 @@ def _iterated_position(
         noise = (
             model.variance[:2]
             + tuning.bearing_bias_sigma**2
-            + model.inverse_depth**2 * shape_errors.center_variance(tuning, estimate.scale[0], point)
+            + model.inverse_depth**2 * shape_errors.center_variance(tuning, slow_size, point)
         )
         a, b, c = S[0, 0] + noise[0], S[0, 1], S[1, 1] + noise[1]
         solved = jnp.stack([c * residual[0] - b * residual[1], a * residual[1] - b * residual[0]]) / (a * c - b * b)

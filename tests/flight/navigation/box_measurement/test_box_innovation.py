@@ -11,12 +11,12 @@ from numpy_reference import SEEDS, random_covariance, random_unit, rotation_matr
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import relative_estimate
+from rpojax.flight.navigation import relative_state
 from rpojax.flight.navigation.box_measurement import box_innovation
 from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox, PriorBox
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_estimate import RelativeEstimate
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 FOCAL = 731.5
 """Of the camera [px]."""
@@ -65,15 +65,17 @@ class Scene:
             attitude_variance_change=jnp.asarray(self.growth),
             interval=jnp.ones(()),
         )
-        estimate = relative_estimate.initial(tuning, jnp.asarray(self.r), jnp.zeros(3))
+        estimate = relative_state.initial(tuning, jnp.asarray(self.r), jnp.zeros(3))
         self.prior, self.expected = both(
             tuning,
             self.R_KN,
             replace(
                 estimate,
-                scale=jnp.asarray(self.scale),
-                bearing_bias=jnp.asarray(self.bias),
-                center_offset=jnp.asarray(self.center),
+                slow={
+                    "size": jnp.asarray(self.scale),
+                    "bearing_bias": jnp.asarray(self.bias),
+                    "center_offset": jnp.asarray(self.center),
+                },
                 covariance=jnp.asarray(self.P),
             ),
             self.box,
@@ -167,6 +169,6 @@ def test_a_bearing_is_wide_against_a_box_that_is_not_truncated(
     scene = Scene(tuning, 7, truncated=True)
     P = np.zeros((12, 12))
     P[8 + axis, 8 + axis] = (factor * sigma) ** 2
-    estimate = replace(relative_estimate.initial(tuning, jnp.asarray(scene.r), jnp.zeros(3)), covariance=jnp.asarray(P))
+    estimate = replace(relative_state.initial(tuning, jnp.asarray(scene.r), jnp.zeros(3)), covariance=jnp.asarray(P))
     still = replace(scene.box, attitude_variance_change=jnp.zeros(()))
     assert bool(both(tuning, scene.R_KN, estimate, still)[0].is_wide) == is_wide

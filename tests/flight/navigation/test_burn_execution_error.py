@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from numpy_reference import SEEDS, random_unit
 
-from rpojax.flight.navigation.burn_errors import burn_execution_error
+from rpojax.flight.navigation import burn_execution_error
 
 EXACT = 1e-13  # a few roundings relative to the standard deviations
 burn = jax.jit(burn_execution_error.burn_covariance)

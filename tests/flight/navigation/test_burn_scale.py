@@ -10,7 +10,6 @@ from numpy_reference import random_covariance
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter
-from rpojax.flight.navigation.burn_errors.burn_scale import BurnScale
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
@@ -38,25 +37,22 @@ def test_the_covariance_agrees_with_the_derivative_of_the_mean(flight: FlightPar
             known.relative,
             r_TS_N=known.relative.r_TS_N + x[:3],
             v_TS_N=known.relative.v_TS_N + x[3:6],
-            covariance=jnp.asarray(P[:12, :12]),
-            burn_scale=BurnScale(mean=x[6], variance=jnp.asarray(P[12, 12]), covariance=jnp.asarray(P[:12, 12])),
+            slow={**known.relative.slow, "burn_scale": x[6:]},
+            covariance=jnp.asarray(P),
         )
         return OrbitEstimate(servicer=known.servicer, relative=relative)
 
     def motion_after(x: jax.Array) -> jax.Array:
         after = burn(tuning, estimate_at(x)).relative
-        return jnp.concatenate([after.r_TS_N, after.v_TS_N, after.burn_scale.mean[None]])
+        return jnp.concatenate([after.r_TS_N, after.v_TS_N, after.slow["burn_scale"]])
 
-    places = [*range(6), 12]
+    places = [*range(6), *known.relative.layout.places("burn_scale")]
     F = np.asarray(jax.jit(jax.jacfwd(motion_after))(jnp.zeros(7)))
     Q = np.zeros((7, 7))
     Q[3:6, 3:6] = np.eye(3) * float(tuning.relative_acceleration_noise) ** 2
     expected = F @ P[np.ix_(places, places)] @ F.T + Q
     after = burn_compiled(tuning, estimate_at(jnp.zeros(7))).relative
-    found = np.zeros((7, 7))
-    found[:6, :6] = after.covariance[:6, :6]
-    found[:6, 6] = found[6, :6] = after.burn_scale.covariance[:6]
-    found[6, 6] = after.burn_scale.variance
+    found = np.asarray(after.covariance)[np.ix_(places, places)]
     units = np.outer(SIGMA[places], SIGMA[places])
     np.testing.assert_allclose(found / units, expected / units, atol=FIRST_ORDER)
     assert np.max(np.abs(F[3:6, 6])) == pytest.approx(1.2e-3)
@@ -72,8 +68,8 @@ def test_errors_of_two_burns_add_up_as_they_are_the_same(flight: FlightParams) -
         relative_acceleration_noise=0.0 * DELTA_V[0],
     )
     start = rendezvous_scene.estimate(flight)
-    lasting = BurnScale(mean=jnp.zeros(()), variance=jnp.asarray(sigma**2), covariance=jnp.zeros(12))
-    relative = replace(start.relative, covariance=jnp.zeros((12, 12)), burn_scale=lasting)
+    variance = start.relative.layout.vector(burn_scale=jnp.asarray([sigma**2]))
+    relative = replace(start.relative, covariance=jnp.diag(variance))
     once = burn_compiled(tuning, replace(start, relative=relative))
     twice = burn_compiled(tuning, once)
     for estimate, count in ((once, 1), (twice, 2)):
@@ -85,5 +81,6 @@ def test_errors_of_two_burns_add_up_as_they_are_the_same(flight: FlightParams) -
 def test_without_a_lasting_error_it_stays_zero(flight: FlightParams) -> None:
     tuning = replace(flight.navigation, burn_scale_sigma=jnp.zeros(()))
     start = rendezvous_scene.estimate(replace(flight, navigation=tuning))
-    after = burn_compiled(tuning, start).relative.burn_scale
-    jax.tree.map(lambda each: np.testing.assert_array_equal(each, 0.0), after)
+    after = burn_compiled(tuning, start).relative
+    np.testing.assert_array_equal(after.slow["burn_scale"], 0.0)
+    np.testing.assert_array_equal(after.covariance[after.layout["burn_scale"]], 0.0)

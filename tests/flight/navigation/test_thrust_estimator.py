@@ -9,7 +9,7 @@ import pytest
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation.burn_errors import thrust_estimator
+from rpojax.flight.navigation import thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
 initial, inflation = jax.jit(thrust_estimator.initial), jax.jit(thrust_estimator.sigma_inflation)

@@ -1,1 +1,0 @@
-"""What flight software knows of the errors of burns: new ones, lasting ones, and a thruster that degrades."""

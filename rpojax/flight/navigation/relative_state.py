@@ -1,0 +1,251 @@
+"""State of the relative orbit filter: the target's motion from the servicer, and slow states declared by name.
+
+A slow state is one that changes by itself and by nothing else: the target's apparent size, the bearing bias of the
+camera, the lasting error of burns. Each is declared here once, with its prior, its transition and process noise, and
+what a burn makes of it; filter, sharing, linear covariance and records find it by its name.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.pytree import pytree, replace
+from rpojax.core.state_layout import MOTION, StateLayout
+from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
+from rpojax.flight.navigation.shape_errors import ShapeErrors
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+
+
+@dataclass(frozen=True)
+class SlowState:
+    """Declaration of a slow state: a Gauss-Markov process, a random walk or a constant.
+
+    Attributes:
+        name: of its block
+        size: how many numbers it has
+        unit: of each
+        prior_variance: (size,) at hand-over, of the tuning and of the target's position from the servicer [m]
+        process: factor (size,) on the state over a time [s], and process variance (size,), of the tuning and of the
+            errors that come from the target's shape
+        burn_effect: (3, size) velocity change of the servicer that a unit of the state adds to a burn of a velocity
+            change (3,) [m/s]; None for a state that burns do not show
+    """
+
+    name: str
+    size: int
+    unit: str
+    prior_variance: Callable[[OrbitFilterTuning, Vector], Array]
+    process: Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]
+    burn_effect: Callable[[Vector], Array] | None = None
+
+
+def _constant(size: int) -> Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]:
+    """Process of a state that stays."""
+    return lambda tuning, errors, dt: (
+        jnp.ones(size, dtype=tuning.scale_sigma.dtype),
+        jnp.zeros(size, dtype=tuning.scale_sigma.dtype),
+    )
+
+
+def _size_process(tuning: OrbitFilterTuning, errors: ShapeErrors, dt: float | Scalar) -> tuple[Array, Array]:
+    decay = jnp.exp(-dt / errors.scale_time_constant)
+    return decay, errors.scale_variance * (1.0 - decay**2)
+
+
+def _bearing_bias_process(tuning: OrbitFilterTuning, errors: ShapeErrors, dt: float | Scalar) -> tuple[Array, Array]:
+    walk = errors.bearing_process_variance * dt
+    return jnp.ones(2, dtype=walk.dtype), jnp.full(2, walk)
+
+
+def _center_offset_process(tuning: OrbitFilterTuning, errors: ShapeErrors, dt: float | Scalar) -> tuple[Array, Array]:
+    one = jnp.ones(2, dtype=errors.center_variance.dtype)
+    decay = one * jnp.exp(-dt / errors.center_time_constant)
+    return decay, errors.center_variance * one * (1.0 - decay**2)
+
+
+SLOW_STATES = (
+    # Log of the apparent size over its expected value, in a slow and a fast part.
+    SlowState("size", 2, "-", lambda tuning, r_TS_N: shape_errors.scale_variance(tuning), _size_process),
+    # Tangents in the camera.
+    SlowState(
+        "bearing_bias",
+        2,
+        "rad",
+        lambda tuning, r_TS_N: jnp.full(2, tuning.bearing_bias_sigma**2),
+        _bearing_bias_process,
+    ),
+    # Of the box centre from the centre of mass, image right and down; it wanders as the target tumbles.
+    SlowState(
+        "center_offset",
+        2,
+        "m",
+        lambda tuning, r_TS_N: jnp.full(
+            2, shape_errors.center_variance(tuning, jnp.zeros_like(tuning.target_size), r_TS_N)
+        ),
+        _center_offset_process,
+    ),
+    # Relative error of the velocity change of burns, lasting from burn to burn: that of thrust and mass. Taken as a new
+    # error in every burn it would seem to average out, and the range that burns show would be believed too well.
+    SlowState(
+        "burn_scale",
+        1,
+        "-",
+        lambda tuning, r_TS_N: burn_execution_error.lasting_sigma(tuning)[None] ** 2,
+        _constant(1),
+        burn_effect=lambda delta_v_N: delta_v_N[:, None],
+    ),
+)
+"""Slow states of the filter, in the order of its vector."""
+
+VIEW_STATES = tuple(state for state in SLOW_STATES if state.burn_effect is None)
+"""Those that a box shows: the states of filters that take the errors of burns as new in each burn."""
+
+
+@cache
+def layout_of(names: frozenset[str]) -> StateLayout:
+    """Layout of the motion and the slow states of these names."""
+    return StateLayout((*MOTION.blocks, *((state.name, state.size) for state in SLOW_STATES if state.name in names)))
+
+
+@pytree
+class RelativeEstimate:
+    """Mean and covariance of the relative state.
+
+    Attributes:
+        r_TS_N: (3,) target from servicer [m]
+        v_TS_N: (3,) its inertial derivative [m/s]
+        slow: slow states by name
+        covariance: (n, n) in the order of `layout`
+        outline: how fast the outline changes, by which the errors of size and centre lose their correlation
+    """
+
+    r_TS_N: Array
+    v_TS_N: Array
+    slow: dict[str, Array]
+    covariance: Array
+    outline: OutlineCorrelation
+
+    @property
+    def layout(self) -> StateLayout:
+        """Names of the blocks of its vector."""
+        return layout_of(frozenset(self.slow))
+
+    @property
+    def vector(self) -> Float[Array, " n"]:
+        """Mean in the order of `layout`."""
+        return self.layout.vector(position=self.r_TS_N, velocity=self.v_TS_N, **self.slow)
+
+    @property
+    def motion_covariance(self) -> Float[Array, "6 6"]:
+        """Covariance of position and velocity [m, m/s]."""
+        return self.covariance[: MOTION.size, : MOTION.size]
+
+    @property
+    def position_covariance(self) -> Float[Array, "3 3"]:
+        """Covariance of the position [m^2]."""
+        place = MOTION["position"]
+        return self.covariance[place, place]
+
+
+def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "6"]:
+    """1-sigma of position and velocity at hand-over."""
+    return MOTION.vector(
+        position=jnp.full(3, tuning.initial_relative_position_sigma),
+        velocity=jnp.full(3, tuning.initial_relative_velocity_sigma),
+    )
+
+
+def initial(
+    tuning: OrbitFilterTuning, r_TS_N: Vector, v_TS_N: Vector, states: tuple[SlowState, ...] = SLOW_STATES
+) -> RelativeEstimate:
+    """Estimate at hand-over with position [m] and velocity [m/s] as means, and these slow states."""
+    variance = [state.prior_variance(tuning, r_TS_N) for state in states]
+    return RelativeEstimate(
+        r_TS_N=r_TS_N,
+        v_TS_N=v_TS_N,
+        slow={state.name: jnp.zeros(state.size, dtype=r_TS_N.dtype) for state in states},
+        covariance=jnp.diag(jnp.concatenate([initial_sigma(tuning) ** 2, *variance])),
+        outline=outline_correlation.initial(),
+    )
+
+
+def moved_to(
+    estimate: RelativeEstimate, vector: Float[Array, " n"], covariance: Float[Array, "n n"]
+) -> RelativeEstimate:
+    """Estimate with another mean, in the order of its layout, and covariance."""
+    blocks = estimate.layout.split(vector)
+    position, velocity = blocks.pop("position"), blocks.pop("velocity")
+    return replace(estimate, r_TS_N=position, v_TS_N=velocity, slow=blocks, covariance=covariance)
+
+
+def corrected(
+    estimate: RelativeEstimate, deviation: Float[Array, " n"], covariance: Float[Array, "n n"]
+) -> RelativeEstimate:
+    """Estimate with the correction of an update added to its mean, and the covariance after it."""
+    change = estimate.layout.split(deviation)
+    return replace(
+        estimate,
+        r_TS_N=estimate.r_TS_N + change["position"],
+        v_TS_N=estimate.v_TS_N + change["velocity"],
+        slow={name: value + change[name] for name, value in estimate.slow.items()},
+        covariance=covariance,
+    )
+
+
+def slow_process(
+    tuning: OrbitFilterTuning, estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector, dt: float | Scalar
+) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """Factors on the slow states over `dt` [s], and their process variances.
+
+    The target is at `r_TS_N` [m] from the servicer and moves by `v_TS_N` [m/s].
+    """
+    errors = shape_errors.shape_errors(
+        tuning, outline_correlation.correlation_time(estimate.outline), estimate.slow["size"][0], r_TS_N, v_TS_N
+    )
+    pairs = [state.process(tuning, errors, dt) for state in SLOW_STATES if state.name in estimate.slow]
+    return jnp.concatenate([decay for decay, _ in pairs]), jnp.concatenate([variance for _, variance in pairs])
+
+
+def burn_effects(layout: StateLayout, delta_v_N: Vector) -> list[tuple[int, Vector]]:
+    """Places in the vector of the states that burns show, each with the velocity change of the servicer by a unit.
+
+    The burn has the velocity change `delta_v_N` [m/s].
+    """
+    return [
+        (place, state.burn_effect(delta_v_N)[:, column])
+        for state in SLOW_STATES
+        if state.burn_effect is not None and state.name in layout
+        for column, place in enumerate(layout.places(state.name))
+    ]
+
+
+def expected_delta_v(estimate: RelativeEstimate, delta_v_N: Vector) -> Vector:
+    """Velocity change (3,) [m/s] of a burn with the estimated errors that last from burn to burn."""
+    vector = estimate.vector
+    for place, effect in burn_effects(estimate.layout, delta_v_N):
+        delta_v_N = delta_v_N + vector[place] * effect
+    return delta_v_N
+
+
+def reopening_factor(reopened: Bool[Array, ""]) -> Scalar:
+    """Factor on the sigma of position and velocity of an estimate that a failed search has reopened, else 1."""
+    return jnp.where(reopened, jnp.sqrt(_WIDENING), 1.0)
+
+
+def reopen(estimate: RelativeEstimate, reopened: Bool[Array, ""]) -> RelativeEstimate:
+    """Estimate with twice the variance of position and velocity if the target is not where it should be."""
+    factor = reopening_factor(reopened)
+    rest = jnp.ones(estimate.layout.size - MOTION.size, dtype=factor.dtype)
+    factors = jnp.concatenate([jnp.full(MOTION.size, factor), rest])
+    return replace(estimate, covariance=estimate.covariance * (factors[:, None] * factors[None, :]))
+
+
+_WIDENING = 2.0
+"""Factor on the variance of position and velocity after a search of all directions that they allow."""
