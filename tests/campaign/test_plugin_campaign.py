@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from isolated_plugins import forgotten_plugins
@@ -94,12 +95,17 @@ def test_a_metric_that_cannot_be_evaluated_leaves_no_folder(mission: ScenarioFil
     def of_three_numbers_m(rho_H):
         return rho_H
 
+    @rpojax.metric("max")
+    def of_a_complex_number_m(rho_H):
+        return rho_H[0].astype(jnp.complex128)
+
     for function, expected in (
         (
             of_an_unknown_channel_m,
             r"found the argument 'rho', expected channels of the scenario \(did you mean 'rho_H'",
         ),
         (of_three_numbers_m, r"found shape \(3,\) at a tick, expected one number"),
+        (of_a_complex_number_m, "found a complex number at a tick, expected a real one"),
     ):
         with pytest.raises(RpojaxError, match=expected):
             run_campaign(mission, 3, tmp_path / "own", metrics={"mine_m": function}, block_size=1)

@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     import jax
 
 
+_LARGEST_SIGMA = 5.0
+
+
 class LogNormal(SingleKeyKind):
-    """Nominal value times the exponential of a normal number, per component."""
+    """Nominal value times the exponential of a normal number, per component; `sigma` is at most 5."""
 
     kind: Literal["log_normal"]
     sigma: NonNegative | list[NonNegative]
@@ -26,6 +29,9 @@ class LogNormal(SingleKeyKind):
     def check(self, where: str, nominal: np.ndarray) -> None:
         """Checks that `sigma` fits the key, and that nominal values are positive."""
         check_one_or_each(f"{where}.sigma", self.sigma, nominal.shape)
+        if np.max(self.sigma) > _LARGEST_SIGMA:
+            most = f"at most {_LARGEST_SIGMA:g}, a factor of {np.exp(3.0 * _LARGEST_SIGMA):.2g} at three sigma"
+            raise ScenarioError(f"{where}.sigma", self.sigma, most)
         if np.any(nominal <= 0.0):
             raise ScenarioError(f"{where}.key", self.key, "a nominal value above zero for a log-normal")
 

@@ -206,7 +206,10 @@ class _TickValue:
         import jax.numpy as jnp
 
         def of_tick(*inputs: Any) -> Any:
-            return jnp.asarray(self.function(**dict(zip(self.inputs, inputs, strict=True))), dtype=jnp.float64)
+            value = jnp.asarray(self.function(**dict(zip(self.inputs, inputs, strict=True))))
+            if jnp.iscomplexobj(value):
+                raise RpojaxError(f"metrics.{self.name}: found a complex number at a tick, expected a real one")
+            return value.astype(jnp.float64)
 
         try:
             value = _without_undefined_derivative(of_tick)(*map(jnp.asarray, quantities))

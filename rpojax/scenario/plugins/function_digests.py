@@ -9,11 +9,18 @@ from typing import Any
 
 import numpy as np
 
+PLUGIN_MODULE = "rpojax_plugin_"
+"""Begin of the name of a plugin file's module, which ends with the digest of the whole file."""
+
 
 def qualified_name(function: Any) -> str:
-    """Module and qualified name of a function, or of the class of a callable object."""
+    """Module and qualified name of a function, or of the class of a callable object.
+
+    The name of a plugin file's module is left out: another function in the file does not make this one another.
+    """
     named = function if hasattr(function, "__qualname__") else type(function)
-    return f"{named.__module__}.{named.__qualname__}"
+    module = "plugin" if named.__module__.startswith(PLUGIN_MODULE) else named.__module__
+    return f"{module}.{named.__qualname__}"
 
 
 def values_digest(function: Any) -> str | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.scenario.plugins.function_digests import PLUGIN_MODULE
 from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.untrusted.file_reading import FileError, FileKind, absolute_path, read_bytes
 from rpojax.untrusted.text_reading import EncodingError, decode_text
@@ -28,7 +29,7 @@ def load(reference: str) -> tuple[str, Plugin]:
         raise ScenarioError("plugin", reference, "a Python file and a function in it, such as 'mine.py:setup'")
     source = _read(Path(path))
     digest = hashlib.sha256(source).hexdigest()
-    module = _execute(Path(path), source, f"rpojax_plugin_{digest[:16]}")
+    module = _execute(Path(path), source, f"{PLUGIN_MODULE}{digest[:16]}")
     setup = getattr(module, function, None)
     if not callable(setup):
         raise ScenarioError("plugin", reference, f"a function {function!r} in that file")

@@ -90,12 +90,15 @@ def bound_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
         for text, parameter in zip(dispersion.key_texts, assigned_keys(dispersion), strict=True):
             if text in CATEGORICAL_KEYS:
                 continue
+            errors = []
             for value in reach.ends(text):
                 try:
                     check_acceptable(
                         file, f"dispersions.{index}", parameter, value.tolist(), False, np.round(value, 9).tolist()
                     )
                 except ScenarioError as error:
-                    found.append(f"{error}; some runs are simulated with such a value")
-                    break
+                    errors.append(error)
+            if errors:
+                share = "some runs are" if len(errors) == 1 else "nearly every run is"
+                found.append(f"{errors[0]}; {share} simulated with such a value")
     return found

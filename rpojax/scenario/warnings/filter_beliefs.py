@@ -147,8 +147,9 @@ def _target_size(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     worst = max((nominal * low, nominal * high), key=lambda size: abs(np.log(size / believed)))
     if abs(np.log(worst / believed)) <= tolerated:
         return []
+    side = "" if low == high else "up to " if worst > believed else "down to "
     return [
-        f"{_SIZE}: the filter believes {believed:.4g}, and the hull times target.scale is {worst:.4g} m in the mean, "
-        f"a factor of {max(worst / believed, believed / worst):.3g}, expected at most {np.exp(tolerated):.3g} with "
-        f"{_SIZE_SIGMA} = {sigma:g}"
+        f"{_SIZE}: the filter believes {believed:.4g}, and the mean size of the hull times target.scale is "
+        f"{side}{worst:.4g} m, a factor of {max(worst / believed, believed / worst):.3g}, expected at most "
+        f"{np.exp(tolerated):.3g} with {_SIZE_SIGMA} = {sigma:g}"
     ]

@@ -85,6 +85,9 @@ BAD_DISPERSIONS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
     "choices of the wrong shape": (
         {"key": "gps.noise_m", "kind": "choice", "values": [[1.0, 2.0]]}, "dispersions.0.values", ("shape ()",)
     ),
+    "a log-normal over twelve decades": (
+        {"key": "gps.noise_m", "kind": "log_normal", "sigma": 10.0}, "dispersions.0.sigma", ("at most 5", "3.3e+06")
+    ),
     "log-normal of a vector with zeros": (
         {"key": "initial.relative_position_m", "kind": "log_normal", "sigma": 0.1}, "dispersions.0.key", ("above zero",)
     ),

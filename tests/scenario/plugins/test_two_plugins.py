@@ -212,6 +212,20 @@ def test_a_file_that_is_loaded_twice_has_one_definition_and_an_edited_one_a_new(
         assert scenario_loader.validate(file.model_dump()) == file
 
 
+def test_an_edited_law_leaves_the_metrics_of_its_file_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "inspection"\nname = "mine"\ndescription = "."\nplugin = "mine.py:setup"\n')
+    digests = []
+    for gain, reduction in ((1.0, "max"), (2.0, "max"), (1.0, "min")):
+        law = f"def law(deviation):\n    return {gain} * deviation[:3]\n\n"
+        (tmp_path / "mine.py").write_text(PLUGIN.format(reduction).replace("def setup", f"{law}def setup"))
+        file = rpojax.load(path, allow_plugin=True)
+        plugin = plugin_registry.plugin_of(file)
+        assert plugin is not None
+        digests.append(plugin.describe()["metrics"]["score_m"]["sha256"])
+    assert digests[0] == digests[1] != digests[2]
+
+
 class Near(rpojax.AdditionalSensor):
     """Sensor with one key."""
 

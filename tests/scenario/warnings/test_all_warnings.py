@@ -13,7 +13,7 @@ CASES = {
     "a dispersed size": (
         ["dispersions.target.scale={kind='uniform', low=0.9, high=1.2}"],
         "navigation.target_size_m",
-        "a factor of 1.2",
+        "up to 1.275 m, a factor of 1.2",
     ),
     "a size that is known less well than believed": (
         ["dispersions.target.scale={kind='log_normal', sigma=0.1}", "navigation.target_size_sigma=0.05"],

@@ -56,6 +56,11 @@ def warnings_of(*entries: str) -> list[str]:
     ("entry", "told"),
     [
         ("servicer.mass_kg={kind='normal', sigma=15.0}", "found -15.0, expected what servicer.mass_kg can be: greater"),
+        ("servicer.mass_kg={kind='normal', sigma=15.0}", "; some runs are simulated with such a value"),
+        (
+            "servicer.mass_kg={kind='derived', offset=-55.0, terms=[{key='gps.noise_m', factor=0.1}]}",
+            "; nearly every run is simulated with such a value",
+        ),
         ("camera.miss_probability={kind='normal', sigma=0.4}", "what camera.miss_probability can be"),
         ("thruster.force_n={kind='derived', offset=-1.0, terms=[{key='gps.noise_m', factor=0.1}]}", "thruster.force_n"),
     ],

@@ -37,6 +37,8 @@ _SUBSET_CAUTION = 1.3
 
 _ANNEALING_VARIATION = 0.7
 _UNCOVERED = 0.1
+_ASKED = "asked for"
+"""Reason of a method that the user names."""
 
 Samples = tuple[LatentPoints, np.ndarray]
 
@@ -44,13 +46,13 @@ Samples = tuple[LatentPoints, np.ndarray]
 def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodChoice) -> ProbabilityEstimate:
     """Probability of failure by a method, or by the one that suits the limit state."""
     if method == "plain":
-        return plain_sampling.estimate(calls, rng, "asked for")
+        return plain_sampling.estimate(calls, rng, _ASKED)
     points = calls.space.sample(rng, int(exploration.FIRST_SHARE * calls.budget), in_blocks=True)
     first = (points, calls.margins(points))
     if method == "subset":
-        return _by_subset(calls, rng, first, "asked for")
+        return _by_subset(calls, rng, first, _ASKED)
     if method == "line":
-        return line_sampling.estimate(calls, rng, first, "asked for")
+        return line_sampling.estimate(calls, rng, first, _ASKED)
     if method == "auto" and _plain_is_enough(first[1], calls.budget):
         reason = "failures are so frequent that plain sampling is accurate enough"
         return plain_sampling.estimate(calls, rng, reason, (first[1],))
@@ -69,7 +71,7 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
     if method == "auto" and found.subset.complete:
         reason = f"a proposal fitted to the failures promises a coefficient of variation of {100.0 * expected:.2g} %"
     else:
-        reason = "asked for" if method == "importance" else "margins do not rank the points, but failures were found"
+        reason = _ASKED if method == "importance" else "margins do not rank the points, but failures were found"
     return _by_importance(
         calls, rng, importance_sampling.draw_round(calls, rng, proposal, calls.left), found, rounds, reason
     )
@@ -222,6 +224,7 @@ def _without_failure(
     reason: str,
 ) -> ProbabilityEstimate:
     """Plain estimate with what is left of the budget where chains did not reach failure."""
+    reason = f"subset simulation, {reason}, did not reach failure" if reason == _ASKED else reason
     found = plain_sampling.estimate(calls, rng, reason, (first[1],))
     return ProbabilityEstimate(
         probability=found.probability,

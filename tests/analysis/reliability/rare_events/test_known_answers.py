@@ -81,6 +81,7 @@ def test_subset_simulation_cannot_rank_flat_margins() -> None:
     assert not found.trusted
     assert any("cannot rank" in warning for warning in found.warnings)
     assert found.interval_95[0] <= norm.sf(4.0) <= found.interval_95[1]
+    assert (found.method, found.reason) == ("plain", "subset simulation, asked for, did not reach failure")
 
 
 def test_what_never_fails_is_bounded() -> None:
