@@ -28,6 +28,13 @@ def call(function: Callable[..., T], **arguments: Any) -> T:
     return function(**{each.name: wanted[each.name] for each in parameters if each.name in wanted})
 
 
+def takes(function: Any, name: str) -> bool:
+    """Whether `call` hands the argument of that name to a function."""
+    parameters = inspect.signature(function).parameters
+    has_all = any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters.values())
+    return (has_all or name in parameters) and name not in _bound_names(function)
+
+
 def _bound_names(function: Any) -> set[str]:
     return {*function.keywords, *_bound_names(function.func)} if isinstance(function, partial) else set()
 

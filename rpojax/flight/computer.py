@@ -1,9 +1,13 @@
 """Flight computer: the stages of the flight software in the order in which they run; burns: `decisions`."""
 
+from collections.abc import Mapping
+from functools import partial
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
@@ -13,7 +17,7 @@ from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import station_keeping, wheel_torque_allocation
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.decisions import burn_decision, mission_decision
-from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
+from rpojax.flight.flight_records import FilterSettings, FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import (
     attitude_guidance,
     burn_planning,
@@ -24,12 +28,20 @@ from rpojax.flight.guidance import (
 )
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.mission.phase_settings import MissionSettings
-from rpojax.flight.navigation import attitude_ekf, relative_state, thrust_estimator
+from rpojax.flight.navigation import (
+    attitude_ekf,
+    believed_sensor,
+    relative_orbit_ekf,
+    relative_state,
+    thrust_estimator,
+)
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation.believed_sensor import BelievedRows, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation_health import NavigationHealth
 from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
@@ -77,13 +89,14 @@ def initial(
         if mission is None
         else mission_decision.initial_state(mission, params, orbit, first_decision, phase_rate),
         phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
+        rejected_s={name: jnp.zeros_like(n) for name in params.sensors},
     )
 
 
 def navigate(
     stages: Stages,
     params: FlightParams,
-    gated: bool,
+    settings: FilterSettings,
     memory: FlightMemory,
     measurements: Measurements,
     sun_N: Vector,
@@ -103,11 +116,15 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
+    sensors = {
+        name: partial(_sensor_rows, rows, params.sensors[name], attitude.q_BN, measurements.additional, time)
+        for name, rows in settings.sensors
+    }
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
     orbit, gate, innovation = stages.call(
         "orbit_update",
         tuning=params.navigation,
-        gated=gated,
+        gated=settings.gated,
         focal_px=params.vehicle.focal_px,
         estimate=memory.orbit,
         gate=memory.gate,
@@ -115,11 +132,45 @@ def navigate(
         q_KN=camera_attitude(params.vehicle, attitude),
         box=box,
         additional=measurements.additional,
+        sensors=sensors,
         time=time,
     )
+    orbit, gate, rejected_s = _recovered(params, memory, orbit, gate, innovation, box.interval)
     health = _updated_health(params, memory, orbit, gate, innovation, box.interval, time)
     after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
-    return after, innovation
+    return replace(after, rejected_s=rejected_s), innovation
+
+
+def _sensor_rows(
+    rows: BelievedRows,
+    beliefs: Mapping[str, Array],
+    q_BN: Float[Array, "4"],
+    measured: Mapping[str, Array],
+    time: Scalar,
+    relative: RelativeEstimate,
+) -> MeasurementRows:
+    """Rows of an additional sensor for an estimate."""
+    return rows(beliefs, SensorView(relative=relative, q_BN=q_BN, time=time), measured)
+
+
+def _recovered(
+    params: FlightParams,
+    memory: FlightMemory,
+    orbit: OrbitEstimate,
+    gate: GateState,
+    innovation: Innovation,
+    interval: Scalar,
+) -> tuple[OrbitEstimate, GateState, dict[str, Array]]:
+    """Estimate, widened where a sensor was rejected for too long, which the gate tells; time of rejections [s]."""
+    relative, rejected_s = orbit.relative, {}
+    for name, each in innovation.sensors.items():
+        time = believed_sensor.rejected_time(memory.rejected_s[name], each, interval)
+        recover = time >= params.navigation.recovery_after
+        added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, recover)
+        relative = replace(relative, covariance=relative.covariance + jnp.diag(added))
+        gate = replace(gate, recovered=gate.recovered | recover)
+        rejected_s[name] = jnp.where(recover, 0.0, time)
+    return (replace(orbit, relative=relative) if rejected_s else orbit), gate, rejected_s
 
 
 def filtered_box(

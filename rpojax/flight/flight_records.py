@@ -1,6 +1,6 @@
 """Records of the flight software: its tuning, its memory between ticks, and its measurements."""
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from jaxtyping import Array
 
@@ -15,6 +15,7 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
+from rpojax.flight.navigation.believed_sensor import BelievedRows
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -26,7 +27,7 @@ from rpojax.flight.vehicle_model import VehicleModel
 
 @pytree
 class FlightParams:
-    """Tuning of all flight software, and its vehicle model."""
+    """Tuning of all flight software, its vehicle model, and what it believes of additional sensors, by their names."""
 
     vehicle: VehicleModel
     navigation: OrbitFilterTuning
@@ -36,6 +37,7 @@ class FlightParams:
     attitude_control: AttitudeControlTuning
     health: HealthTuning
     mission: MissionTuning | None = None
+    sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
 
 @pytree
@@ -60,6 +62,7 @@ class FlightMemory:
         mission: state of the mission manager, None without phases
         phase_gains: (places, 3, 6) gains of the formation controller over the orbit for each row of the phase table,
             None without phases
+        rejected_s: () for how long measurements of an additional sensor have been rejected [s], by name
     """
 
     orbit: OrbitEstimate
@@ -78,6 +81,20 @@ class FlightMemory:
     wheel_allocation: Array
     mission: MissionState | None = None
     phase_gains: tuple[Array, ...] | None = None
+    rejected_s: dict[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """Static settings of the orbit filter.
+
+    Attributes:
+        gated: whether measurements must pass the gate
+        sensors: names and rows of the additional sensors that it believes
+    """
+
+    gated: bool
+    sensors: tuple[tuple[str, BelievedRows], ...] = ()
 
 
 @pytree

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+from rpojax.core import named_arguments
 from rpojax.errors import RpojaxError
 from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.flight.mission.phase_settings import MissionSettings
@@ -105,6 +106,18 @@ def kinds_of(camera_model: str, mission: MissionSettings | None, team: TeamSetti
         return [*kinds, ALONE]
     chooses = mission is not None and mission.phasing != "fixed"
     return [*kinds, SHARING[team.link.sharing], CHOSEN_PHASES if chooses else FIXED_PHASES]
+
+
+def check_believed(stages: Stages, sensors: Iterable[str]) -> None:
+    """Refuses a replaced update of the filter that leaves out additional sensors which it is to believe.
+
+    Raises:
+        RpojaxError: naming the stage and the sensor.
+    """
+    for name in sensors:
+        if "orbit_update" in stages.replaced and not named_arguments.takes(stages.orbit_update, "sensors"):
+            expected = f"one that takes `sensors`, for the filter is to believe [{name}]"
+            raise RpojaxError(f"stages.orbit_update: found one without the argument `sensors`, expected {expected}")
 
 
 def check(stages: Stages, modes: Iterable[Mode]) -> None:

@@ -29,6 +29,7 @@ from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
+from rpojax.flight.navigation.believed_sensor import SensorRows
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -83,6 +84,7 @@ class OrbitUpdate(Protocol):
         q_KN: Float[Array, "4"],
         box: BoxMeasurement,
         additional: Mapping[str, Array],
+        sensors: Mapping[str, SensorRows],
         time: Scalar,
     ) -> tuple[OrbitEstimate, GateState, Innovation]:
         """Estimate after GPS and box, state of the outlier gate, and diagnostics.
@@ -97,6 +99,7 @@ class OrbitUpdate(Protocol):
             q_KN: (4,) attitude of the camera by the attitude filter
             box: bounding box, if present
             additional: measurements of additional sensors by name
+            sensors: rows of those that the filter is to believe, by name, as functions of the relative estimate
             time: () since the start of the run [s]
         """
         ...

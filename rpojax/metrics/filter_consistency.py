@@ -29,6 +29,7 @@ METRICS: Final = (
         inputs=("nees",),
         reduction="mean",
         has_derivative=True,
+        degrees_of_freedom=12,
     ),
     Metric(
         "nees_relative_mean",
@@ -38,6 +39,7 @@ METRICS: Final = (
         inputs=("nees_relative",),
         reduction="mean",
         has_derivative=True,
+        degrees_of_freedom=6,
     ),
     Metric(
         "nis_gps_mean",
@@ -48,6 +50,7 @@ METRICS: Final = (
         value=_innovation_squared,
         reduction="mean",
         has_derivative=True,
+        degrees_of_freedom=3,
     ),
     Metric(
         "nis_box_mean",
@@ -59,6 +62,7 @@ METRICS: Final = (
         value=_innovation_squared,
         reduction="mean",
         has_derivative=True,
+        degrees_of_freedom=3,
     ),
     Metric(
         "gps_innovation_lag1",
@@ -100,3 +104,43 @@ METRICS: Final = (
     ),
 )
 """Rows of an innovation are decorrelated, so that a consistent filter has a mean of its squared norm of 3."""
+
+
+def sensor_metrics(sensor: str, rows: int) -> tuple[Metric, ...]:
+    """Metrics of an additional sensor that the filter believes, with `rows` rows in a measurement."""
+    sigmas, title = (f"{sensor}_innovation_sigmas",), sensor.replace("_", " ")
+    return (
+        Metric(
+            f"nis_{sensor}_mean",
+            "-",
+            title=f"NIS, {title}",
+            meaning=f"Mean normalised innovation squared of the measurements of {title} that were used; "
+            f"{rows} is consistent.",
+            inputs=sigmas,
+            value=_innovation_squared,
+            reduction="mean",
+            has_derivative=True,
+            degrees_of_freedom=rows,
+            source="plugin",
+        ),
+        Metric(
+            f"{sensor}_innovation_lag1",
+            "-",
+            title=f"Whiteness, {title}",
+            meaning=f"Correlation of normalised innovations of {title} one tick apart; 0 for a consistent filter.",
+            inputs=sigmas,
+            value=_complete_innovation,
+            reduction=record_statistics.lag_1_autocorrelation,
+            source="plugin",
+        ),
+        Metric(
+            f"{sensor}_used_fraction",
+            "-",
+            title=f"Used, {title}",
+            meaning=f"Fraction of ticks with a measurement of {title} that the filter used.",
+            inputs=(f"{sensor}_accepted",),
+            reduction="mean",
+            low_is_bad=True,
+            source="plugin",
+        ),
+    )

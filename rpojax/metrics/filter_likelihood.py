@@ -21,16 +21,20 @@ def _of_innovations(
     truncated: Quantity,
     image_area: Quantity,
 ) -> WeightedValue:
-    """Per row, with a mixture of true and false boxes in place of the gate; rows are those of GPS, bearing and size."""
+    """Per row, with a mixture of true and false boxes in place of the gate.
+
+    Rows are those of GPS, of the box's bearing and size, and of additional sensors.
+    """
     log_densities = -0.5 * (xp.log(2.0 * math.pi * variance) + innovation**2 / variance)
-    gps_rows = xp.where(used[..., :3], 1.0, 0.0)
+    gps_rows, sensor_rows = (xp.where(used[..., part], 1.0, 0.0) for part in (slice(3), slice(6, None)))
     size_row = xp.where(truncated, 0.0, 1.0)
     gps = xp.sum(gps_rows * log_densities[..., :3], axis=-1)
     true_box = log_densities[..., 3] + log_densities[..., 4] + size_row * log_densities[..., 5]
     false_box = -xp.log(image_area) - size_row * math.log(_FALSE_BOX_LOG_SIZE_RANGE)
     mixture = xp.logaddexp(math.log1p(-FALSE_BOX_PROBABILITY) + true_box, math.log(FALSE_BOX_PROBABILITY) + false_box)
-    rows = xp.sum(gps_rows, axis=-1) + xp.where(received, 2.0 + size_row, 0.0)
-    total = gps + xp.where(received, mixture, 0.0)
+    sensors = xp.sum(sensor_rows * log_densities[..., 6:], axis=-1)
+    rows = xp.sum(gps_rows, axis=-1) + xp.sum(sensor_rows, axis=-1) + xp.where(received, 2.0 + size_row, 0.0)
+    total = gps + sensors + xp.where(received, mixture, 0.0)
     return WeightedValue(-total / xp.where(rows > 0.0, rows, 1.0), rows)
 
 

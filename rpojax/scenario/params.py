@@ -200,6 +200,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
             for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control", "health")
         },
         mission=phase_table.mission_tuning(tables),
+        sensors=_sensor_numbers(tables, believed=True),
     )
     rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "chamber_pressure", "camera", "imaging", "limits")
     return Params(
@@ -209,7 +210,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         networks=trained_files.networks_for_model(tables),
         statistics=fitted_camera.statistics_for_model(tables),
         handover=_handover_errors(tables["initial"].get("handover")),
-        additional_sensors={name: _numbers(tables[name]) for name in sensor_names() if name in tables},
+        additional_sensors=_sensor_numbers(tables, believed=False),
         **{name: records[name] for name in rest},
         **_team_records(tables),
     )
@@ -258,6 +259,19 @@ def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
     """Numbers of a section in SI and radians, by name without unit."""
     units = {key: key_units.split_unit(key) for key in table}
     return {name: _array(table[key], factor) for key, (name, factor) in units.items()}
+
+
+def _sensor_numbers(tables: Mapping[str, Any], believed: bool) -> dict[str, dict[str, Array]]:
+    """Numbers of the additional sensors by name: those that flight software believes, or those of the truth."""
+    found = {}
+    for name in sensor_names():
+        if name in tables:
+            classes = [each for each in sensor_classes(name) if set(each.model_fields) == set(tables[name])]
+            beliefs = {key for each in classes for key in each.beliefs}
+            if not believed or any(each.is_believed() for each in classes):
+                table = {key: value for key, value in tables[name].items() if (key in beliefs) is believed}
+                found[name] = _numbers(table)
+    return found
 
 
 def _array(value: Any, factor: float = 1.0) -> Array:
@@ -326,7 +340,8 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
     if key.split(".")[0] in ("phases", "mission"):
         return ("flight", "mission", *phase_table.leaf_path(key)), factor
     if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):
-        return ("additional_sensors", section, leaf), factor
+        is_belief = any(name in each.beliefs for each in sensor_classes(section))
+        return (*(("flight", "sensors") if is_belief else ("additional_sensors",)), section, leaf), factor
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
 
 

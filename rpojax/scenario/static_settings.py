@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from rpojax.errors import ScenarioError
 from rpojax.flight.cooperation.team_settings import TeamSettings
+from rpojax.flight.flight_records import FilterSettings
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.phase_table import mission_settings
@@ -62,6 +63,12 @@ class Scenario:
     records_poses: bool = False
     mission: MissionSettings | None = None
     team: TeamSettings | None = None
+
+    @property
+    def filter_settings(self) -> FilterSettings:
+        """Static settings of the orbit filter."""
+        believed = tuple((name, sensor.rows) for name, sensor in self.additional_sensors if sensor.is_believed())
+        return FilterSettings(self.box_gating, believed)
 
     @property
     def step_s(self) -> float:

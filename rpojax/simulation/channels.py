@@ -20,6 +20,7 @@ from rpojax.flight.mission import team_mission
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import of_phase
+from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
@@ -119,11 +120,22 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
             functions |= PHASING_CHANNELS if scenario.mission.phasing != "fixed" else {}
     with jax.named_scope("observe"):
         channels = evaluate(functions, functions, ObservedTick(scenario, params, telemetry))
+        channels |= sensor_channels(telemetry.innovation)
         additional = telemetry.measurements.additional
         if taken := sorted(set(channels) & set(additional)):
             raise RpojaxError(f"{taken[0]}: found a sensor's measurement, expected a name that no channel has")
         channels |= additional
         return {name: _to_single_precision(value) for name, value in channels.items()}
+
+
+def sensor_channels(innovation: Innovation) -> Channels:
+    """Channels of the additional sensors that the filter believes: innovations in sigmas, NaN where not used."""
+    found = {}
+    for name, each in innovation.sensors.items():
+        sigmas = each.innovation / gradient_safe.sqrt(each.variance)
+        found[f"{name}_innovation_sigmas"] = jnp.where(each.used, sigmas, jnp.nan)
+        found[f"{name}_accepted"] = each.accepted
+    return found
 
 
 def evaluate(functions: ChannelFunctions, names: Iterable[str], tick: ObservedTick) -> Channels:

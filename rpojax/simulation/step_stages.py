@@ -80,10 +80,10 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
 
 def navigate(loop: Loop, tick: Tick) -> Tick:
     """Measurement updates of orbit and attitude filter."""
-    flight, gated = loop.params.flight, loop.scenario.box_gating
+    flight, settings = loop.params.flight, loop.scenario.filter_settings
     with jax.named_scope("navigate"):
         memory, innovation = computer.navigate(
-            loop.stages, flight, gated, tick.flight, tick.measurements, tick.sky.sun_N, tick.time
+            loop.stages, flight, settings, tick.flight, tick.measurements, tick.sky.sun_N, tick.time
         )
     return replace(tick, flight=memory, innovation=innovation)
 
@@ -155,7 +155,7 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 def guide(loop: Loop, tick: Tick) -> Tick:
     """Attitude reference of the tick, and the pointing mode."""
     assert tick.innovation is not None
-    accepted = tick.innovation.accepted
+    accepted = tick.innovation.is_target_measured
     with jax.named_scope("guide"):
         memory, mode = computer.guide(
             loop.params.flight,

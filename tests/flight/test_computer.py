@@ -18,7 +18,7 @@ from rpojax.errors import RpojaxError
 from rpojax.flight import computer
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.decisions import burn_decision
-from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
+from rpojax.flight.flight_records import FilterSettings, FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraFormat
@@ -188,7 +188,7 @@ def sense(
         star_tracker_present=jnp.asarray(stars),
         box=box,
     )
-    return navigate(stages or Stages(), flight, True, memory, measurements, sun_N, np.float64(7.0))
+    return navigate(stages or Stages(), flight, FilterSettings(True), memory, measurements, sun_N, np.float64(7.0))
 
 
 def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:

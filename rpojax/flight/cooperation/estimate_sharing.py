@@ -27,7 +27,7 @@ from rpojax.flight.cooperation.free_relative_motion import apply
 from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.message import TargetTrack
 from rpojax.flight.cooperation.peer_news import News
-from rpojax.flight.navigation import orbit_covariance, relative_orbit_ekf, relative_state
+from rpojax.flight.navigation import believed_sensor, orbit_covariance, relative_orbit_ekf, relative_state
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
@@ -139,8 +139,12 @@ def update(
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
     recovered: Flag,
+    sensor_rows: MeasurementRows | None = None,
 ) -> EstimateSharing:
-    """Memory after the own box, present if it passed the gate, before the messages of the tick."""
+    """Memory after the own box and sensors, before the messages of the tick.
+
+    The box is present if it passed the gate; `sensor_rows` are as of a state of zero, None without such sensors.
+    """
     local, correlated = memory.local, memory.correlated
     assert local is not None
     assert correlated is not None
@@ -150,6 +154,11 @@ def update(
     gains, P = kalman_update.reduced_by_rows(local.covariance + jnp.diag(drift), rows)
     correlated = kalman_update.part_after(correlated, rows, gains) + jnp.diag(inflation)
     local = relative_state.corrected(local, gains.deviation, P + jnp.diag(inflation))
+    if sensor_rows is not None:
+        rows = believed_sensor.at_estimate(sensor_rows, local)
+        gains, P = kalman_update.reduced_by_rows(local.covariance, rows)
+        correlated = kalman_update.part_after(correlated, rows, gains)
+        local = relative_state.corrected(local, gains.deviation, P)
     return replace(memory, local=replace(local, outline=orbit.relative.outline), correlated=correlated)
 
 

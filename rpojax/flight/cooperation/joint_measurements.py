@@ -18,7 +18,13 @@ from rpojax.flight.cooperation.free_relative_motion import apply
 from rpojax.flight.cooperation.joint_covariance import JointCovariance
 from rpojax.flight.cooperation.joint_filter import JointEstimate, inflate, own_estimate
 from rpojax.flight.cooperation.link_settings import BaselineTuning
-from rpojax.flight.navigation import outline_correlation, relative_orbit_ekf, relative_state, shape_errors
+from rpojax.flight.navigation import (
+    believed_sensor,
+    outline_correlation,
+    relative_orbit_ekf,
+    relative_state,
+    shape_errors,
+)
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_state import RelativeEstimate
@@ -45,6 +51,18 @@ def update_own(
     bias, center, (slow, fast) = (P.slow_rows(layout[name]) for name in ("bearing_bias", "center_offset", "size"))
     bearing = bias + J[0, own["center_offset"].start] * center
     HP = product(by_position, P.position_rows[:3]) + jnp.concatenate([bearing, (slow + fast)[None]], axis=0)
+    return _corrected(estimate, replace(rows, jacobian=jacobian), HP)
+
+
+def update_by_rows(estimate: JointEstimate, rows: MeasurementRows) -> JointEstimate:
+    """Estimate after measurements of the servicer's own state, with rows as of a state of zero."""
+    P, own, slow = estimate.covariance, estimate.own.layout, estimate.own_slow.size
+    rows = believed_sensor.at_estimate(rows, estimate.own)
+    by_position, by_velocity = rows.jacobian[:, own["position"]], rows.jacobian[:, own["velocity"]]
+    by_slow, x = rows.jacobian[:, MOTION.size :], P.xx.shape[0]
+    HP = product(by_position, P.position_rows[:3]) + product(by_velocity, P.velocity_rows[:3])
+    HP = HP + product(by_slow, P.slow_rows(slice(0, slow)))
+    jacobian = _placed([(0, by_position), (x, by_velocity), (2 * x, by_slow)], _size(P))
     return _corrected(estimate, replace(rows, jacobian=jacobian), HP)
 
 

@@ -18,6 +18,7 @@ from rpojax.flight.cooperation import (
     estimate_sharing,
     free_relative_motion,
     joint_filter,
+    joint_measurements,
     message,
     peer_news,
 )
@@ -238,7 +239,7 @@ def _sent(
     if settings.sharing == "estimates":
         assert estimates is not None
         estimates = estimate_sharing.update(
-            tuning, focal_px, estimates, records.orbit, records.q_KN, box, records.gate.recovered
+            tuning, focal_px, estimates, records.orbit, records.q_KN, box, records.gate.recovered, records.rows
         )
         assert estimates.local is not None
         assert estimates.correlated is not None
@@ -262,12 +263,14 @@ def _received(
 ) -> tuple[RelativeEstimate, SharingMemory]:
     """Estimate of the target and memory of a servicer after the messages of a tick."""
     if memory.joint is not None:
-        box = _gated(records.box, records.accepted)
+        box, joint = _gated(records.box, records.accepted), memory.joint
+        if records.rows is not None:
+            joint = joint_measurements.update_by_rows(joint, records.rows)
         joint, is_used = box_sharing.update(
             tuning,
             baseline,
             focal_px,
-            memory.joint,
+            joint,
             records.orbit,
             records.q_KN,
             box,

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import pytree
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
@@ -27,6 +28,7 @@ class TeamRecords:
         q_KN: (4, N) attitudes of the cameras by the attitude filters
         running: (N,) bool, a servicer that failed neither sends nor hears
         ranges: (peers, N) that each measures to its peers over the links [m], None without
+        rows: of the additional sensors that the filters believe, as of a state of zero, None without
     """
 
     orbit: OrbitEstimate
@@ -37,6 +39,7 @@ class TeamRecords:
     q_KN: Array
     running: Array
     ranges: Array | None = None
+    rows: MeasurementRows | None = None
 
 
 def for_receivers(of_servicers: T, peers: tuple[tuple[int, ...], ...]) -> T:

@@ -7,6 +7,9 @@ which enters both, is a tenth of a millimetre per second against the servicer's 
 the sum of the two.
 """
 
+from collections.abc import Mapping
+from dataclasses import field
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -14,7 +17,14 @@ from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation import burn_execution_error, relative_orbit_ekf, relative_state, servicer_orbit_ekf
+from rpojax.flight.navigation import (
+    believed_sensor,
+    burn_execution_error,
+    relative_orbit_ekf,
+    relative_state,
+    servicer_orbit_ekf,
+)
+from rpojax.flight.navigation.believed_sensor import SensorInnovation, SensorRows
 from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -46,6 +56,7 @@ class Innovation:
         accepted: () bool, the box was used
         rejected: () bool, there was a box and it was not used
         expected_box: box expected before the measurement
+        sensors: of the additional sensors that the filter believes, by name
     """
 
     innovation: Array
@@ -55,6 +66,15 @@ class Innovation:
     accepted: Array
     rejected: Array
     expected_box: ExpectedBox
+    sensors: dict[str, SensorInnovation] = field(default_factory=dict)
+
+    @property
+    def is_target_measured(self) -> Array:
+        """() bool, a box or a measurement of another sensor was used."""
+        seen = self.accepted
+        for each in self.sensors.values():
+            seen = seen | each.accepted
+        return seen
 
 
 def initial(
@@ -134,8 +154,9 @@ def update(
     gps: GpsMeasurement,
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
+    sensors: Mapping[str, SensorRows] | None = None,
 ) -> tuple[OrbitEstimate, GateState, Innovation]:
-    """Estimate after GPS, if present, and after the box, if it passes the gate; state of the gate; diagnostics.
+    """Estimate after GPS, the box and the `sensors`, as far as present and within their gates; gate; diagnostics.
 
     `q_KN` is the camera's attitude by the attitude filter.
     """
@@ -143,13 +164,19 @@ def update(
     relative, gate, box_result, used, expected = relative_orbit_ekf.update(
         tuning, gated, focal_px, estimate.relative, gate, q_KN, box
     )
+    of_sensors = {}
+    for name, rows in (sensors or {}).items():
+        relative, of_sensors[name] = believed_sensor.update(tuning, gated, relative, rows(relative))
     innovation = Innovation(
         innovation=jnp.concatenate([gps_result.innovation, box_result.innovation]),
         variance=jnp.concatenate([gps_result.innovation_variance, box_result.innovation_variance]),
         used=jnp.concatenate([gps_result.used, box_result.used]),
-        log_likelihood=gps_result.log_likelihood + box_result.log_likelihood,
+        log_likelihood=sum(
+            (each.log_likelihood for each in of_sensors.values()), gps_result.log_likelihood + box_result.log_likelihood
+        ),
         accepted=used,
         rejected=box.present & ~used,
         expected_box=expected,
+        sensors=of_sensors,
     )
     return OrbitEstimate(servicer=servicer, relative=relative), gate, innovation

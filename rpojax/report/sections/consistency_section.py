@@ -10,10 +10,11 @@ from rpojax.analysis.statistics.consistency.innovations import nis_interval, whi
 from rpojax.analysis.statistics.consistency.nees import average_nees
 from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
 from rpojax.analysis.statistics.intervals.normal_distribution import coverage_per_axis
+from rpojax.metrics.metric_catalogue import find
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.nees_chart import average_nees_chart
 from rpojax.report.figures.charts.plotly_charts import Chart
-from rpojax.report.labels import ChannelLabel, metric_label
+from rpojax.report.labels import ChannelLabel, in_display_order, metric_label, of_all_servicers
 from rpojax.report.metric_statistics import mean_confidence_interval
 from rpojax.report.number_format import format_number
 from rpojax.report.run_independence import runs_are_independent
@@ -23,12 +24,12 @@ _NEES_CHANNELS = (
     (ChannelLabel("nees_relative", "Average NEES of the 6 components of the relative state", "", logarithmic=True), 6),
 )
 """NEES channels over time and their numbers of components."""
-_COMPONENTS = {"nees_mean": 12, "nees_relative_mean": 6, "nis_gps_mean": 3, "nis_box_mean": 3}
 _COVERAGE = "sigma3_coverage"
 LOW_COVERAGE = 0.95
 """Coverage of a run below which its filter is not to be trusted."""
-_WHITENESS = {"gps_innovation_lag1": "GPS", "box_innovation_lag1": "boxes"}
-_ROWS_PER_UPDATE = 3
+_SOURCES = {"gps": "GPS", "box": "boxes"}
+_WHITENESS = "_innovation_lag1"
+"""End of the names of correlations of innovations, after that of the sensor."""
 _EXPECTED_OUTSIDE = 0.05
 _INTERPRETATIONS = {
     "nees": (
@@ -62,13 +63,28 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
     All runs that reached their end count, in whatever state.
     """
     return {
-        "means": [_mean_entry(campaign, name) for name in (*_COMPONENTS, _COVERAGE) if name in campaign.metrics],
+        "means": [_mean_entry(campaign, name) for name in (*_squares(campaign), _COVERAGE) if name in campaign.metrics],
         "over_time": [
             entry for channel, size in _NEES_CHANNELS for entry in _over_time_entries(campaign, channel.name, size)
         ],
-        "whiteness": [_whiteness_entry(campaign, name) for name in _WHITENESS if name in campaign.metrics],
+        "whiteness": [
+            _whiteness_entry(campaign, name)
+            for name in in_display_order(of_all_servicers(campaign.metrics))
+            if name.endswith(_WHITENESS)
+        ],
         "sigma3_coverage_low_runs_fraction": _low_coverage_fraction(campaign),
     }
+
+
+def _squares(campaign: CampaignResults) -> list[str]:
+    """Names of normalised squares in display order."""
+    return [name for name in in_display_order(of_all_servicers(campaign.metrics)) if _degrees_of_freedom(name) > 0]
+
+
+def _degrees_of_freedom(name: str) -> int:
+    """Degrees of freedom of a normalised square, 0 for another metric."""
+    metric = find(name)
+    return 0 if metric is None or metric.degrees_of_freedom is None else metric.degrees_of_freedom
 
 
 def charts(campaign: CampaignResults) -> dict[str, tuple[ChannelLabel, Chart]]:
@@ -156,7 +172,7 @@ def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
     defined = np.asarray(values[np.isfinite(values)], dtype=np.float64)
     covers = name == _COVERAGE
     kind = "coverage" if covers else name.partition("_")[0]
-    expected = coverage_per_axis(3.0) if covers else float(_COMPONENTS[name])
+    expected = coverage_per_axis(3.0) if covers else float(_degrees_of_freedom(name))
     confidence = mean_confidence_interval(defined) if runs_are_independent(campaign) else None
     return {
         "name": name,
@@ -177,17 +193,19 @@ def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
 def _chi_square_interval(campaign: CampaignResults, name: str, runs: int) -> list[float] | None:
     """Chi-square interval of the mean: every innovation counts as independent, of NEES one instant per run."""
     updates = float(np.nansum(_update_counts(campaign, name))) if name.startswith("nis") else float(runs)
-    return list(nis_interval(_COMPONENTS[name], round(updates))) if updates >= 1.0 else None
+    return list(nis_interval(_degrees_of_freedom(name), round(updates))) if updates >= 1.0 else None
 
 
 def _update_counts(campaign: CampaignResults, name: str) -> np.ndarray:
     """Number of updates of each run that reached its end (runs,), NaN where unknown."""
     scenario = campaign.info.get("scenario", {})
     ticks = float(scenario.get("duration_s", np.nan)) * float((scenario.get("rates") or {}).get("camera_hz", np.nan))
-    if "gps" in name:
+    sensor = name.removeprefix("nis_").removesuffix("_mean").removesuffix(_WHITENESS)
+    if sensor == "gps":
         fractions = np.ones(len(campaign.reached_end))
     else:
-        fractions = campaign.metrics.get("visible_fraction", np.full(len(campaign.reached_end), np.nan))
+        of_sensor = "visible_fraction" if sensor == "box" else f"{sensor}_used_fraction"
+        fractions = campaign.metrics.get(of_sensor, np.full(len(campaign.reached_end), np.nan))
     return np.where(campaign.reached_end, ticks * fractions, np.nan)
 
 
@@ -253,7 +271,8 @@ def _interpret_instants(above: float, below: float, side: int | None) -> str:
 
 def _whiteness_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
     values = np.asarray(campaign.metrics[name], dtype=np.float64)
-    products = _ROWS_PER_UPDATE * _update_counts(campaign, name)
+    sensor = name.removesuffix(_WHITENESS)
+    products = _degrees_of_freedom(f"nis_{sensor}_mean") * _update_counts(campaign, name)
     known = np.isfinite(values) & (products >= 1.0)
     bounds = np.array([whiteness_bound(count) for count in products[known].astype(int).tolist()])
     beyond = int(np.sum(np.abs(values[known]) > bounds))
@@ -270,7 +289,7 @@ def _whiteness_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
         "expected_outside": _EXPECTED_OUTSIDE,
         "says": _no_interpretation(campaign)
         if mean is None or interval is None
-        else _interpret_whiteness(_WHITENESS[name], mean, interval),
+        else _interpret_whiteness(_SOURCES.get(sensor, sensor.replace("_", " ")), mean, interval),
     }
 
 

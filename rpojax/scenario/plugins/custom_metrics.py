@@ -85,6 +85,10 @@ def metric(
     return mark
 
 
+_MOST_ROWS = 1000
+"""Bound of the degrees of freedom in a description."""
+
+
 def settings_of(function: MetricFunction) -> MetricSettings:
     """What `metric` says of a function; a function without the mark is one of whole runs."""
     return getattr(function, _MARK, MetricSettings())
@@ -118,6 +122,7 @@ def make_metric(name: str, function: MetricFunction, unit: str) -> Metric:
 
 def described_metric(name: str, record: Mapping[str, Any]) -> Metric:
     """Metric of which only the description is known, for reading results without the user's code."""
+    freedom = record.get("degrees_of_freedom")
     return Metric(
         name=name,
         unit=str(record.get("unit", "-")),
@@ -125,6 +130,7 @@ def described_metric(name: str, record: Mapping[str, Any]) -> Metric:
         meaning=str(record.get("meaning", "")),
         low_is_bad=bool(record.get("low_is_bad", False)),
         has_derivative=bool(record.get("has_derivative", False)),
+        degrees_of_freedom=freedom if isinstance(freedom, int) and 0 < freedom < _MOST_ROWS else None,
         reduction="end",
         source="plugin",
     )
@@ -138,6 +144,7 @@ def describe(found: Metric) -> dict[str, Any]:
         "meaning": found.meaning,
         "low_is_bad": found.low_is_bad,
         "has_derivative": found.has_derivative,
+        "degrees_of_freedom": found.degrees_of_freedom,
     }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import create_model
 
 from rpojax.errors import RpojaxError
-from rpojax.metrics import metric_catalogue
+from rpojax.metrics import filter_consistency, metric_catalogue
 from rpojax.metrics.metric_definition import Metric
 from rpojax.scenario import key_units
 from rpojax.scenario.plugins import custom_metrics, function_digests
@@ -50,12 +50,21 @@ class Plugin:
                 raise RpojaxError(f"sensors.{name}: found this name, expected one that no section of a scenario has")
             if not isinstance(getattr(cls, "normals", None), int):
                 raise RpojaxError(f"sensors.{name}: found no `normals`, expected how many random numbers it takes")
+            if unknown := set(cls.beliefs) - set(cls.model_fields):
+                raise RpojaxError(f"sensors.{name}.beliefs: found {min(unknown)!r}, expected keys of its section")
+            if (cls.rows is not AdditionalSensor.rows) is not cls.is_believed():
+                expected = "`rows` with `row_count` above 0, or neither"
+                raise RpojaxError(f"sensors.{name}: found row_count = {cls.row_count}, expected {expected}")
         _ = self.definitions
 
     @cached_property
     def definitions(self) -> dict[str, Metric]:
         """Definitions of the metrics by name."""
-        return {name: custom_metrics.make_metric(name, each, _unit(name)) for name, each in self.metrics.items()}
+        own = {name: custom_metrics.make_metric(name, each, _unit(name)) for name, each in self.metrics.items()}
+        for sensor, cls in self.sensors.items():
+            if cls.is_believed():
+                own |= {each.name: each for each in filter_consistency.sensor_metrics(sensor, cls.row_count)}
+        return own
 
     @property
     def has_code(self) -> bool:
@@ -74,6 +83,8 @@ class Plugin:
 
     def _metric_sha256(self, name: str) -> str:
         """SHA-256 of the definition of a metric: of its source, the values that it holds, and its settings."""
+        if name not in self.metrics:  # of a sensor, the same whatever the sensor does
+            return hashlib.sha256(repr(custom_metrics.describe(self.definitions[name])).encode()).hexdigest()
         function = self.metrics[name]
         text = f"{_content(function)} {custom_metrics.settings_of(function)!r}"
         return hashlib.sha256(text.encode()).hexdigest()

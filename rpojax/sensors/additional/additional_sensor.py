@@ -10,6 +10,8 @@ from rpojax.value_types import Section
 if TYPE_CHECKING:
     import jax
 
+    from rpojax.core.kalman_update import MeasurementRows
+    from rpojax.flight.navigation.believed_sensor import SensorView
     from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
     from rpojax.physics.plant_state import Truth
 
@@ -32,11 +34,16 @@ class SensedScene:
 class AdditionalSensor(Section, ABC):
     """Settings of an additional sensor, as a section of scenario files named like it.
 
-    Its numbers can be dispersed. JAX is imported inside of `measure`, so that scenarios are validated without it.
+    Its numbers can be dispersed. JAX is imported inside of `measure`, so that scenarios are validated without it. The
+    orbit filter believes a sensor whose class has `rows`.
     """
 
     normals: ClassVar[int]
     """Standard normal numbers that a measurement takes."""
+    beliefs: ClassVar[tuple[str, ...]] = ()
+    """Keys of the section that flight software alone has: what it believes of the sensor."""
+    row_count: ClassVar[int] = 0
+    """Rows of a measurement in the filter, 0 for a sensor that it does not believe."""
 
     @staticmethod
     @abstractmethod
@@ -53,3 +60,21 @@ class AdditionalSensor(Section, ABC):
         Returns:
             measurement by name, which is a recorded channel too and ends with its unit; numbers, vectors or flags.
         """
+
+    @staticmethod
+    def rows(
+        beliefs: "Mapping[str, jax.Array]", view: "SensorView", measured: "Mapping[str, jax.Array]"
+    ) -> "MeasurementRows":
+        """Rows (m) of the measurement of a tick for the relative orbit filter.
+
+        Args:
+            beliefs: numbers of the section that `beliefs` names, in SI and radians, by name without unit
+            view: estimates before the measurement; its `rows` linearises
+            measured: measurements of all additional sensors by name
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def is_believed(cls) -> bool:
+        """Whether the orbit filter uses the measurement."""
+        return cls.row_count > 0

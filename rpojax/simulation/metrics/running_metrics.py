@@ -27,10 +27,19 @@ from rpojax.simulation.channels import (
     ChannelFunctions,
     ObservedTick,
     evaluate,
+    sensor_channels,
 )
 from rpojax.simulation.telemetry import Telemetry
 
 Scalar = Float[Array, ""]
+
+
+def _with_sensors(tick: ObservedTick, name: str) -> Array:
+    """Rows of GPS and box, followed by those of the additional sensors that the filter believes."""
+    innovation = tick.telemetry.innovation
+    rows = [getattr(each, name) for each in innovation.sensors.values()]
+    return jnp.concatenate([getattr(innovation, name), *rows]) if rows else getattr(innovation, name)
+
 
 _QUANTITIES: Final[ChannelFunctions] = {
     **CHANNELS,
@@ -40,9 +49,9 @@ _QUANTITIES: Final[ChannelFunctions] = {
         else tick.telemetry.rho_desired_H
     ),
     "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
-    "innovation": lambda tick: tick.telemetry.innovation.innovation,
-    "innovation_variance": lambda tick: tick.telemetry.innovation.variance,
-    "innovation_used": lambda tick: tick.telemetry.innovation.used,
+    "innovation": lambda tick: _with_sensors(tick, "innovation"),
+    "innovation_variance": lambda tick: _with_sensors(tick, "variance"),
+    "innovation_used": lambda tick: _with_sensors(tick, "used"),
     "box_received": lambda tick: tick.telemetry.innovation.accepted | tick.telemetry.innovation.rejected,
     "image_area": lambda tick: (
         tick.scenario.width_px * tick.scenario.height_px / tick.params.flight.vehicle.focal_px**2
@@ -110,6 +119,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         "time_s": lambda tick: tick.telemetry.tick * tick.scenario.tick_s,
         "rho_desired_H": _QUANTITIES["desired_position_H"],
         **{name: partial(_measurement, name) for name in telemetry.measurements.additional},
+        **{name: partial(_of_sensor, name) for name in sensor_channels(telemetry.innovation)},
         **(MISSION_CHANNELS if scenario.mission is not None else {}),
     }
     for metric in metrics:
@@ -117,6 +127,10 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
             if name not in functions and name != "is_settled":
                 raise unknown_channel(metric.name, name, functions)
     return functions
+
+
+def _of_sensor(name: str, tick: ObservedTick) -> Array:
+    return sensor_channels(tick.telemetry.innovation)[name]
 
 
 def _measurement(name: str, tick: ObservedTick) -> Array:
@@ -134,7 +148,10 @@ def _updated_event_hash(events: Array, telemetry: Telemetry) -> Array:
     accepted, rejected, mode = (
         word.astype(jnp.uint32) for word in (innovation.accepted, innovation.rejected, telemetry.mode)
     )
-    return events * jnp.uint32(1000003) + accepted + jnp.uint32(2) * rejected + jnp.uint32(4) * mode
+    events = events * jnp.uint32(1000003) + accepted + jnp.uint32(2) * rejected + jnp.uint32(4) * mode
+    for each in innovation.sensors.values():
+        events = events * jnp.uint32(1000003) + each.accepted.astype(jnp.uint32)
+    return events
 
 
 def _settle_ticks(scenario: Scenario, params: Params) -> Scalar:

@@ -16,7 +16,7 @@ from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import line_of_sight_uncertainty
-from rpojax.flight.navigation import thrust_estimator
+from rpojax.flight.navigation import believed_sensor, thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import coordination, intent
@@ -214,6 +214,7 @@ def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamR
         gps=position,
         q_KN=computer.camera_attitude(params.flight.vehicle, memory.attitude),
         running=jnp.isinf(tick.state.failed_at),
+        rows=believed_sensor.rows_of(tick.innovation.sensors),
     )
 
 

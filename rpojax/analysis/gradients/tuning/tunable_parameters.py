@@ -20,6 +20,7 @@ from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.key_uses import Situation, unused_keys
+from rpojax.sensors.additional.registry import present_sensors
 
 
 def _lead_time_coordinate(file: ScenarioFile) -> LogitCoordinate:
@@ -131,14 +132,15 @@ def select_parameters(file: ScenarioFile, names: Sequence[str], replaced: Collec
     """
     stages = plugin_registry.replaced_stages(file, replaced)
     unused = unused_keys(Situation(file, is_of_team=bool(file.servicers), replaced=stages))
+    beliefs = _beliefs(file)
     selected: dict[str, bool] = {}
     for name in names:
         if name in GROUPS:
             selected |= dict.fromkeys(GROUPS[name], False)
-        elif name in TUNABLE:
+        elif name in TUNABLE or name in beliefs:
             selected[name] = True
         else:
-            near = did_you_mean(name, [*GROUPS, *TUNABLE])
+            near = did_you_mean(name, [*GROUPS, *TUNABLE, *beliefs])
             expected = f"one of {', '.join(GROUPS)}, or a key of theirs{near}"
             raise ScenarioError("parameters", name, expected, is_argument=True)
     nominal, coordinates, held = {}, {}, []
@@ -167,8 +169,15 @@ def run_values(file: ScenarioFile, tunable: TunableParameters, x: Array, run_key
     return {**dispersed_values.draw(file, run_key, {}), **tunable.values(x)}
 
 
+def _beliefs(file: ScenarioFile) -> list[str]:
+    """Keys of what flight software believes of the additional sensors that its filter uses."""
+    present = present_sensors(file).items()
+    return [f"{name}.{key}" for name, sensor in present if sensor.is_believed() for key in sensor.beliefs]
+
+
 def _coordinate(file: ScenarioFile, key: str) -> Coordinate:
-    entry = TUNABLE[key]
+    """Coordinate of a number; a belief about an additional sensor is positive."""
+    entry = TUNABLE.get(key, LogCoordinate())
     return entry if isinstance(entry, LogCoordinate | LogitCoordinate) else entry(file)
 
 

@@ -1,0 +1,153 @@
+"""Measurements of additional sensors in the relative filter: what a sensor says of them, their gate, their update.
+
+A sensor is believed if its class says which rows its measurement gives. Each measurement passes a gate of its own, and
+one that is rejected for long widens the estimate, as rejected boxes do.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import kalman_update
+from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.pytree import pytree, replace
+from rpojax.core.state_layout import StateLayout
+from rpojax.flight.navigation import relative_state
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.relative_state import RelativeEstimate
+
+_GATE_WIDTH = 0.25
+"""Width of the gate's smooth derivative, in squared sigmas."""
+
+
+@dataclass(frozen=True)
+class SensorView:
+    """What flight software knows where it uses a measurement.
+
+    Attributes:
+        relative: estimate of the target before the measurement
+        q_BN: (4,) attitude of the servicer by the attitude filter
+        time: () since the start of the run [s]
+    """
+
+    relative: RelativeEstimate
+    q_BN: Array
+    time: Array
+
+    @property
+    def layout(self) -> StateLayout:
+        """Names of the blocks of the filter's state."""
+        return self.relative.layout
+
+    def rows(
+        self,
+        expected: Callable[[RelativeEstimate], Float[Array, " m"]],
+        measured: Float[Array, " m"],
+        variance: Float[Array, " m"],
+        present: Bool[Array, ""],
+    ) -> MeasurementRows:
+        """Rows of a measurement with independent noise, linearised at the estimate.
+
+        Args:
+            expected: measurement (m,) of an estimate without noise, differentiable
+            measured: (m,) the measurement; what it holds where there is none does not count
+            variance: (m,) of its noise
+            present: () bool, there is one
+        """
+        estimate = self.relative
+
+        def at(vector: Array) -> Array:
+            return expected(relative_state.moved_to(estimate, vector, estimate.covariance))
+
+        return MeasurementRows(
+            residual=jnp.where(present, measured, 0.0) - expected(estimate),
+            jacobian=jax.jacfwd(at)(estimate.vector),
+            variance=variance,
+            weight=jnp.full(measured.shape, jnp.where(present, 1.0, 0.0)),
+        )
+
+
+BelievedRows = Callable[[Mapping[str, Array], SensorView, Mapping[str, Array]], MeasurementRows]
+"""Rows of a sensor from the numbers that flight software believes of it, a view, and all measurements by name."""
+SensorRows = Callable[[RelativeEstimate], MeasurementRows]
+"""The same for one estimate, with all else bound."""
+
+
+@pytree
+class SensorInnovation:
+    """Diagnostics of a measurement.
+
+    Attributes:
+        innovation: (m,) of each row given the rows before it
+        variance: (m,) its variance by the filter
+        used: (m,) bool
+        log_likelihood: () of the rows used
+        accepted: () bool, the measurement was used
+        rejected: () bool, there was one and it was not used
+        rows: those of the update, with the weights that the gate gave, as of a state of zero
+    """
+
+    innovation: Array
+    variance: Array
+    used: Array
+    log_likelihood: Array
+    accepted: Array
+    rejected: Array
+    rows: MeasurementRows
+
+
+def update(
+    tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows
+) -> tuple[RelativeEstimate, SensorInnovation]:
+    """Estimate after a measurement that passes the gate, and its diagnostics."""
+    weight, present = _gate_weight(tuning, gated, estimate, rows), rows.weight > 0.5
+    gated_rows = replace(rows, residual=jnp.where(present, rows.residual, 0.0), weight=rows.weight * weight)
+    result = kalman_update.update(estimate.covariance, gated_rows)
+    accepted = jnp.any(result.used, axis=0)
+    innovation = SensorInnovation(
+        innovation=result.innovation,
+        variance=result.innovation_variance,
+        used=result.used,
+        log_likelihood=result.log_likelihood,
+        accepted=accepted,
+        rejected=jnp.any(present, axis=0) & ~accepted,
+        rows=replace(gated_rows, residual=gated_rows.residual + _along(rows, estimate.vector)),
+    )
+    return relative_state.corrected(estimate, result.deviation, result.covariance), innovation
+
+
+def rows_of(innovations: Mapping[str, SensorInnovation]) -> MeasurementRows | None:
+    """Rows of all sensors, for filters of which the same estimate is a part; None without a sensor."""
+    rows = [each.rows for each in innovations.values()]
+    return jax.tree.map(lambda *parts: jnp.concatenate(parts), *rows) if rows else None
+
+
+def at_estimate(rows: MeasurementRows, estimate: RelativeEstimate) -> MeasurementRows:
+    """Rows as of a state of zero, with the residuals of an estimate."""
+    return replace(rows, residual=rows.residual - _along(rows, estimate.vector))
+
+
+def _along(rows: MeasurementRows, vector: Float[Array, " n"]) -> Float[Array, " m"]:
+    return jnp.sum(rows.jacobian * vector[None, :], axis=1)
+
+
+def _gate_weight(tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows) -> Array:
+    """1 if all rows that are present are within the gate, else 0, with the derivative of a smooth gate."""
+    if not gated:
+        return jnp.ones_like(rows.residual[0])
+    products = jnp.sum(estimate.covariance[None] * rows.jacobian[:, None, :], axis=2)
+    variance = jnp.sum(products * rows.jacobian, axis=1) + rows.variance
+    ratio = jnp.where(rows.weight > 0.5, rows.residual**2 / variance, 0.0)
+    margin = tuning.gate_sigma**2 - jnp.max(ratio, axis=0)
+    return gradient_safe.gate(margin, jnp.asarray(_GATE_WIDTH, dtype=margin.dtype))
+
+
+def rejected_time(
+    before: Float[Array, ""], innovation: SensorInnovation, interval: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Time [s] for which measurements of a sensor have been rejected, `interval` [s] after the tick before."""
+    return jnp.where(innovation.accepted, 0.0, before + jnp.where(innovation.rejected, interval, 0.0))
