@@ -8,7 +8,7 @@ from rpojax.scenario.warnings.filter_beliefs import belief_warnings
 from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
 from rpojax.scenario.warnings.phase_warnings import phase_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
-from rpojax.scenario.warnings.target_size import packaged_picture_warnings, small_box_warnings
+from rpojax.scenario.warnings.target_size import other_target_warnings, packaged_picture_warnings, small_box_warnings
 from rpojax.scenario.warnings.unknown_leap_seconds import leap_second_warnings
 
 
@@ -19,6 +19,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
         *bound_warnings(file, reach),
         *small_box_warnings(file, reach),
         *packaged_picture_warnings(file),
+        *other_target_warnings(file),
         *light_warnings(file, reach),
         *keep_out_warnings(file, reach),
         *control_warnings(file, reach),

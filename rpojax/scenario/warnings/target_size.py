@@ -1,10 +1,15 @@
 """Size of the target's hull: its mean, which filters should believe, boxes too small to see, pictures of another."""
 
+import contextlib
+from typing import Any
+
 import numpy as np
 
+from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.trained.coverage_surface import SURFACES, surface_triangles
 from rpojax.scenario.trained.packaged_hull import is_packaged
-from rpojax.scenario.trained.trained_files import PACKAGED
+from rpojax.scenario.trained.trained_files import PACKAGED, file_path
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 
 _ATTITUDES = 512
@@ -44,6 +49,44 @@ def packaged_picture_warnings(file: ScenarioFile) -> list[str]:
         if is_used
     ]
     return [f"{key}: of the packaged target, whose hull differs a little from target.hull_m" for key in used]
+
+
+def other_target_warnings(file: ScenarioFile) -> list[str]:
+    """A radiance field or a mesh of one's own whose box is not that of the hull: of another target, or in another unit.
+
+    A file that cannot be used gives no line: it is refused where it is needed.
+    """
+    tables, found = file.model_dump(), []
+    if file.camera.model == "rendered" and file.imaging.field != PACKAGED:
+        with contextlib.suppress(RpojaxError):
+            found.append(("imaging.field", *_field_ends(tables)))
+    if file.coverage.enabled and file.coverage.surface not in SURFACES:
+        with contextlib.suppress(RpojaxError):
+            corners = surface_triangles(tables).reshape(-1, 3)
+            found.append(("coverage.surface", corners.min(axis=0), corners.max(axis=0)))
+    hull = np.array(file.target.hull_m)
+    sides, room = np.ptp(hull, axis=0), _SAME_SHARE * float(np.ptp(hull, axis=0).max())
+    return [
+        f"{key}: found a target of {_times(high - low)} m, expected that of target.hull_m, {_times(sides)} m"
+        for key, low, high in found
+        if max(np.abs(low - hull.min(axis=0)).max(), np.abs(high - hull.max(axis=0)).max()) > room
+    ]
+
+
+def _field_ends(tables: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    from rpojax.vision.radiance_field.field_file import load_field
+    from rpojax.vision.radiance_field.target_field import bounds
+
+    low, high = bounds(load_field(file_path(tables, "field"))[0])
+    return np.asarray(low), np.asarray(high)
+
+
+def _times(sides: np.ndarray) -> str:
+    return " x ".join(f"{side:.3g}" for side in sides)
+
+
+_SAME_SHARE = 0.2
+"""Largest difference of two boxes' ends over the longest side of the hull; that of a field has a margin around it."""
 
 
 def small_box_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:

@@ -21,9 +21,10 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
     """Metric of the team (runs,) from those of its servicers (runs, servicers).
 
     Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest; a user's
-    function of whole runs gives its worst value, since nobody knows what it is; others their mean. Servicers of which
-    it is undefined do not count. How long, or when, a team was in a phase is said by the last of
-    them to come there: a team was there if all its servicers were.
+    function of whole runs gives its worst value, since nobody knows what it is; others their mean. Undefined of one
+    servicer it is undefined of the team: that it never saw the target must not pass for the times of the others. Of
+    free drifts those count that there are: without a burn there is none that stays stuck on. How long, or when, a team
+    was in a phase is said by the last of them to come there: a team was there if all its servicers were.
     """
     window = None if metric is None else split_name(metric.name)[0]
     if window == DURATION.name:
@@ -31,7 +32,8 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
     if window == EVENT_TIME.name:
         return np.max(each, axis=1)
     defined = np.isfinite(each)
-    some = defined.any(axis=1)
+    of_drifts = metric is not None and metric.source == "drifts"
+    known = defined.any(axis=1) if of_drifts else defined.all(axis=1)
     match _extreme(metric):
         case "least":
             found = np.min(each, axis=1, where=defined, initial=np.inf)
@@ -39,7 +41,7 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
             found = np.max(each, axis=1, where=defined, initial=-np.inf)
         case _:
             found = np.sum(each, axis=1, where=defined, dtype=float) / np.maximum(defined.sum(axis=1), 1)
-    return np.where(some, found, np.nan)
+    return np.where(known, found, np.nan)
 
 
 def _extreme(metric: Metric | None) -> Literal["least", "greatest"] | None:

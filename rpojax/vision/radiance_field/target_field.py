@@ -51,7 +51,12 @@ def render_rays(
     return jax.vmap(lambda o, d, s, j: render_nerf_ray(field, o, d, s, j))(origins_T, directions_T, sun_T, shift)
 
 
+def bounds(field: RadianceField) -> tuple[Vector, Vector]:
+    """Lowest and highest corner (3,) of the field's box in T [m], which is somewhat larger than the target."""
+    return grid_bounds(field) if isinstance(field, GridField) else (field.low, field.high)
+
+
 def bounding_sphere(field: RadianceField) -> tuple[Vector, Scalar]:
     """Centre [m] and radius [m] of the sphere around the field's box."""
-    minimum, maximum = grid_bounds(field) if isinstance(field, GridField) else (field.low, field.high)
+    minimum, maximum = bounds(field)
     return 0.5 * (minimum + maximum), 0.5 * jnp.sqrt(jnp.sum((maximum - minimum) ** 2))

@@ -9,7 +9,7 @@ from rpojax.scenario.plugins.custom_metrics import make_metric, metric
 from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.metrics import team_metrics
 
-EACH = np.array([[1.0, 3.0], [np.nan, 5.0], [np.nan, np.nan]])
+EACH = np.array([[1.0, 3.0], [5.0, 5.0], [np.nan, 5.0], [np.nan, np.nan]])
 
 
 def test_errors_are_means_and_ranges_least_and_peaks_greatest() -> None:
@@ -23,8 +23,13 @@ def test_errors_are_means_and_ranges_least_and_peaks_greatest() -> None:
     for longest in ("look_away_peak_s", "reacquisition_peak_s", "longest_unseen_s"):
         assert joined(longest)[:2] == [3.0, 5.0]
     assert joined("pointing_error_p95_deg")[:2] == [2.0, 5.0]
-    assert np.isnan(joined("formation_error_rms_m")[2])
-    assert np.isnan(joined("look_away_peak_s")[2])
+
+    # A servicer that never saw the target must not pass for the others' time.
+    for name in ("formation_error_rms_m", "min_range_m", "look_away_peak_s", "time_to_acquire_s"):
+        assert np.isnan(joined(name)[2:]).all()
+    # A servicer without a burn has no drift after one.
+    assert joined("stuck_on_range_24_h_m")[2] == 5.0
+    assert np.isnan(joined("stuck_on_range_24_h_m")[3])
 
 
 def test_of_a_users_function_of_whole_runs_a_team_has_the_worst_value() -> None:
@@ -34,7 +39,7 @@ def test_of_a_users_function_of_whole_runs_a_team_has_the_worst_value() -> None:
 
     assert joined(None, False)[:2] == [3.0, 5.0]
     assert joined(None, True)[:2] == [1.0, 5.0]
-    assert np.isnan(joined(None, False)[2])
+    assert np.isnan(joined(None, False)[2:]).all()
     assert joined("mean", False)[:2] == [2.0, 5.0]
     assert joined("max", True)[:2] == [3.0, 5.0]
 

@@ -16,8 +16,11 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
     from rpojax.scenario.loading.scenario_warnings import scenario_warnings
     from rpojax.scenario.scenario_digest import scenario_digest
     from rpojax.scenario.team.members import member_names
+    from rpojax.scenario.trained.coverage_surface import surface_triangles
 
     file = load(scenario, overrides)
+    if file.coverage.enabled:
+        surface_triangles(file.model_dump())
     content = {
         "name": file.name,
         "description": file.description,
