@@ -13,6 +13,7 @@ from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
 from rpojax.flight.navigation import combined_orbit_filter
+from rpojax.report.page.html_report import write_report
 from rpojax.simulation.tick import Loop
 
 PLUGIN = Path(__file__).parents[1] / "believed_lidar.py"
@@ -72,12 +73,13 @@ def test_what_is_believed_and_what_is_true_are_apart(tmp_path: Path) -> None:
 def test_in_the_dark_the_estimate_stays_as_good_and_consistent(tmp_path: Path) -> None:
     campaign = fly(tmp_path, 4, "inspection_eclipse", "duration_s=4000")
     for run in range(4):
-        history = campaign.histories[run]
+        history = campaign.history(run)
         late = np.asarray(history["time_s"]) > 1000.0
         dark = late & ~np.asarray(history["observable"], dtype=bool)
         assert (dark & np.asarray(history["lidar_accepted"], dtype=bool)).sum() > 0.7 * dark.sum() > 500
         error = np.linalg.norm(history["relative_error_H"], axis=1)
         assert np.sqrt(np.mean(error[dark] ** 2)) < 0.1  # 0.3 to 0.7 m without
+    write_report(campaign, film=False, progress=False)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     means = {entry["name"]: entry for entry in report["consistency"]["means"]}
     # The noise is believed 1.33 times as large as it is: 3 / 1.33^2.
