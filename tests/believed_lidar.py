@@ -21,6 +21,7 @@ class Lidar(rpojax.AdditionalSensor):
     normals = 4
     beliefs = ("believed_noise_m", "believed_angle_noise_deg")
     row_count = 3
+    shows_direction = True
 
     @staticmethod
     def measure(settings, scene, normals):

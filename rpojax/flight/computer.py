@@ -1,13 +1,11 @@
 """Flight computer: the stages of the flight software in the order in which they run; burns: `decisions`."""
 
-from collections.abc import Mapping
 from functools import partial
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
@@ -36,12 +34,11 @@ from rpojax.flight.navigation import (
     thrust_estimator,
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.navigation.believed_sensor import BelievedRows, SensorView
+from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation_health import NavigationHealth
 from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
@@ -116,9 +113,12 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
+    view = partial(SensorView, q_BN=attitude.q_BN, time=time)
     sensors = {
-        name: partial(_sensor_rows, rows, params.sensors[name], attitude.q_BN, measurements.additional, time)
-        for name, rows in settings.sensors
+        name: partial(
+            believed_sensor.checked_rows, name, count, rows, params.sensors[name], view, measurements.additional
+        )
+        for name, rows, count in settings.sensors
     }
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
     orbit, gate, innovation = stages.call(
@@ -135,42 +135,33 @@ def navigate(
         sensors=sensors,
         time=time,
     )
-    orbit, gate, rejected_s = _recovered(params, memory, orbit, gate, innovation, box.interval)
+    orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
     health = _updated_health(params, memory, orbit, gate, innovation, box.interval, time)
     after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
     return replace(after, rejected_s=rejected_s), innovation
 
 
-def _sensor_rows(
-    rows: BelievedRows,
-    beliefs: Mapping[str, Array],
-    q_BN: Float[Array, "4"],
-    measured: Mapping[str, Array],
-    time: Scalar,
-    relative: RelativeEstimate,
-) -> MeasurementRows:
-    """Rows of an additional sensor for an estimate."""
-    return rows(beliefs, SensorView(relative=relative, q_BN=q_BN, time=time), measured)
-
-
 def _recovered(
-    params: FlightParams,
-    memory: FlightMemory,
-    orbit: OrbitEstimate,
-    gate: GateState,
-    innovation: Innovation,
-    interval: Scalar,
-) -> tuple[OrbitEstimate, GateState, dict[str, Array]]:
-    """Estimate, widened where a sensor was rejected for too long, which the gate tells; time of rejections [s]."""
-    relative, rejected_s = orbit.relative, {}
+    params: FlightParams, memory: FlightMemory, orbit: OrbitEstimate, innovation: Innovation, interval: Scalar
+) -> tuple[OrbitEstimate, dict[str, Array]]:
+    """Estimate, widened where a sensor was rejected for long and nothing else was used; times of rejections [s]."""
+    relative, rejected_s, used = orbit.relative, {}, innovation.is_used(innovation.sensors)
     for name, each in innovation.sensors.items():
-        time = believed_sensor.rejected_time(memory.rejected_s[name], each, interval)
-        recover = time >= params.navigation.recovery_after
+        before = jnp.where(has_widened(params, memory.rejected_s[name]), 0.0, memory.rejected_s[name])
+        rejected_s[name] = jnp.where(used, 0.0, before + jnp.where(each.rejected, interval, 0.0))
+        recover = has_widened(params, rejected_s[name])
         added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, recover)
         relative = replace(relative, covariance=relative.covariance + jnp.diag(added))
-        gate = replace(gate, recovered=gate.recovered | recover)
-        rejected_s[name] = jnp.where(recover, 0.0, time)
-    return (replace(orbit, relative=relative) if rejected_s else orbit), gate, rejected_s
+    return (replace(orbit, relative=relative) if rejected_s else orbit), rejected_s
+
+
+def has_widened(params: FlightParams, rejected_s: Scalar) -> Bool[Array, ""]:
+    """Whether a sensor has been rejected for so long [s] that the estimate is widened."""
+    return rejected_s >= params.navigation.recovery_after - _ROUNDING
+
+
+_ROUNDING = 1e-3
+"""Rounding of a sum of intervals, more than that of single precision [s]."""
 
 
 def filtered_box(

@@ -62,7 +62,8 @@ class FlightMemory:
         mission: state of the mission manager, None without phases
         phase_gains: (places, 3, 6) gains of the formation controller over the orbit for each row of the phase table,
             None without phases
-        rejected_s: () for how long measurements of an additional sensor have been rejected [s], by name
+        rejected_s: () for how long an additional sensor has been rejected while nothing else measured the target [s],
+            by name; from `recovery_after` on the estimate is widened in this tick
     """
 
     orbit: OrbitEstimate
@@ -90,11 +91,11 @@ class FilterSettings:
 
     Attributes:
         gated: whether measurements must pass the gate
-        sensors: names and rows of the additional sensors that it believes
+        sensors: names, rows and their number of the additional sensors that it believes
     """
 
     gated: bool
-    sensors: tuple[tuple[str, BelievedRows], ...] = ()
+    sensors: tuple[tuple[str, BelievedRows, int], ...] = ()
 
 
 @pytree

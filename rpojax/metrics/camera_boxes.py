@@ -11,6 +11,7 @@ METRICS: Final = (
         "s",
         title="Longest reacquisition",
         meaning="Longest time from the target's exit from shadow to the next accepted box.",
+        of_events=True,
         inputs=("observable", "box_accepted", "box_outlier"),
         value=lambda xp, observable, accepted, outlier: xp.stack([observable, accepted & ~outlier], axis=-1),
         reduction=record_statistics.longest_wait,

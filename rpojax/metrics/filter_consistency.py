@@ -137,7 +137,7 @@ def sensor_metrics(sensor: str, rows: int) -> tuple[Metric, ...]:
             f"{sensor}_used_fraction",
             "-",
             title=f"Used, {title}",
-            meaning=f"Fraction of ticks with a measurement of {title} that the filter used.",
+            meaning=f"Measurements of {title} that the filter used, per tick.",
             inputs=(f"{sensor}_accepted",),
             reduction="mean",
             low_is_bad=True,

@@ -66,6 +66,8 @@ class Metric:
         low_is_bad: low values are the worse ones
         has_derivative: its derivative is useful: it is no count, no percentile and no step function
         degrees_of_freedom: of a normalised square, which is its mean if the filter is consistent; None for others
+        of_events: it judges what need not happen, such as a wait after an eclipse: of a team those servicers count to
+            which it did
         source: evaluated from `records` or from free `drifts`, and so for every run of a campaign; from the `coverage`
             of the target's surface, for those of a scenario with it; of a `team`, for those with several servicers;
             during the `simulation` alone; or from records as a `plugin` defines it, for the scenarios that have it
@@ -82,6 +84,7 @@ class Metric:
     low_is_bad: bool = False
     has_derivative: bool = False
     degrees_of_freedom: int | None = None
+    of_events: bool = False
     source: Source = "records"
 
     def weighted_value(self, namespace: ModuleType, quantities: Mapping[str, Quantity]) -> WeightedValue:

@@ -39,6 +39,7 @@ METRICS: Final = (
         title="False alarms",
         meaning="Fraction of the time with a relative NEES below 18 (6 is consistent) in which the flight "
         "software is not confident in its navigation.",
+        of_events=True,
         inputs=("nav_confident", "nees_relative"),
         value=_false_alarm,
         reduction=record_statistics.conditional_mean,
@@ -49,6 +50,7 @@ METRICS: Final = (
         title="Missed detections",
         meaning="Fraction of the time with a relative NEES above 150 (6 is consistent), or a relative position error "
         "of more than half the range, in which the flight software is confident in its navigation.",
+        of_events=True,
         inputs=("nav_confident", "nees_relative", "relative_error_H", "range_m"),
         value=_missed,
         reduction=record_statistics.conditional_mean,

@@ -67,8 +67,13 @@ class Scenario:
     @property
     def filter_settings(self) -> FilterSettings:
         """Static settings of the orbit filter."""
-        believed = tuple((name, sensor.rows) for name, sensor in self.additional_sensors if sensor.is_believed())
-        return FilterSettings(self.box_gating, believed)
+        believed = [each for each in self.additional_sensors if each[1].is_believed()]
+        return FilterSettings(self.box_gating, tuple((name, each.rows, each.row_count) for name, each in believed))
+
+    @property
+    def direction_sensors(self) -> list[str]:
+        """Names of the additional sensors whose use by the filter shows that the target is where it should be."""
+        return [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
 
     @property
     def step_s(self) -> float:

@@ -120,8 +120,7 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
             functions |= PHASING_CHANNELS if scenario.mission.phasing != "fixed" else {}
     with jax.named_scope("observe"):
         channels = evaluate(functions, functions, ObservedTick(scenario, params, telemetry))
-        channels |= sensor_channels(telemetry.innovation)
-        additional = telemetry.measurements.additional
+        additional = {**sensor_channels(telemetry.innovation), **telemetry.measurements.additional}
         if taken := sorted(set(channels) & set(additional)):
             raise RpojaxError(f"{taken[0]}: found a sensor's measurement, expected a name that no channel has")
         channels |= additional

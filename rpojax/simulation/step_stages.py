@@ -155,7 +155,7 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 def guide(loop: Loop, tick: Tick) -> Tick:
     """Attitude reference of the tick, and the pointing mode."""
     assert tick.innovation is not None
-    accepted = tick.innovation.is_target_measured
+    accepted = tick.innovation.is_used(loop.scenario.direction_sensors)
     with jax.named_scope("guide"):
         memory, mode = computer.guide(
             loop.params.flight,

@@ -1,7 +1,7 @@
 """Measurements of additional sensors in the relative filter: what a sensor says of them, their gate, their update.
 
-A sensor is believed if its class says which rows its measurement gives. Each measurement passes a gate of its own, and
-one that is rejected for long widens the estimate, as rejected boxes do.
+A sensor is believed if its class says which rows its measurement gives. Each measurement passes a gate of its own. A
+sensor that is rejected for long, while nothing else measures the target, widens the estimate.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,6 +16,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.state_layout import StateLayout
+from rpojax.errors import RpojaxError
 from rpojax.flight.navigation import relative_state
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
@@ -63,8 +64,10 @@ class SensorView:
         def at(vector: Array) -> Array:
             return expected(relative_state.moved_to(estimate, vector, estimate.covariance))
 
+        if (shape := jnp.shape(values := expected(estimate))) != jnp.shape(measured):
+            raise RpojaxError(f"rows: found expected of shape {shape}, expected {jnp.shape(measured)} as measured")
         return MeasurementRows(
-            residual=jnp.where(present, measured, 0.0) - expected(estimate),
+            residual=jnp.where(present, measured, 0.0) - values,
             jacobian=jax.jacfwd(at)(estimate.vector),
             variance=variance,
             weight=jnp.full(measured.shape, jnp.where(present, 1.0, 0.0)),
@@ -103,9 +106,13 @@ class SensorInnovation:
 def update(
     tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows
 ) -> tuple[RelativeEstimate, SensorInnovation]:
-    """Estimate after a measurement that passes the gate, and its diagnostics."""
+    """Estimate after a measurement that passes the gate, and its diagnostics.
+
+    A row that holds what is no number does not count.
+    """
+    rows = _present(rows)
     weight, present = _gate_weight(tuning, gated, estimate, rows), rows.weight > 0.5
-    gated_rows = replace(rows, residual=jnp.where(present, rows.residual, 0.0), weight=rows.weight * weight)
+    gated_rows = replace(rows, weight=rows.weight * weight)
     result = kalman_update.update(estimate.covariance, gated_rows)
     accepted = jnp.any(result.used, axis=0)
     innovation = SensorInnovation(
@@ -135,19 +142,51 @@ def _along(rows: MeasurementRows, vector: Float[Array, " n"]) -> Float[Array, " 
     return jnp.sum(rows.jacobian * vector[None, :], axis=1)
 
 
+def _present(rows: MeasurementRows) -> MeasurementRows:
+    """Rows with numbers throughout, and no weight where there was another thing."""
+    numbers = jnp.isfinite(rows.residual) & jnp.isfinite(rows.variance) & jnp.all(jnp.isfinite(rows.jacobian), axis=1)
+    counts = numbers & (rows.weight > 0.5)
+    return MeasurementRows(
+        residual=jnp.where(counts, rows.residual, 0.0),
+        jacobian=jnp.where(counts[:, None], rows.jacobian, 0.0),
+        variance=jnp.where(counts, rows.variance, 1.0),
+        weight=jnp.where(counts, rows.weight, 0.0),
+    )
+
+
+def checked_rows(
+    name: str,
+    count: int,
+    rows: BelievedRows,
+    beliefs: Mapping[str, Array],
+    view: Callable[..., SensorView],
+    measured: Mapping[str, Array],
+    relative: RelativeEstimate,
+) -> MeasurementRows:
+    """Rows of the sensor `name` for an estimate.
+
+    Raises:
+        RpojaxError: they are not as many as the class says, or of another shape.
+    """
+    found = rows(beliefs, view(relative=relative), measured)
+    size = relative.layout.size
+    for part, shape in (
+        ("residual", (count,)),
+        ("jacobian", (count, size)),
+        ("variance", (count,)),
+        ("weight", (count,)),
+    ):
+        if (is_shape := jnp.shape(getattr(found, part))) != shape:
+            raise RpojaxError(f"sensors.{name}.rows: found {part} of shape {is_shape}, expected {shape}")
+    return found
+
+
 def _gate_weight(tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows) -> Array:
     """1 if all rows that are present are within the gate, else 0, with the derivative of a smooth gate."""
     if not gated:
         return jnp.ones_like(rows.residual[0])
     products = jnp.sum(estimate.covariance[None] * rows.jacobian[:, None, :], axis=2)
     variance = jnp.sum(products * rows.jacobian, axis=1) + rows.variance
-    ratio = jnp.where(rows.weight > 0.5, rows.residual**2 / variance, 0.0)
+    ratio = rows.residual**2 / variance
     margin = tuning.gate_sigma**2 - jnp.max(ratio, axis=0)
     return gradient_safe.gate(margin, jnp.asarray(_GATE_WIDTH, dtype=margin.dtype))
-
-
-def rejected_time(
-    before: Float[Array, ""], innovation: SensorInnovation, interval: Float[Array, ""]
-) -> Float[Array, ""]:
-    """Time [s] for which measurements of a sensor have been rejected, `interval` [s] after the tick before."""
-    return jnp.where(innovation.accepted, 0.0, before + jnp.where(innovation.rejected, interval, 0.0))

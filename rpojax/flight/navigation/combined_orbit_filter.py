@@ -7,7 +7,7 @@ which enters both, is a tenth of a millimetre per second against the servicer's 
 the sum of the two.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field
 
 import jax.numpy as jnp
@@ -68,13 +68,12 @@ class Innovation:
     expected_box: ExpectedBox
     sensors: dict[str, SensorInnovation] = field(default_factory=dict)
 
-    @property
-    def is_target_measured(self) -> Array:
-        """() bool, a box or a measurement of another sensor was used."""
-        seen = self.accepted
-        for each in self.sensors.values():
-            seen = seen | each.accepted
-        return seen
+    def is_used(self, sensors: Iterable[str]) -> Array:
+        """() bool, the box or a measurement of one of these sensors was used."""
+        used = self.accepted
+        for name in sensors:
+            used = used | self.sensors[name].accepted
+        return used
 
 
 def initial(

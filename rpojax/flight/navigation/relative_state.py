@@ -35,7 +35,7 @@ class SlowState:
         process: factor (size,) on the state over a time [s], and process variance (size,), of the tuning and of the
             errors that come from the target's shape
         burn_effect: (3, size) velocity change of the servicer that a unit of the state adds to a burn of a velocity
-            change (3,) [m/s]; None for a state that burns do not show
+            change (3,) [m/s], linear in it; None for a state that burns do not show
     """
 
     name: str

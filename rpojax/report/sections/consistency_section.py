@@ -70,7 +70,7 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
         "whiteness": [
             _whiteness_entry(campaign, name)
             for name in in_display_order(of_all_servicers(campaign.metrics))
-            if name.endswith(_WHITENESS)
+            if name.endswith(_WHITENESS) and _degrees_of_freedom(f"nis_{name.removesuffix(_WHITENESS)}_mean") > 0
         ],
         "sigma3_coverage_low_runs_fraction": _low_coverage_fraction(campaign),
     }
@@ -78,7 +78,11 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
 
 def _squares(campaign: CampaignResults) -> list[str]:
     """Names of normalised squares in display order."""
-    return [name for name in in_display_order(of_all_servicers(campaign.metrics)) if _degrees_of_freedom(name) > 0]
+    return [
+        name
+        for name in in_display_order(of_all_servicers(campaign.metrics))
+        if "@" not in name and _degrees_of_freedom(name) > 0
+    ]
 
 
 def _degrees_of_freedom(name: str) -> int:

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import inspect
+import sys
 from collections.abc import Mapping
 from types import CodeType, FunctionType, SimpleNamespace
 from typing import Any
@@ -16,11 +17,39 @@ PLUGIN_MODULE = "rpojax_plugin_"
 def qualified_name(function: Any) -> str:
     """Module and qualified name of a function, or of the class of a callable object.
 
-    The name of a plugin file's module is left out: another function in the file does not make this one another.
+    The name of a plugin file's module, which tells the content of the file, is left out where digests tell all that the
+    function depends on: then another function in the file does not make this one another.
     """
     named = function if hasattr(function, "__qualname__") else type(function)
-    module = "plugin" if named.__module__.startswith(PLUGIN_MODULE) else named.__module__
-    return f"{module}.{named.__qualname__}"
+    is_told = named.__module__.startswith(PLUGIN_MODULE) and inspect.isfunction(function) and _is_told(function, set())
+    return f"{'plugin' if is_told else named.__module__}.{named.__qualname__}"
+
+
+def _is_told(function: FunctionType, seen: set[int]) -> bool:
+    """Whether digests hold the content of all that a function of a plugin file reads by name."""
+    seen.add(id(function))
+    for name in _names_in(function.__code__) & function.__globals__.keys():
+        value = function.__globals__[name]
+        if inspect.isfunction(value) and value.__module__ == function.__module__:
+            own = (value.__closure__, value.__defaults__, value.__kwdefaults__, getattr(value, "__wrapped__", None))
+            if any(each is not None for each in own) or (id(value) not in seen and not _is_told(value, seen)):
+                return False
+        elif isinstance(value, _PLAIN):
+            try:
+                _content(value, 1)
+            except _NoContentError:
+                return False
+        elif not (inspect.ismodule(value) or _is_of_package(value)):
+            return False
+    return True
+
+
+def _is_of_package(value: Any) -> bool:
+    """Whether it is a function or class of an installed package, which is told by its version."""
+    module = sys.modules.get(getattr(value, "__module__", None) or "")
+    path = getattr(module, "__file__", None) or ""
+    is_installed = "site-packages" in path or (module is not None and module.__name__.partition(".")[0] in _PACKAGES)
+    return is_installed and (inspect.isroutine(value) or inspect.isclass(value))
 
 
 def values_digest(function: Any) -> str | None:
@@ -34,6 +63,8 @@ def values_digest(function: Any) -> str | None:
 class _NoContentError(Exception):
     """A value whose content cannot be told from its text."""
 
+
+_PACKAGES = {"rpojax", *sys.stdlib_module_names}
 
 _DEEPEST = 8
 """Levels of nested values that are looked at; a function that captures itself has no end."""

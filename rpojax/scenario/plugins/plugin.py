@@ -50,6 +50,9 @@ class Plugin:
                 raise RpojaxError(f"sensors.{name}: found this name, expected one that no section of a scenario has")
             if not isinstance(getattr(cls, "normals", None), int):
                 raise RpojaxError(f"sensors.{name}: found no `normals`, expected how many random numbers it takes")
+            if isinstance(cls.beliefs, str) or (cls.beliefs and not cls.is_believed()):
+                expected = "a tuple of keys, of a class with `rows` and `row_count`"
+                raise RpojaxError(f"sensors.{name}.beliefs: found {cls.beliefs!r}, expected {expected}")
             if unknown := set(cls.beliefs) - set(cls.model_fields):
                 raise RpojaxError(f"sensors.{name}.beliefs: found {min(unknown)!r}, expected keys of its section")
             if (cls.rows is not AdditionalSensor.rows) is not cls.is_believed():
@@ -63,7 +66,10 @@ class Plugin:
         own = {name: custom_metrics.make_metric(name, each, _unit(name)) for name, each in self.metrics.items()}
         for sensor, cls in self.sensors.items():
             if cls.is_believed():
-                own |= {each.name: each for each in filter_consistency.sensor_metrics(sensor, cls.row_count)}
+                of_sensor = {each.name: each for each in filter_consistency.sensor_metrics(sensor, cls.row_count)}
+                if taken := sorted(own.keys() & of_sensor.keys()):
+                    raise RpojaxError(f"metrics: found {taken[0]!r}, expected a name that no metric of a sensor has")
+                own |= of_sensor
         return own
 
     @property

@@ -42,6 +42,8 @@ class AdditionalSensor(Section, ABC):
     """Standard normal numbers that a measurement takes."""
     beliefs: ClassVar[tuple[str, ...]] = ()
     """Keys of the section that flight software alone has: what it believes of the sensor."""
+    shows_direction: ClassVar[bool] = False
+    """A measurement that the filter used means that the target is where the servicer looks for it, as a box does."""
     row_count: ClassVar[int] = 0
     """Rows of a measurement in the filter, 0 for a sensor that it does not believe."""
 

@@ -8,7 +8,12 @@ import numpy as np
 
 from rpojax.metrics import passive_safety, team
 from rpojax.metrics.metric_definition import Floats, Metric
-from rpojax.metrics.record_statistics import longest_streak, longest_total_between_decisions, longest_wait
+from rpojax.metrics.record_statistics import (
+    lag_1_autocorrelation,
+    longest_streak,
+    longest_total_between_decisions,
+    longest_wait,
+)
 from rpojax.metrics.time_windows import DURATION, EVENT_TIME, split_name
 
 _LONGEST = (longest_streak, longest_wait, longest_total_between_decisions)
@@ -22,9 +27,9 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
 
     Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest; a user's
     function of whole runs gives its worst value, since nobody knows what it is; others their mean. Undefined of one
-    servicer it is undefined of the team: that it never saw the target must not pass for the times of the others. Of
-    free drifts those count that there are: without a burn there is none that stays stuck on. How long, or when, a team
-    was in a phase is said by the last of them to come there: a team was there if all its servicers were.
+    servicer it is undefined of the team: that it never saw the target must not pass for the times of the others. But of
+    what need not happen, and of free drifts, those count that there are: without a burn none is stuck on. How long, or
+    when, a team was in a phase is said by the last of them to come there: a team was there if all its servicers were.
     """
     window = None if metric is None else split_name(metric.name)[0]
     if window == DURATION.name:
@@ -32,8 +37,8 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
     if window == EVENT_TIME.name:
         return np.max(each, axis=1)
     defined = np.isfinite(each)
-    of_drifts = metric is not None and metric.source == "drifts"
-    known = defined.any(axis=1) if of_drifts else defined.all(axis=1)
+    may_be_none = metric is not None and (metric.of_events or metric.source == "drifts")
+    known = defined.any(axis=1) if may_be_none else defined.all(axis=1)
     match _extreme(metric):
         case "least":
             found = np.min(each, axis=1, where=defined, initial=np.inf)
@@ -50,7 +55,8 @@ def _extreme(metric: Metric | None) -> Literal["least", "greatest"] | None:
         return None
     if metric.reduction in ("min", "max"):
         return "least" if metric.reduction == "min" else "greatest"
-    is_of_whole_runs = metric.source == "plugin" and callable(metric.reduction)
+    is_of_user = metric.source == "plugin" and metric.reduction is not lag_1_autocorrelation
+    is_of_whole_runs = is_of_user and callable(metric.reduction)
     if is_of_whole_runs or (metric.source == "drifts" and metric.low_is_bad):
         return "least" if metric.low_is_bad else "greatest"
     is_longest = metric.reduction in _LONGEST

@@ -206,7 +206,7 @@ def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamR
         position = measure_position(receiver, tick.state.truth, carrier_error_N, normals, tick.health)
     return TeamRecords(
         orbit=memory.orbit,
-        gate=memory.gate,
+        gate=replace(memory.gate, recovered=_has_recovered(params, memory)),
         accepted=tick.innovation.accepted,
         box=computer.filtered_box(
             params.flight, tick.state.flight, memory.attitude_variance, tick.measurements.box, tick.sky.sun_N
@@ -216,6 +216,14 @@ def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamR
         running=jnp.isinf(tick.state.failed_at),
         rows=believed_sensor.rows_of(tick.innovation.sensors),
     )
+
+
+def _has_recovered(params: Params, memory: FlightMemory) -> Bool[Array, ""]:
+    """Whether rejected boxes, or measurements of an additional sensor, have widened the own estimate."""
+    recovered = memory.gate.recovered
+    for rejected_s in memory.rejected_s.values():
+        recovered = recovered | computer.has_widened(params.flight, rejected_s)
+    return recovered
 
 
 def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkState, Bool[Array, "N N"]]:

@@ -8,7 +8,9 @@ import rendezvous_scene
 from believed_lidar import Lidar
 from numpy_reference import random_covariance
 
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
+from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import believed_sensor
 from rpojax.flight.navigation.believed_sensor import SensorInnovation, SensorView
@@ -103,16 +105,55 @@ def test_no_measurement_changes_nothing_and_is_not_rejected(flight: FlightParams
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(innovation))
 
 
-def test_the_time_of_rejections_begins_anew_with_an_accepted_measurement(
+def test_what_is_no_number_does_not_count_in_values_and_derivatives(
     flight: FlightParams, known: RelativeEstimate
 ) -> None:
-    place = seen(np.asarray(known.r_TS_N))
-    _, rejected = take(flight.navigation, known, place + 10.0)
-    _, accepted = take(flight.navigation, known, place)
-    _, absent = take(flight.navigation, known, np.full(3, np.nan))
-    times = []
-    time = jnp.zeros(())
-    for each in (rejected, absent, rejected, accepted, rejected):
-        time = believed_sensor.rejected_time(time, each, jnp.asarray(0.5))
-        times.append(float(time))
-    assert times == [0.5, 0.5, 1.0, 0.0, 0.5]
+    rows = lidar_rows(known, seen(np.asarray(known.r_TS_N)))
+    holes = {
+        "residual": replace(rows, residual=rows.residual.at[1].set(jnp.nan)),
+        "variance": replace(rows, variance=rows.variance.at[1].set(jnp.nan)),
+        "jacobian": replace(rows, jacobian=rows.jacobian.at[1, 0].set(jnp.inf)),
+    }
+    without = replace(rows, weight=jnp.array([1.0, 0.0, 1.0]))
+    expected, _ = update(flight.navigation, known, without)
+    for name, each in holes.items():
+        after, innovation = update(flight.navigation, known, each)
+        assert bool(innovation.accepted), name
+        np.testing.assert_array_equal(after.vector, expected.vector, err_msg=name)
+        assert np.isfinite(after.covariance).all(), name
+    slopes = slope(flight.navigation, known, replace(rows, residual=jnp.full(3, jnp.nan), weight=jnp.zeros(3)))
+    assert np.isfinite(slopes).all()
+
+
+update = jax.jit(lambda tuning, estimate, rows: believed_sensor.update(tuning, True, estimate, rows))
+
+
+@jax.jit
+def slope(tuning: OrbitFilterTuning, estimate: RelativeEstimate, rows: MeasurementRows) -> jax.Array:
+    """Derivative of the estimate after a measurement to a factor on the covariance before it, in reverse mode."""
+
+    def total(factor: jax.Array) -> jax.Array:
+        scaled = replace(estimate, covariance=factor * estimate.covariance)
+        after, _ = believed_sensor.update(tuning, True, scaled, rows)
+        return jnp.sum(after.vector) + jnp.sum(after.covariance)
+
+    return jax.grad(total)(jnp.ones(()))
+
+
+def test_rows_of_another_shape_are_refused(known: RelativeEstimate) -> None:
+    def too_few(beliefs, view, measured):
+        return replace(Lidar.rows(beliefs, view, measured), variance=jnp.ones(1))
+
+    measured = {"lidar_m": jnp.asarray(30.0), "lidar_rad": jnp.zeros(2)}
+
+    def view(relative: RelativeEstimate) -> SensorView:
+        return SensorView(relative=relative, q_BN=jnp.asarray(Q_BN), time=jnp.zeros(()))
+
+    for rows, count, expected in (
+        (too_few, 3, r"sensors.lidar.rows: found variance of shape \(1,\), expected \(3,\)"),
+        (Lidar.rows, 2, r"found residual of shape \(3,\), expected \(2,\)"),
+    ):
+        with pytest.raises(RpojaxError, match=expected):
+            believed_sensor.checked_rows("lidar", count, rows, BELIEFS, view, measured, known)
+    with pytest.raises(RpojaxError, match=r"found expected of shape \(\), expected \(1,\) as measured"):
+        view(known).rows(lambda estimate: estimate.r_TS_N[0], jnp.ones(1), jnp.ones(1), jnp.asarray(True))

@@ -226,6 +226,32 @@ def test_an_edited_law_leaves_the_metrics_of_its_file_as_they_are(tmp_path: Path
     assert digests[0] == digests[1] != digests[2]
 
 
+OPAQUE = {
+    "a compiled helper": "@jax.jit\ndef helper(x):\n    return {0} * x\n",
+    "an array of JAX": "SCALE = jnp.array({0})\n\ndef helper(x):\n    return SCALE * x\n",
+    "a function with its arguments": "def times(a, x):\n    return a * x\n\nhelper = functools.partial(times, {0})\n",
+    "a function of a function": "def made(a):\n    return lambda x: a * x\n\nhelper = made({0})\n",
+    "a default argument": "def helper(x, a={0}):\n    return a * x\n",
+    "an object": "class Times:\n    def __init__(self, a):\n        self.a = a\n    def __call__(self, x):\n"
+    "        return self.a * x\n\nhelper = Times({0})\n",
+}
+
+
+@pytest.mark.parametrize("kind", OPAQUE)
+def test_a_metric_is_another_one_if_what_it_calls_is(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "inspection"\nname = "mine"\ndescription = "."\nplugin = "mine.py:setup"\n')
+    digests = []
+    for number in (2.0, 3.0):
+        imports = "import functools\nimport jax\nimport jax.numpy as jnp\n" + OPAQUE[kind].format(number)
+        text = PLUGIN.format("max").replace("return range_m", "return helper(range_m)")
+        (tmp_path / "mine.py").write_text(imports + text)
+        plugin = plugin_registry.plugin_of(rpojax.load(path, allow_plugin=True))
+        assert plugin is not None
+        digests.append(plugin.describe()["metrics"]["score_m"]["sha256"])
+    assert digests[0] != digests[1]
+
+
 class Near(rpojax.AdditionalSensor):
     """Sensor with one key."""
 

@@ -29,6 +29,8 @@ def test_errors_are_means_and_ranges_least_and_peaks_greatest() -> None:
         assert np.isnan(joined(name)[2:]).all()
     # A servicer without a burn has no drift after one.
     assert joined("stuck_on_range_24_h_m")[2] == 5.0
+    # Nor has one that no eclipse took the target from a wait after it.
+    assert joined("reacquisition_peak_s")[2] == joined("health_missed_fraction")[2] == 5.0
     assert np.isnan(joined("stuck_on_range_24_h_m")[3])
 
 
