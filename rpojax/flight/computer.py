@@ -157,11 +157,7 @@ def _recovered(
 
 def has_widened(params: FlightParams, rejected_s: Scalar) -> Bool[Array, ""]:
     """Whether a sensor has been rejected for so long [s] that the estimate is widened."""
-    return rejected_s >= params.navigation.recovery_after - _ROUNDING
-
-
-_ROUNDING = 1e-3
-"""Rounding of a sum of intervals, more than that of single precision [s]."""
+    return rejected_s >= params.navigation.recovery_after - outlier_gate.ROUNDING
 
 
 def filtered_box(

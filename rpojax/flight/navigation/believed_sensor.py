@@ -18,11 +18,9 @@ from rpojax.core.pytree import pytree, replace
 from rpojax.core.state_layout import StateLayout
 from rpojax.errors import RpojaxError
 from rpojax.flight.navigation import relative_state
+from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
-
-_GATE_WIDTH = 0.25
-"""Width of the gate's smooth derivative, in squared sigmas."""
 
 
 @dataclass(frozen=True)
@@ -189,4 +187,4 @@ def _gate_weight(tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstim
     variance = jnp.sum(products * rows.jacobian, axis=1) + rows.variance
     ratio = rows.residual**2 / variance
     margin = tuning.gate_sigma**2 - jnp.max(ratio, axis=0)
-    return gradient_safe.gate(margin, jnp.asarray(_GATE_WIDTH, dtype=margin.dtype))
+    return gradient_safe.gate(margin, jnp.asarray(outlier_gate.GATE_WIDTH, dtype=margin.dtype))

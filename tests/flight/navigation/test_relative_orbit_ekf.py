@@ -104,6 +104,7 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         covariance=P,
         outline=outline_correlation.initial(),
     )
+    before = jax.tree.map(jnp.asarray, before)
     depth = (R_KN @ r_TS_N)[2]
     ideal = rendezvous_scene.box(flight, R_KN, r_TS_N)
     residual = rng.normal(size=3) * [1e-3, 1e-3, 0.05]

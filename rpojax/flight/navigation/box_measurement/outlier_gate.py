@@ -15,7 +15,7 @@ Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
 Matrix = Float[Array, "3 3"]
 
-_GATE_WIDTH = 0.25
+GATE_WIDTH = 0.25
 """Width of the gate's smooth derivative, in squared sigmas."""
 
 
@@ -31,7 +31,7 @@ _SIZE_AGREEMENT = 0.5
 """Difference of the log-sizes of two boxes that confirm each other: edge noise, and the tumble in between [-]."""
 
 
-_ROUNDING = 1e-3
+ROUNDING = 1e-3
 """Rounding of a sum of intervals, more than that of single precision [s]."""
 
 
@@ -102,7 +102,7 @@ def accept(
     certain than a box, `possible` that the predicted target can have such a box.
     """
     margin = tuning.gate_sigma**2 - _worst_ratio(box, residual, variance)
-    inside = gradient_safe.gate(margin, jnp.asarray(_GATE_WIDTH, dtype=margin.dtype))
+    inside = gradient_safe.gate(margin, jnp.asarray(GATE_WIDTH, dtype=margin.dtype))
     confirmed = _is_confirmed(tuning, R_KN, state, box)
     allowed = box.present & possible & (confirmed | ~prior_is_wide)
     return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0), confirmed=confirmed)
@@ -151,7 +151,7 @@ def update(
     direction_N = quaternion.rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K))
     idle = jnp.where(box.present, 0.0, box_evidence.fade(_REJECTION_DECAY, box.interval) * state.rejections)
     evidence = jnp.where(rejected, state.rejections + box_evidence.evidence_time(box.interval), idle)
-    recover = evidence >= tuning.recovery_after - _ROUNDING
+    recover = evidence >= tuning.recovery_after - ROUNDING
     after = GateState(
         direction_N=jnp.where(box.present, direction_N, state.direction_N),
         log_size=jnp.where(box.present, box.log_size, state.log_size),
