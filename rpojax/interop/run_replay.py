@@ -134,8 +134,8 @@ def replay(
     file, in_double = _files(campaign, stages)
     options = campaign.configuration.options
     run_range = options.design_range
-    scenario, params, state = single_run.initialise_run(in_double, options.seed, run_id, run_range)
     chosen = plugin_registry.stages_of(file, stages)
+    scenario, params, state = single_run.initialise_run(in_double, options.seed, run_id, run_range, stages=chosen)
 
     def simulate(state: State, ticks: int) -> tuple[State, _TickRecord]:
         return _simulate_segment(scenario, chosen, observe_tick, ticks, params, state)
@@ -168,8 +168,9 @@ def replay_servicers(
     file, in_double = _files(campaign, stages)
     options = campaign.configuration.options
     run_range = options.design_range
-    scenario, team, state = single_run.initialise_team_run(in_double, options.seed, run_id, run_range)
-    simulate = _team_segments(scenario, plugin_registry.stages_of(file, stages), observe_tick, team)
+    chosen = plugin_registry.stages_of(file, stages)
+    scenario, team, state = single_run.initialise_team_run(in_double, options.seed, run_id, run_range, chosen)
+    simulate = _team_segments(scenario, chosen, observe_tick, team)
     state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
     end, failed_at = int(running.all(axis=-1).sum()), float(np.min(state.failed_at))
     failed_at = failed_at if failed_at < file.duration_s else np.nan
