@@ -7,11 +7,14 @@ from numpy_reference import MU, unit
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight.flight_records import FlightParams
+from rpojax.flight.flight_records import FilterSettings, FlightParams
+from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import target_pointing
+from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
 
 R_SN_N = np.array([5.0e6, 3.0e6, 3.7e6])
@@ -33,6 +36,27 @@ SUN_BEHIND_EARTH = -SUN_OVERHEAD
 """Position of the Sun behind the Earth [m]."""
 
 _initial = jax.jit(combined_orbit_filter.initial)
+
+
+SMALL_CAMERA = CameraFormat(width_px=128, height_px=128, input_px=128)
+
+
+def software(
+    flight: FlightParams,
+    stages: Stages | None = None,
+    camera: CameraFormat = SMALL_CAMERA,
+    formation_period_s: float = 200.0,
+) -> FlightSoftware:
+    """Flight software without phases, at one tick a second."""
+    return FlightSoftware(
+        stages=stages or Stages(),
+        params=flight,
+        filter=FilterSettings(gated=True, zonal_degree=2),
+        camera=camera,
+        mission=None,
+        tick_s=1.0,
+        formation_period_s=formation_period_s,
+    )
 
 
 @jax.jit

@@ -9,13 +9,15 @@ from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
-from rpojax.core.pytree import replace, select
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import station_keeping, wheel_torque_allocation
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.decisions import burn_decision, mission_decision
-from rpojax.flight.flight_records import FilterSettings, FlightMemory, FlightParams, Measurements
+from rpojax.flight.decisions.mission_decision import TeamStart
+from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
+from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import (
     attitude_guidance,
     burn_planning,
@@ -24,8 +26,6 @@ from rpojax.flight.guidance import (
     slew_profile,
     target_visibility,
 )
-from rpojax.flight.guidance.detector_window import CameraFormat
-from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.navigation import (
     attitude_ekf,
     believed_sensor,
@@ -36,11 +36,9 @@ from rpojax.flight.navigation import (
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
-from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation_health import NavigationHealth
-from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
@@ -48,22 +46,14 @@ Scalar = Float[Array, ""]
 
 
 def initial(
-    stages: Stages,
-    params: FlightParams,
-    camera: CameraFormat,
-    period: float,
+    software: FlightSoftware,
     orbit: OrbitEstimate,
     star_tracker_q_BN: Array,
     gyro_B: Vector,
-    mission: MissionSettings | None = None,
-    first_decision: Scalar | None = None,
-    phase_rate: Scalar | None = None,
+    team: TeamStart | None = None,
 ) -> FlightMemory:
-    """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
-
-    `period` [s] is the time between burns; with the phases of a `mission` each has its own, and the first one begins
-    with the `first_decision` [s], by default at once. In a team relative orbits may shift at a `phase_rate` [rad/s].
-    """
+    """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples."""
+    params, period = software.params, software.formation_period_s
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
@@ -79,32 +69,25 @@ def initial(
         thruster_failed_at=jnp.full_like(n, -jnp.inf),
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
         reopened=jnp.zeros((), dtype=bool),
-        camera=detector_window.whole_frame(camera),
+        camera=detector_window.whole_frame(software.camera),
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
-        mission=None
-        if mission is None
-        else mission_decision.initial_state(mission, params, orbit, first_decision, phase_rate),
-        phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
+        mission=None if software.mission is None else mission_decision.initial_state(software, orbit, team),
+        phase_gains=None if software.mission is None else mission_decision.phase_gains(software, orbit),
         rejected_s={name: jnp.zeros_like(n) for name in params.sensors},
-        own=stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=camera),
+        own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
     )
 
 
 def navigate(
-    stages: Stages,
-    params: FlightParams,
-    settings: FilterSettings,
-    memory: FlightMemory,
-    measurements: Measurements,
-    sun_N: Vector,
-    time: Scalar,
+    software: FlightSoftware, memory: FlightMemory, measurements: Measurements, sun_N: Vector, time: Scalar
 ) -> tuple[FlightMemory, Innovation]:
     """Memory after the updates of attitude and orbit filter at `time` [s], and the orbit filter's diagnostics.
 
     Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
+    params, stages = software.params, software.stages
     attitude, own = stages.call_with_memory(
         "attitude_update",
         memory.own,
@@ -121,14 +104,14 @@ def navigate(
         name: partial(
             believed_sensor.checked_rows, name, count, rows, params.sensors[name], view, measurements.additional
         )
-        for name, rows, count in settings.sensors
+        for name, rows, count in software.filter.sensors
     }
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
         own,
         tuning=params.navigation,
-        gated=settings.gated,
+        gated=software.filter.gated,
         focal_px=params.vehicle.focal_px,
         estimate=memory.orbit,
         gate=memory.gate,
@@ -142,9 +125,16 @@ def navigate(
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
-    health = _updated_health(params, memory, orbit, gate, innovation, box.interval, time)
-    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
-    return replace(after, rejected_s=rejected_s, own=own), innovation
+    after = replace(
+        memory,
+        attitude=attitude,
+        attitude_variance=variance,
+        orbit=orbit,
+        gate=gate,
+        rejected_s=rejected_s,
+        own=own,
+    )
+    return replace(after, health=_updated_health(params, memory, after, innovation, box.interval, time)), innovation
 
 
 def _recovered(
@@ -193,13 +183,13 @@ def camera_attitude(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Float[
 def _updated_health(
     params: FlightParams,
     memory: FlightMemory,
-    orbit: OrbitEstimate,
-    gate: GateState,
+    after: FlightMemory,
     innovation: Innovation,
     interval: Scalar,
     time: Scalar,
 ) -> NavigationHealth:
     """Health tests after the update of the orbit filter at `time` [s], `interval` [s] after the one before it."""
+    orbit, gate = after.orbit, after.gate
     ignition, cutoff = memory.plan.ignition, memory.plan.cutoff
     effort = control_effort.update(
         memory.health.effort,
@@ -231,20 +221,18 @@ def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Sca
 
 
 def guide(
-    params: FlightParams,
-    memory: FlightMemory,
-    box_accepted: Bool[Array, ""],
-    sun_N: Vector,
-    time: Scalar,
-    dt: float,
-    mission: MissionSettings | None = None,
+    software: FlightSoftware, memory: FlightMemory, seen: Bool[Array, ""], sun_N: Vector, time: Scalar
 ) -> tuple[FlightMemory, Array]:
-    """Memory with the attitude reference for the next `dt` [s], and the pointing mode; the Sun is at `sun_N` [m]."""
+    """Memory with the attitude reference for the next tick, and the pointing mode.
+
+    `seen` says that a sensor has shown the target at `time` [s]; the Sun is at `sun_N` [m].
+    """
+    params, dt = software.params, software.tick_s
     plan = burn_planning.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
     visible = _may_be_visible(params, memory.orbit, sun_N)
-    other = None if mission is None else mission_decision.other_pointing(mission, params, memory, sun_N)
+    other = mission_decision.other_pointing(software, memory, sun_N)
     pointing, mode = attitude_guidance.guide(
-        params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt, other
+        params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, seen, visible, time, dt, other
     )
     reopened = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_state.reopen(memory.orbit.relative, reopened))
@@ -259,10 +247,11 @@ def _may_be_visible(params: FlightParams, estimate: OrbitEstimate, sun_N: Vector
 
 
 def control_attitude(
-    stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar, time: Scalar
+    software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector, age: Scalar, time: Scalar
 ) -> Vector:
     """Wheel torque commands [N m] at `time` [s], `age` [s] after the last guidance tick."""
-    return stages.call(
+    params = software.params
+    return software.stages.call(
         "wheel_torque",
         memory.own,
         control=params.attitude_control,
@@ -290,38 +279,42 @@ def expected_delta_v(
     return on * params.vehicle.thrust / params.vehicle.mass * direction_N
 
 
-def predict(
-    stages: Stages,
-    params: FlightParams,
-    zonal_degree: int,
-    memory: FlightMemory,
-    q_BN_before: Float[Array, "4"],
-    delta_v_N: Vector,
-    thrust_ratio: Scalar | None,
-    third_body_acceleration_N: Vector,
-    end: Scalar,
-    dt: float,
-) -> FlightMemory:
-    """Memory with both filters propagated over the `dt` [s] up to `end` [s] with the expected change `delta_v_N` [m/s].
+@pytree
+class MotionOnBoard:
+    """What the flight software knows of its motion over a tick.
 
-    `thrust_ratio` is the chamber pressure over its nominal value while the valve was open, None without a sensor: then
-    the thrust is its nominal one. A burn without thrust marks the thruster as failed.
+    Attributes:
+        q_BN_before: (4,) estimated attitude at the beginning
+        delta_v_N: (3,) expected velocity change [m/s]
+        thrust_ratio: () chamber pressure over its nominal value while the valve was open, None without a sensor: then
+            the thrust is its nominal one
+        third_body_acceleration_N: (3,) by Sun and Moon, zero where they are not modelled [m/s^2]
     """
+
+    q_BN_before: Array
+    delta_v_N: Array
+    thrust_ratio: Array | None
+    third_body_acceleration_N: Array
+
+
+def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
+    """Memory with both filters propagated over the tick up to `end` [s]; a burn without thrust marks its thruster."""
+    params, dt, delta_v_N = software.params, software.tick_s, motion.delta_v_N
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
     thrust_estimate = memory.thrust_estimate
-    if thrust_ratio is not None:
-        estimated = thrust_estimator.update(params.navigation, thrust_estimate, thrust_ratio, dt)
+    if motion.thrust_ratio is not None:
+        estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
         thrust_estimate = select(burning, estimated, thrust_estimate)
-    orbit, own = stages.call_with_memory(
+    orbit, own = software.stages.call_with_memory(
         "orbit_predict",
         memory.own,
         tuning=params.navigation,
-        zonal_degree=zonal_degree,
+        zonal_degree=software.filter.zonal_degree,
         estimate=memory.orbit,
         delta_v_N=thrust_estimate.ratio * delta_v_N,
         burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
         burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
-        third_body_acceleration_N=third_body_acceleration_N,
+        third_body_acceleration_N=motion.third_body_acceleration_N,
         time=end - dt,
         dt=dt,
     )
@@ -333,18 +326,17 @@ def predict(
         ),
         orbit=orbit,
         own=own,
-        attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
+        attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, motion.q_BN_before, dt),
     )
 
 
-def command_camera(
-    stages: Stages, params: FlightParams, camera: CameraFormat, memory: FlightMemory, time: Scalar
-) -> FlightMemory:
+def command_camera(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> FlightMemory:
     """Memory with the command for an exposure at `time` [s], to which the estimates have been propagated."""
-    command = stages.call(
+    params = software.params
+    command = software.stages.call(
         "detector_window",
         memory.own,
-        camera=camera,
+        camera=software.camera,
         vehicle=params.vehicle,
         target_size=params.navigation.target_size,
         orbit=memory.orbit,

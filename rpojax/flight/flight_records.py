@@ -94,10 +94,12 @@ class FilterSettings:
 
     Attributes:
         gated: whether measurements must pass the gate
+        zonal_degree: highest zonal harmonic of its gravity model
         sensors: names, rows and their number of the additional sensors that it believes
     """
 
     gated: bool
+    zonal_degree: int
     sensors: tuple[tuple[str, BelievedRows, int], ...] = ()
 
 

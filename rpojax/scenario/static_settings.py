@@ -68,7 +68,8 @@ class Scenario:
     def filter_settings(self) -> FilterSettings:
         """Static settings of the orbit filter."""
         believed = [each for each in self.additional_sensors if each[1].is_believed()]
-        return FilterSettings(self.box_gating, tuple((name, each.rows, each.row_count) for name, each in believed))
+        rows = tuple((name, each.rows, each.row_count) for name, each in believed)
+        return FilterSettings(self.box_gating, self.navigation_zonal_degree, rows)
 
     @property
     def direction_sensors(self) -> list[str]:

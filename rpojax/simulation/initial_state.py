@@ -10,6 +10,7 @@ from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
 from rpojax.core.state_layout import MOTION
 from rpojax.flight import computer
+from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.navigation import combined_orbit_filter, relative_state, servicer_orbit_ekf
 from rpojax.flight.navigation.relative_state import SLOW_STATES, VIEW_STATES
@@ -20,9 +21,9 @@ from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import gyro, star_tracker
-from rpojax.simulation.camera_models import camera_format
 from rpojax.simulation.noise import InitialNoise, draw_initial_noise
 from rpojax.simulation.state import SensorErrors, State
+from rpojax.simulation.tick import Loop
 
 Scalar = Float[Array, ""]
 
@@ -75,16 +76,13 @@ def init(
     return State(
         truth=truth,
         flight=computer.initial(
-            stages or Stages(),
-            params.flight,
-            camera_format(scenario),
-            scenario.formation_period_s,
+            Loop(scenario, params, stages or Stages()).software,
             orbit,
             star_q,
             gyro_B,
-            scenario.mission,
-            first_decision,
-            params.team.phase_rate,
+            None
+            if first_decision is None
+            else TeamStart(first_decision=first_decision, phase_rate=params.team.phase_rate),
         ),
         sensor_errors=sensors,
         burn_error=BurnError(magnitude=jnp.zeros_like(q_BN[0]), direction=jnp.zeros(3)),

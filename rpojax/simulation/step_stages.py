@@ -25,7 +25,6 @@ from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, th
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import gyro
-from rpojax.simulation.camera_models import camera_format
 from rpojax.simulation.noise import TickNoise, draw_tick_noise
 from rpojax.simulation.outcomes.freezing import freeze_if_failed
 from rpojax.simulation.state import State, elapsed_time
@@ -46,9 +45,8 @@ def sun_and_moon_at(epoch: Epoch, time: Scalar) -> SunMoonPositions:
 def command_camera(loop: Loop, state: State) -> State:
     """The state with the flight software's command for the exposure that begins the tick."""
     time = elapsed_time(loop.scenario, state.truth, state.tick)
-    camera = camera_format(loop.scenario)
     with jax.named_scope("command"):
-        flight = computer.command_camera(loop.stages, loop.params.flight, camera, state.flight, time)
+        flight = computer.command_camera(loop.software, state.flight, time)
     return replace(state, flight=flight)
 
 
@@ -80,11 +78,8 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
 
 def navigate(loop: Loop, tick: Tick) -> Tick:
     """Measurement updates of orbit and attitude filter."""
-    flight, settings = loop.params.flight, loop.scenario.filter_settings
     with jax.named_scope("navigate"):
-        memory, innovation = computer.navigate(
-            loop.stages, flight, settings, tick.flight, tick.measurements, tick.sky.sun_N, tick.time
-        )
+        memory, innovation = computer.navigate(loop.software, tick.flight, tick.measurements, tick.sky.sun_N, tick.time)
     return replace(tick, flight=memory, innovation=innovation)
 
 
@@ -97,7 +92,7 @@ def manage_mission(loop: Loop, tick: Tick) -> Tick:
 
     def decide(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:
         predicted = predict_to_burn(flight, memory.orbit)
-        return mission_decision.manage_mission(loop.stages, mission, flight, memory, predicted, tick.time), predicted
+        return mission_decision.manage_mission(loop.software, memory, predicted, tick.time), predicted
 
     def keep(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:
         return memory.mission, jax.tree.map(jnp.zeros_like, shape)
@@ -127,14 +122,12 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
         if mission is not None and is_of_phase is not None:
             assert tick.prediction is not None
             team = None if tick.peers is None else phase_burn.Team(tuning=loop.params.team, peers=tick.peers)
-            plan, state = phase_burn.plan_burn(
-                loop.stages, mission, flight, memory, tick.prediction, pointing, tick.time, scenario.tick_s, team
+            decision = phase_burn.Decision(
+                time=tick.time, memory=memory, predicted=tick.prediction, pointing=pointing, team=team
             )
+            plan, state = phase_burn.plan_burn(loop.software, decision)
             return select(is_of_phase, (plan, error, state), keep(memory))
-        plan = burn_decision.plan_burn(
-            loop.stages, flight, memory, pointing, tick.time, scenario.formation_period_s, scenario.tick_s
-        )
-        return plan, error, None
+        return burn_decision.plan_burn(loop.software, memory, pointing, tick.time), error, None
 
     def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState | None]:
         return memory.plan, tick.burn_error, memory.mission
@@ -144,9 +137,8 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
         pointing = target_pointing.point_at_target(
             flight.vehicle, tick.flight.orbit, tick.flight.pointing.reference.q_EN, tick.sky.sun_N
         )
-        if mission is not None:
-            other = mission_decision.other_pointing(mission, flight, tick.flight, tick.sky.sun_N)
-            pointing = target_pointing.with_other(pointing, other)
+        other = mission_decision.other_pointing(loop.software, tick.flight, tick.sky.sun_N)
+        pointing = target_pointing.with_other(pointing, other)
         needed = due if is_of_phase is None else due & any_of_batch(is_of_phase)
         plan, error, state = jax.lax.cond(needed, decide, keep, tick.flight)
     return replace(tick, flight=replace(tick.flight, plan=plan, mission=state), burn_error=error)
@@ -155,17 +147,11 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 def guide(loop: Loop, tick: Tick) -> Tick:
     """Attitude reference of the tick, and the pointing mode."""
     assert tick.innovation is not None
-    accepted = tick.innovation.is_used(loop.scenario.direction_sensors)
+    seen = tick.innovation.is_used(loop.scenario.direction_sensors)
+    if tick.confirmed is not None:
+        seen = seen | tick.confirmed
     with jax.named_scope("guide"):
-        memory, mode = computer.guide(
-            loop.params.flight,
-            tick.flight,
-            accepted if tick.confirmed is None else accepted | tick.confirmed,
-            tick.sky.sun_N,
-            tick.time,
-            loop.scenario.tick_s,
-            loop.scenario.mission,
-        )
+        memory, mode = computer.guide(loop.software, tick.flight, seen, tick.sky.sun_N, tick.time)
     return replace(tick, flight=memory, mode=mode)
 
 
@@ -195,9 +181,7 @@ def initial_motion(tick: Tick) -> Motion:
 def wheel_torque_command(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> Vector:
     """Commanded wheel torques [N m] `offset` [s] after the beginning of the tick."""
     now = replace(tick.flight, attitude=motion.attitude)
-    return computer.control_attitude(
-        loop.stages, loop.params.flight, now, motion.truth.wheel_speed, offset, tick.time + offset
-    )
+    return computer.control_attitude(loop.software, now, motion.truth.wheel_speed, offset, tick.time + offset)
 
 
 def propagate_substep(
@@ -251,19 +235,14 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     ratio = None
     if scenario.chamber_pressure:
         ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
-    acceleration_N = _luni_solar_acceleration(scenario, tick.flight, tick.sky)
-    return computer.predict(
-        loop.stages,
-        params.flight,
-        scenario.navigation_zonal_degree,
-        replace(tick.flight, attitude=motion.attitude),
-        tick.flight.attitude.q_BN,
-        motion.delta_v_N,
-        ratio,
-        acceleration_N,
-        tick.time + scenario.tick_s,
-        scenario.tick_s,
+    on_board = computer.MotionOnBoard(
+        q_BN_before=tick.flight.attitude.q_BN,
+        delta_v_N=motion.delta_v_N,
+        thrust_ratio=ratio,
+        third_body_acceleration_N=_luni_solar_acceleration(scenario, tick.flight, tick.sky),
     )
+    memory = replace(tick.flight, attitude=motion.attitude)
+    return computer.predict(loop.software, memory, on_board, tick.time + scenario.tick_s)
 
 
 def _luni_solar_acceleration(scenario: Scenario, flight: FlightMemory, sky: SunMoonPositions) -> Array:

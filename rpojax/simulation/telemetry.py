@@ -60,11 +60,10 @@ def telemetry_of(loop: Loop, tick: Tick) -> Telemetry:
 
 def _desired_position(loop: Loop, tick: Tick) -> Array | None:
     """Position of the present phase's reference (3,), for the true orbit of the target; None without phases."""
-    settings, tuning, state = loop.scenario.mission, loop.params.flight.mission, tick.flight.mission
-    if settings is None or tuning is None or state is None:
+    if tick.flight.mission is None:
         return None
     orbit = yamanaka_ankersen.target_orbit(tick.state.truth.r_TN_N, tick.state.truth.v_TN_N)
-    return phase_goal.desired_state(loop.stages, settings, tuning, state, orbit, tick.time)[:3]
+    return phase_goal.desired_state(loop.software, tick.flight.mission, orbit, tick.time)[:3]
 
 
 def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, "6"]]:

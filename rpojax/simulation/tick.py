@@ -10,6 +10,7 @@ from rpojax.core.pytree import pytree
 from rpojax.flight import stage_use
 from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, Measurements
+from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages
@@ -21,6 +22,7 @@ from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors.camera import CameraFrame
+from rpojax.simulation.camera_models import camera_format
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import State, state_axes
 
@@ -41,6 +43,20 @@ class Loop:
     scenario: Scenario
     params: Params
     stages: Stages
+
+    @property
+    def software(self) -> FlightSoftware:
+        """Flight software of the servicer."""
+        scenario = self.scenario
+        return FlightSoftware(
+            stages=self.stages,
+            params=self.params.flight,
+            filter=scenario.filter_settings,
+            camera=camera_format(scenario),
+            mission=scenario.mission,
+            tick_s=scenario.tick_s,
+            formation_period_s=scenario.formation_period_s,
+        )
 
     def __post_init__(self) -> None:
         kinds = stage_use.kinds_of(self.scenario.camera_model, self.scenario.mission, self.scenario.team)

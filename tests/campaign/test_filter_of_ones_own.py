@@ -1,4 +1,4 @@
-"""The page's filter of another layout, and its look at the picture, fly in campaigns; memory of one's own alone."""
+"""A filter of another layout, and the page's look at the picture, fly in campaigns; memory of one's own alone."""
 
 import re
 from pathlib import Path
@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from experiment_modules import load_experiment
 
 import rpojax
 from rpojax.campaign.run_and_resume import run_campaign
@@ -38,7 +39,7 @@ def fly(tmp_path: Path, stages: Stages, runs: int, *overrides: str) -> Campaign:
 
 @pytest.mark.slow
 def test_a_filter_of_another_layout_flies_the_whole_mission(tmp_path: Path) -> None:
-    campaign = fly(tmp_path, of_page("hill_update"), 8)
+    campaign = fly(tmp_path, load_experiment("one_stack/hill_frame_filter.py").STAGES, 8)
     assert set(campaign.outcomes) == {"completed"}
     assert np.max(campaign.metrics["nav_relative_position_error_rms_m"]) < 1.5
     assert np.min(campaign.metrics["sigma3_coverage"]) > 0.8

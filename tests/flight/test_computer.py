@@ -16,12 +16,12 @@ from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight import computer
+from rpojax.flight.computer import MotionOnBoard
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.decisions import burn_decision
-from rpojax.flight.flight_records import FilterSettings, FlightMemory, FlightParams, Measurements
+from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.burn_planning import BurnPlan
-from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
@@ -29,17 +29,12 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasu
 from rpojax.flight.stages import Stages
 
 expected_delta_v = jax.jit(computer.expected_delta_v)
-initial = jax.jit(computer.initial, static_argnums=(0, 2, 3))
-navigate = jax.jit(computer.navigate, static_argnums=(0, 2))
-guide = jax.jit(computer.guide, static_argnums=5)
-predict = jax.jit(computer.predict, static_argnums=(0, 2, 9))
-control_attitude = jax.jit(computer.control_attitude, static_argnums=0)
-CAMERA = CameraFormat(width_px=128, height_px=128, input_px=128)
 
 
-def start(flight: FlightParams, period: float, *initial_values: object) -> FlightMemory:
+@partial(jax.jit, static_argnums=(1, 2))
+def start(flight: FlightParams, period: float, stages: Stages, *initial_values: jax.Array) -> FlightMemory:
     """Initial memory, with a small camera."""
-    return initial(Stages(), flight, CAMERA, period, *initial_values)
+    return computer.initial(rendezvous_scene.software(flight, stages, formation_period_s=period), *initial_values)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -47,12 +42,43 @@ def plan_burn(
     stages: Stages, flight: FlightParams, memory: FlightMemory, sun_N: jax.Array, time: jax.Array
 ) -> BurnPlan:
     sight = target_pointing.point_at_target(flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N)
-    return burn_decision.plan_burn(stages, flight, memory, sight, time, 200.0, 1.0)
+    return burn_decision.plan_burn(rendezvous_scene.software(flight, stages), memory, sight, time)
+
+
+@partial(jax.jit, static_argnums=0)
+def navigate(
+    stages: Stages,
+    flight: FlightParams,
+    memory: FlightMemory,
+    measurements: Measurements,
+    sun_N: jax.Array,
+    time: jax.Array,
+) -> tuple[FlightMemory, Innovation]:
+    return computer.navigate(rendezvous_scene.software(flight, stages), memory, measurements, sun_N, time)
+
+
+@jax.jit
+def guide(
+    flight: FlightParams, memory: FlightMemory, seen: jax.Array, sun_N: jax.Array, time: jax.Array
+) -> tuple[FlightMemory, jax.Array]:
+    return computer.guide(rendezvous_scene.software(flight), memory, seen, sun_N, time)
+
+
+@partial(jax.jit, static_argnums=0)
+def control_attitude(
+    stages: Stages, flight: FlightParams, memory: FlightMemory, wheel_speed: jax.Array, age: jax.Array, time: jax.Array
+) -> jax.Array:
+    return computer.control_attitude(rendezvous_scene.software(flight, stages), memory, wheel_speed, age, time)
+
+
+@jax.jit
+def predict(flight: FlightParams, memory: FlightMemory, motion: MotionOnBoard, end: jax.Array) -> FlightMemory:
+    return computer.predict(rendezvous_scene.software(flight), memory, motion, end)
 
 
 @pytest.fixture(scope="module")
 def memory(flight: FlightParams) -> FlightMemory:
-    return start(flight, 200.0, rendezvous_scene.estimate(flight), IDENTITY, np.zeros(3))
+    return start(flight, 200.0, Stages(), rendezvous_scene.estimate(flight), IDENTITY, np.zeros(3))
 
 
 def acquired(memory: FlightMemory) -> FlightMemory:
@@ -72,7 +98,7 @@ def test_the_gain_is_for_the_targets_mean_motion_and_the_burn_period(
 def test_the_allocation_inverts_the_wheel_axes(flight: FlightParams) -> None:
     axes = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.6, 0.8]])
     skew = replace(flight, vehicle=replace(flight.vehicle, wheel_axes=jnp.asarray(axes)))
-    memory = start(skew, 200.0, rendezvous_scene.estimate(flight), IDENTITY, np.zeros(3))
+    memory = start(skew, 200.0, Stages(), rendezvous_scene.estimate(flight), IDENTITY, np.zeros(3))
     np.testing.assert_allclose(axes.T @ np.asarray(memory.wheel_allocation), np.eye(3), atol=1e-15)
 
 
@@ -164,7 +190,7 @@ def ready(flight: FlightParams) -> FlightMemory:
     q_KN = jnp.asarray(rendezvous_scene.camera_attitude(flight, known))
     q_KB = quaternion.normalize(flight.vehicle.camera_mounting)
     q_BN = quaternion.multiply(quaternion.conjugate(q_KB), q_KN)
-    return acquired(start(flight, 200.0, known, q_BN, np.zeros(3)))
+    return acquired(start(flight, 200.0, Stages(), known, q_BN, np.zeros(3)))
 
 
 def sense(
@@ -188,7 +214,7 @@ def sense(
         star_tracker_present=jnp.asarray(stars),
         box=box,
     )
-    return navigate(stages or Stages(), flight, FilterSettings(True), memory, measurements, sun_N, np.float64(7.0))
+    return navigate(stages or Stages(), flight, memory, measurements, sun_N, np.float64(7.0))
 
 
 def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:
@@ -238,7 +264,7 @@ def test_burns_are_planned_only_for_an_acquired_target_in_the_light(flight: Flig
     for boxes, allowed in ((1, False), (2, False), (3, True)):
         memory = unseen
         for tick in range(boxes):
-            memory, _ = guide(flight, memory, np.asarray(True), rendezvous_scene.SUN_OVERHEAD, np.float64(tick), 1.0)
+            memory, _ = guide(flight, memory, np.asarray(True), rendezvous_scene.SUN_OVERHEAD, np.float64(tick))
         assert burns(flight, memory) is allowed, boxes
 
 
@@ -253,9 +279,7 @@ def test_there_is_no_burn_while_the_range_is_less_certain_than_a_fifth(
 def test_in_the_dark_the_camera_points_at_the_estimate(flight: FlightParams, ready: FlightMemory) -> None:
     memory, modes = ready, set()
     for tick in range(80):
-        memory, mode = guide(
-            flight, memory, np.asarray(False), rendezvous_scene.SUN_BEHIND_EARTH, np.float64(tick), 1.0
-        )
+        memory, mode = guide(flight, memory, np.asarray(False), rendezvous_scene.SUN_BEHIND_EARTH, np.float64(tick))
         modes.add(int(mode))
     assert modes == {Mode.LOOK}
     assert memory.pointing.unseen_time == 0.0
@@ -274,7 +298,7 @@ def test_guidance_says_when_it_widens_the_estimate_after_a_failed_search(
     )
     searching = replace(ready, pointing=unseen)
     for sees in (False, True):
-        after, _ = guide(flight, searching, np.asarray(sees), rendezvous_scene.SUN_OVERHEAD, np.float64(0.0), 1.0)
+        after, _ = guide(flight, searching, np.asarray(sees), rendezvous_scene.SUN_OVERHEAD, np.float64(0.0))
         before, variance = (np.trace(each.orbit.relative.covariance[:3, :3]) for each in (searching, after))
         assert bool(after.reopened) is (reopened and not sees)
         np.testing.assert_allclose(variance / before, 2.0 if after.reopened else 1.0)
@@ -289,7 +313,7 @@ def test_a_burn_is_inhibited_by_the_estimated_attitude(flight: FlightParams, rea
         off = jnp.asarray(axis_angle_quaternion([1.0, 0.0, 0.0], np.deg2rad(degrees)))
         q_BN = quaternion.multiply(off, planned.plan.q_burn)
         aiming = replace(planned, attitude=replace(planned.attitude, q_BN=q_BN))
-        after, _ = guide(flight, aiming, np.asarray(False), rendezvous_scene.SUN_OVERHEAD, np.float64(ignition), 1.0)
+        after, _ = guide(flight, aiming, np.asarray(False), rendezvous_scene.SUN_OVERHEAD, np.float64(ignition))
         expected = sum(
             np.asarray(expected_delta_v(flight, after, after.plan.ignition - begin, after.plan.cutoff - begin, 1.0))
             for begin in np.arange(0.0, 199.0)
@@ -330,8 +354,13 @@ def carry(
     """Memory a second later, with expected `delta_v_N` [m/s] and chamber pressure over nominal `ratio`, if measured."""
     delta_v_N = np.zeros(3) if delta_v_N is None else delta_v_N
     q_BN = memory.attitude.q_BN
-    numbers = None if ratio is None else np.float64(ratio), np.zeros(3), np.float64(end)
-    return predict(Stages(), flight, 2, memory, q_BN, delta_v_N, *numbers, 1.0)
+    motion = MotionOnBoard(
+        q_BN_before=q_BN,
+        delta_v_N=jnp.asarray(delta_v_N),
+        thrust_ratio=None if ratio is None else jnp.float64(ratio),
+        third_body_acceleration_N=jnp.zeros(3),
+    )
+    return predict(flight, memory, motion, np.float64(end))
 
 
 BURN = np.array([6e-4, 0.0, 8e-4])  # thrust of one second

@@ -8,6 +8,7 @@ from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight.control import formation_law, reference_governor
 from rpojax.flight.flight_records import FlightMemory, FlightParams
+from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import (
     approach_inhibition,
     attitude_guidance,
@@ -19,85 +20,69 @@ from rpojax.flight.guidance import (
 from rpojax.flight.guidance.burn_planning import BurnPlan, StateAtBurn
 from rpojax.flight.guidance.target_pointing import TargetPointing
 from rpojax.flight.navigation.box_measurement import detection_model
-from rpojax.flight.stages import Stages
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
-def plan_burn(
-    stages: Stages,
-    params: FlightParams,
-    memory: FlightMemory,
-    pointing: TargetPointing,
-    time: Scalar,
-    period: float,
-    dt: float,
-) -> BurnPlan:
-    """Next burn; none while the target is lost or dark, the range too uncertain, or soon after the thruster failed.
-
-    Burns are `period` [s] apart, and guidance works every `dt` [s].
-    """
+def plan_burn(software: FlightSoftware, memory: FlightMemory, pointing: TargetPointing, time: Scalar) -> BurnPlan:
+    """Next burn; none while the target is lost or dark, the range too uncertain, or soon after the thruster failed."""
+    params = software.params
     at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
-    command_H = _formation_command(stages, params, memory, at_burn, pointing.q_BN, time, dt)
+    command_H = _formation_command(software, memory, at_burn, pointing.q_BN, time)
     known = line_of_sight_uncertainty.relative_range_sigma(memory.orbit) < params.formation.range_uncertainty_limit
     wanted_H = memory.station_keeping.impulse + command_H
     return burn_planning.schedule_burn(
         params.formation,
         params.pointing,
         params.vehicle,
-        apply_transposed(at_burn.R_CN, _safe_delta_v(params, memory, at_burn, pointing, wanted_H, period, dt)),
+        apply_transposed(at_burn.R_CN, _safe_delta_v(software, memory, at_burn, pointing, wanted_H)),
         pointing.q_BN,
         pointing.visible & thruster_works(params, memory, time) & ~is_lost(params, memory) & known,
         time,
-        dt,
+        software.tick_s,
     )
 
 
-def formation_command(stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar, dt: float) -> Vector:
+def formation_command(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> Vector:
     """Velocity change [m/s] by the control law in the Hill frame C at the next burn's middle.
 
-    The law gets as much of the along-track deviation as the thruster can follow. Guidance works every `dt` [s].
+    The law gets as much of the along-track deviation as the thruster can follow.
     """
+    params = software.params
     q_look, _ = target_pointing.look_attitude(params.vehicle, memory.orbit, memory.pointing.reference.q_EN)
     at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
-    return _formation_command(stages, params, memory, at_burn, q_look, time, dt)
+    return _formation_command(software, memory, at_burn, q_look, time)
 
 
 def _formation_command(
-    stages: Stages,
-    params: FlightParams,
-    memory: FlightMemory,
-    at_burn: StateAtBurn,
-    q_look: Float[Array, "4"],
-    time: Scalar,
-    dt: float,
+    software: FlightSoftware, memory: FlightMemory, at_burn: StateAtBurn, q_look: Float[Array, "4"], time: Scalar
 ) -> Vector:
+    params = software.params
     impulse = memory.station_keeping.impulse
     desired_H = jnp.concatenate([params.formation.desired_position, memory.station_keeping.arrival_velocity])
     deviation = at_burn.state_H - desired_H
     wanted_N = apply_transposed(at_burn.R_CN, impulse + formation_law.lqr_feedback(memory.gain, deviation))
-    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, q_look, dt)
+    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, q_look, software.tick_s)
     governed = reference_governor.govern(memory.gain, deviation, impulse, limit)
-    return stages.call(
+    return software.stages.call(
         "formation_law", memory.own, gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time
     )
 
 
 def _safe_delta_v(
-    params: FlightParams,
+    software: FlightSoftware,
     memory: FlightMemory,
     at_burn: StateAtBurn,
     pointing: TargetPointing,
     wanted_H: Vector,
-    period: float,
-    dt: float,
 ) -> Vector:
     """Velocity change [m/s] of the next burn: that of the law, a stop before darkness, or one that comes less near."""
+    params, period = software.params, software.formation_period_s
     formation, orbit = params.formation, memory.orbit
     r_TN_N, v_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N, orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
-    certain = burn_planning.certain_delta_v(params.pointing, params.vehicle, dt)
+    certain = burn_planning.certain_delta_v(params.pointing, params.vehicle, software.tick_s)
     stop = gradient_safe.norm(approach_inhibition.change_to_stop(at_burn.state_H, n))
     # A thruster that cannot burn in every direction within the limit gives no measure.
     burns_to_stop = jnp.where(certain > 0.0, _BURNS_PER_STOP * stop / jnp.where(certain > 0.0, certain, 1.0), 0.0)

@@ -6,13 +6,14 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.pytree import replace, select
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control import periodic_lqr_gain
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.decisions import burn_decision, phase_goal
 from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams
+from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
@@ -23,37 +24,43 @@ from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, of_phase
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.stages import Stages
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 Flag = Bool[Array, ""]
 
 
-def initial_state(
-    settings: MissionSettings,
-    params: FlightParams,
-    estimate: OrbitEstimate,
-    first_decision: Scalar | None = None,
-    phase_rate: Scalar | None = None,
-) -> MissionState:
-    """State of the mission at the start of a run, whose first phase begins with the `first_decision` [s].
+@pytree
+class TeamStart:
+    """How the mission of a servicer of a team starts.
 
-    In a team whose phases are chosen on the way these shift at a `phase_rate` [rad/s].
+    Attributes:
+        first_decision: () when its first phase begins [s]
+        phase_rate: () of the shift of relative orbits where their phases are chosen on the way [rad/s]
     """
+
+    first_decision: Array
+    phase_rate: Array
+
+
+def initial_state(software: FlightSoftware, estimate: OrbitEstimate, team: TeamStart | None) -> MissionState:
+    """State of the mission at the start of a run; alone, its first phase begins at once."""
+    settings, params = software.mission, software.params
+    assert settings is not None
+    first_decision = None if team is None else team.first_decision
     predicted = predict_to_burn(params, estimate, first_decision)
     entry = PhaseEntry(relative_state=predicted.burn_state_H, orbit=predicted.burn_orbit)
     state = mission_state.initial(entry, params.formation.lead, first_decision)
-    if not settings.coordinated:
+    if team is None or not settings.coordinated:
         return state
-    rate = None if settings.phasing == "fixed" else phase_rate
+    rate = None if settings.phasing == "fixed" else team.phase_rate
     return replace(state, team=team_mission.initial(state.entered_at, rate, settings.servicers))
 
 
-def phase_gains(
-    settings: MissionSettings, params: FlightParams, estimate: OrbitEstimate, hold_period: float
-) -> tuple[Float[Array, "places 3 6"], ...]:
-    """LQR gains over the orbit by row of the phase table; held places have a `hold_period` [s]."""
+def phase_gains(software: FlightSoftware, estimate: OrbitEstimate) -> tuple[Float[Array, "places 3 6"], ...]:
+    """LQR gains over the orbit by row of the phase table; held places have the formation's period."""
+    settings, params, hold_period = software.mission, software.params, software.formation_period_s
+    assert settings is not None
     assert params.mission is not None
     relative, servicer = estimate.relative, estimate.servicer
     orbit = yamanaka_ankersen.target_orbit(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)
@@ -63,7 +70,6 @@ def phase_gains(
             return lqr_gain(weights, mean_motion(orbit.semi_major_axis), period)[None]
         return periodic_lqr_gain.periodic_lqr_gains(weights, orbit, places)
 
-    tick_s = hold_period / settings.hold_ticks
     gains = []
     for static in settings.phases:
         phase = params.mission.phases[static.name]
@@ -73,21 +79,16 @@ def phase_gains(
             velocity_weight=phase.velocity_weight,
             delta_v_weight=phase.delta_v_weight,
         )
-        gains.append(over_orbit(weights, static.burns_per_orbit, static.control_ticks * tick_s))
+        gains.append(over_orbit(weights, static.burns_per_orbit, static.control_ticks * software.tick_s))
     held = over_orbit(params.formation, settings.hold_burns_per_orbit, hold_period)
     return (*gains, held, held)
 
 
-def manage_mission(
-    stages: Stages,
-    settings: MissionSettings,
-    params: FlightParams,
-    memory: FlightMemory,
-    predicted: Prediction,
-    time: Scalar,
-) -> MissionState:
+def manage_mission(software: FlightSoftware, memory: FlightMemory, predicted: Prediction, time: Scalar) -> MissionState:
     """State of the mission after a decision at `time` [s], with the motion `predicted` from the estimate."""
-    state, tuning = memory.mission, params.mission
+    settings, params, state = software.mission, software.params, memory.mission
+    tuning = params.mission
+    assert settings is not None
     assert state is not None
     assert tuning is not None
     lead = params.formation.lead
@@ -115,7 +116,7 @@ def manage_mission(
         burn_state_H=predicted.burn_state_H,
         burn_orbit=predicted.burn_orbit,
         burn_pending=(memory.plan.cutoff > memory.plan.ignition) & (memory.plan.cutoff > time),
-        end_H=phase_goal.end_position(settings, tuning, state, predicted.orbit, time),
+        end_H=phase_goal.end_position(software, state, predicted.orbit, time),
         range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
         seen=memory.pointing.acquired,
         lost=_is_lost(params, memory),
@@ -123,7 +124,7 @@ def manage_mission(
         thruster_works=burn_decision.thruster_works(params, memory, time),
         enters_keep_out=least < 1.0,
     )
-    return stages.call(
+    return software.stages.call(
         "mission_manager", memory.own, settings=settings, tuning=tuning, state=state, situation=situation
     )
 
@@ -141,17 +142,18 @@ def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
     return memory.pointing.unseen_time > params.health.unseen_limit
 
 
-def other_pointing(
-    settings: MissionSettings, params: FlightParams, memory: FlightMemory, sun_N: Vector
-) -> OtherPointing | None:
+def other_pointing(software: FlightSoftware, memory: FlightMemory, sun_N: Vector) -> OtherPointing | None:
     """Attitude of a phase that does not point at the target, with the Sun at `sun_N` [m]; None if all phases do."""
+    settings, vehicle = software.mission, software.params.vehicle
+    if settings is None:
+        return None
     modes = [*(phase.pointing for phase in settings.phases), "target", "target"]
     if set(modes) == {"target"}:
         return None
     assert memory.mission is not None
     phase = memory.mission.phase
-    safe = attitudes.sun_safe_attitude(params.vehicle, memory.orbit, sun_N)
-    ahead = attitudes.velocity_attitude(params.vehicle, memory.orbit)
+    safe = attitudes.sun_safe_attitude(vehicle, memory.orbit, sun_N)
+    ahead = attitudes.velocity_attitude(vehicle, memory.orbit)
     is_ahead = constant_of_phase(phase, [mode == "velocity" for mode in modes])
     q_BN, omega = select(is_ahead, ahead, safe)
     is_wanted = constant_of_phase(phase, [mode != "target" for mode in modes])

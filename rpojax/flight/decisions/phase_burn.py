@@ -1,5 +1,7 @@
 """Burn of a mission's phase: planned by the control law, then made safe or replaced by an abort burn."""
 
+from functools import partial
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -10,6 +12,7 @@ from rpojax.flight.decisions import burn_decision, phase_goal
 from rpojax.flight.decisions.mission_decision import is_passively_safe, keep_out_zone
 from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, FlightParams
+from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import burn_planning
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.target_pointing import TargetPointing
@@ -21,7 +24,6 @@ from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, 
 from rpojax.flight.mission.safe_burn import SafeBurn
 from rpojax.flight.mission.team_mission import TeamMission
 from rpojax.flight.navigation import burn_execution_error
-from rpojax.flight.stages import Stages
 from rpojax.flight.team_guidance import peer_drift, team_knowledge
 from rpojax.flight.team_guidance.known_peers import KnownPeers
 from rpojax.flight.team_guidance.peer_drift import PeerDrifts
@@ -45,33 +47,42 @@ class Team:
     peers: KnownPeers
 
 
-def plan_burn(
-    stages: Stages,
-    settings: MissionSettings,
-    params: FlightParams,
-    memory: FlightMemory,
-    predicted: Prediction,
-    pointing: TargetPointing,
-    time: Scalar,
-    tick_s: float,
-    team: Team | None = None,
-) -> tuple[BurnPlan, MissionState]:
+@pytree
+class Decision:
+    """What a burn is decided by.
+
+    Attributes:
+        time: () since the start of the run [s]
+        memory: of the flight software
+        predicted: relative motion now and at the burn
+        pointing: attitude towards the target
+        team: the others and how to keep clear of them, None for a servicer that decides alone
+    """
+
+    time: Array
+    memory: FlightMemory
+    predicted: Prediction
+    pointing: TargetPointing
+    team: Team | None = None
+
+
+def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, MissionState]:
     """Next burn of the present phase, at a time at which the phase decides about burns.
 
     The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
     of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
     horizon; else another one is made. After an abort there is one burn, if that is needed, and another one only for
-    what was measured since. Guidance works every `tick_s` [s]. Returned beside the burn is the state of the mission
-    with its records of these decisions.
+    what was measured since. Returned beside the burn is the state of the mission with its records of these decisions.
     """
-    state, tuning = memory.mission, params.mission
-    assert state is not None
-    assert tuning is not None
+    settings, tuning = phase_goal.mission_of(software)
+    params, tick_s, team, time = software.params, software.tick_s, decision.team, decision.time
     if team is not None and settings.phasing != "fixed":
-        state = _with_phase_of_team(stages, settings, params, memory, predicted, pointing, team, time)
-        memory = replace(memory, mission=state)
+        shifted = _with_phase_of_team(software, decision, team)
+        decision = replace(decision, memory=replace(decision.memory, mission=shifted))
+    memory, predicted, pointing = decision.memory, decision.predicted, decision.pointing
+    state = _mission_state(decision)
     period = _period(settings, state, tick_s)
-    planned_H = _planned_delta_v(stages, settings, params, memory, predicted, pointing, time, period, tick_s)
+    planned_H = _planned_delta_v(software, decision, period)
     aborted = state.phase == settings.aborted
     works = burn_decision.thruster_works(params, memory, time)
     uncertain = predicted.range_ratio_sigma >= params.formation.range_uncertainty_limit
@@ -89,7 +100,8 @@ def plan_burn(
     if team is None or decided is None or not settings.keeps_clear:
         safe_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
     else:
-        burn = _safe_burn_among(params, memory, predicted, drift, team, planned_H, greatest, may_wait, time)
+        others = _others(software, decision, drift, team)
+        burn = safe_burn.safe_delta_v_among(drift, others, planned_H, greatest, may_wait)
         safe_H, decided = burn.delta_v_H, _decided(decided, burn, team, can_burn, time)
     plan = burn_planning.schedule_burn(
         params.formation,
@@ -103,6 +115,12 @@ def plan_burn(
     )
     burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
     return plan, replace(state, team=decided, abort_burns=burns)
+
+
+def _mission_state(decision: Decision) -> MissionState:
+    """State of the mission, which a burn of a phase has."""
+    assert decision.memory.mission is not None
+    return decision.memory.mission
 
 
 def is_due(settings: MissionSettings, state: MissionState, time: Scalar, tick_s: float) -> Flag:
@@ -134,22 +152,12 @@ def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:
     return abort_burn.is_made(plan.delta_v_N, given, time >= plan.cutoff, has_failed)
 
 
-def _with_phase_of_team(
-    stages: Stages,
-    settings: MissionSettings,
-    params: FlightParams,
-    memory: FlightMemory,
-    predicted: Prediction,
-    pointing: TargetPointing,
-    team: Team,
-    time: Scalar,
-) -> MissionState:
-    """State of the mission with the phase of the relative orbit that the team wants at `time` [s]."""
-    state, tuning = memory.mission, params.mission
-    assert state is not None
+def _with_phase_of_team(software: FlightSoftware, decision: Decision, team: Team) -> MissionState:
+    """State of the mission with the phase of the relative orbit that the team wants."""
+    settings, tuning = phase_goal.mission_of(software)
+    state, predicted, time = _mission_state(decision), decision.predicted, decision.time
     assert state.team is not None
     assert state.team.shift is not None
-    assert tuning is not None
     before = state.team.shift
     running = state.phase < settings.hold
     row = jnp.minimum(state.phase, settings.hold - 1)
@@ -157,7 +165,7 @@ def _with_phase_of_team(
     situation = team_knowledge.situation(
         team.peers,
         team.tuning,
-        memory.orbit,
+        decision.memory.orbit,
         predicted.orbit,
         of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
         team_knowledge.Own(
@@ -169,34 +177,25 @@ def _with_phase_of_team(
             planned=of_phase(row, planned),
         ),
         team.tuning.keep_out + tuning.abort_margin,
-        pointing.sun_N,
+        decision.pointing.sun_N,
         time,
     )
-    wanted = stages.call("team_phasing", memory.own, settings=settings, tuning=team.tuning, team=situation)
+    own = decision.memory.own
+    wanted = software.stages.call("team_phasing", own, settings=settings, tuning=team.tuning, team=situation)
     return replace(state, team=team_mission.shifted(state.team, wanted, situation.present, time))
 
 
-def _safe_burn_among(
-    params: FlightParams,
-    memory: FlightMemory,
-    predicted: Prediction,
-    drift: Drift,
-    team: Team,
-    planned_H: Vector,
-    greatest: Scalar,
-    may_wait: Flag,
-    time: Scalar,
-) -> SafeBurn:
-    """Burn whose free motion, like the `drift`, stays clear of the target and of those of the others."""
-    assert params.mission is not None
-    navigation = params.navigation
+def _others(software: FlightSoftware, decision: Decision, drift: Drift, team: Team) -> safe_burn.Clearance:
+    """Clearance of the free motion after a burn, like the `drift`, from those of the others in the team."""
+    _, tuning = phase_goal.mission_of(software)
+    navigation = software.params.navigation
     state_H, covariance_H = peer_drift.relative_motion(
-        memory.orbit,
+        decision.memory.orbit,
         team.peers,
-        predicted.burn_orbit,
-        predicted.R_CN,
-        time,
-        params.formation.lead,
+        decision.predicted.burn_orbit,
+        decision.predicted.R_CN,
+        decision.time,
+        software.params.formation.lead,
         jnp.hypot(burn_execution_error.new_sigma(navigation), navigation.burn_direction_sigma),
     )
     drifts = PeerDrifts(
@@ -204,15 +203,12 @@ def _safe_burn_among(
         covariance_H=covariance_H,
         orbit=drift.orbit,
         sigmas=drift.sigmas,
-        radius=team.tuning.keep_out + params.mission.abort_margin,
+        radius=team.tuning.keep_out + tuning.abort_margin,
         first_span=drift.first_span,
         horizon=drift.horizon,
     )
 
-    def others(directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"]) -> tuple[Array, Array]:
-        return peer_drift.least_clearance(drifts, directions_H, sizes)
-
-    return safe_burn.safe_delta_v_among(drift, others, planned_H, greatest, may_wait)
+    return partial(peer_drift.least_clearance, drifts)
 
 
 def _decided(before: TeamMission, burn: SafeBurn, team: Team, can_burn: Flag, time: Scalar) -> TeamMission:
@@ -250,41 +246,22 @@ def _drift_after_burn(
     )
 
 
-def _planned_delta_v(
-    stages: Stages,
-    settings: MissionSettings,
-    params: FlightParams,
-    memory: FlightMemory,
-    predicted: Prediction,
-    pointing: TargetPointing,
-    time: Scalar,
-    period: Scalar,
-    tick_s: float,
-) -> Vector:
+def _planned_delta_v(software: FlightSoftware, decision: Decision, period: Scalar) -> Vector:
     """Velocity change (3,) in H [m/s] by the control law for the reference of the present phase."""
-    state, tuning = memory.mission, params.mission
-    assert state is not None
-    assert tuning is not None
+    params, memory, predicted = software.params, decision.memory, decision.predicted
+    state = _mission_state(decision)
     assert memory.phase_gains is not None
     gain = of_phase(
         state.phase, [periodic_lqr_gain.gain_at(gains, predicted.burn_orbit) for gains in memory.phase_gains]
     )
-    goal = phase_goal.goal_at_burn(
-        stages,
-        settings,
-        tuning,
-        state,
-        predicted.burn_orbit,
-        predicted.burn_state_H[3:],
-        time + params.formation.lead,
-        period,
-        time - state.entered_at < 0.5 * period,
-    )
+    goal = phase_goal.goal_at_burn(software, state, predicted, decision.time, period)
     deviation = predicted.burn_state_H - jnp.concatenate([goal.position, goal.arrival_velocity])
     wanted_N = apply_transposed(predicted.R_CN, goal.impulse + formation_law.lqr_feedback(gain, deviation))
-    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, pointing.q_BN, tick_s)
+    limit = burn_planning.largest_delta_v(
+        params.pointing, params.vehicle, wanted_N, decision.pointing.q_BN, software.tick_s
+    )
     governed = reference_governor.govern(gain, deviation, goal.impulse, limit)
-    command_H = stages.call(
-        "formation_law", memory.own, gain=gain, deviation=governed, estimate=memory.orbit, time=time
+    command_H = software.stages.call(
+        "formation_law", memory.own, gain=gain, deviation=governed, estimate=memory.orbit, time=decision.time
     )
     return goal.impulse + command_H

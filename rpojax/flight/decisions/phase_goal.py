@@ -8,6 +8,8 @@ from jaxtyping import Array, Float
 
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
 from rpojax.core.pytree import pytree, replace
+from rpojax.flight.decisions.motion_prediction import Prediction
+from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance.references import impulsive_tracking, reference_motion
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
@@ -16,7 +18,6 @@ from rpojax.flight.mission import team_mission
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning, of_phase
-from rpojax.flight.stages import Stages
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -62,25 +63,26 @@ def _shifted(reference: Any, state: MissionState, time: Scalar) -> Any:
     )
 
 
-def references(settings: MissionSettings, tuning: MissionTuning, entry: PhaseEntry) -> list[tuple[str, Any]]:
+def references(software: FlightSoftware, entry: PhaseEntry) -> list[tuple[str, Any]]:
     """Name and reference of all rows; holding and aborted, a servicer keeps to the place where that began."""
+    settings, tuning = mission_of(software)
     place = Hold(position=entry.relative_state[:3])
     named = [(phase.name, tuning.phases[phase.name].reference) for phase in settings.phases]
     return [*named, ("hold", place), ("aborted", place)]
 
 
-def desired_state(
-    stages: Stages,
-    settings: MissionSettings,
-    tuning: MissionTuning,
-    state: MissionState,
-    orbit: TargetOrbit,
-    time: Scalar,
-) -> Float[Array, "6"]:
+def mission_of(software: FlightSoftware) -> tuple[MissionSettings, MissionTuning]:
+    """Static settings and numbers of the phases, where there are some."""
+    assert software.mission is not None
+    assert software.params.mission is not None
+    return software.mission, software.params.mission
+
+
+def desired_state(software: FlightSoftware, state: MissionState, orbit: TargetOrbit, time: Scalar) -> Float[Array, "6"]:
     """Relative state (6,) of the present phase's reference at `time` [m, m/s], with the target at `orbit`."""
     elapsed = time - state.starts_at
     states = [
-        stages.call(
+        software.stages.call(
             "reference",
             phase=name,
             reference=_shifted(reference, state, time),
@@ -88,18 +90,17 @@ def desired_state(
             orbit=orbit,
             elapsed=elapsed,
         )
-        for name, reference in references(settings, tuning, state.entry)
+        for name, reference in references(software, state.entry)
     ]
     return of_phase(state.phase, states)
 
 
-def end_position(
-    settings: MissionSettings, tuning: MissionTuning, state: MissionState, orbit: TargetOrbit, time: Scalar
-) -> Vector:
+def end_position(software: FlightSoftware, state: MissionState, orbit: TargetOrbit, time: Scalar) -> Vector:
     """Position [m] at which the present phase's reference ends, or that at `time` [s] of one without an end.
 
     A phase that no condition ends has that of its entry.
     """
+    settings, tuning = mission_of(software)
     elapsed = time - state.starts_at
     entry = state.entry
     ends = [
@@ -112,37 +113,22 @@ def end_position(
 
 
 def goal_at_burn(
-    stages: Stages,
-    settings: MissionSettings,
-    tuning: MissionTuning,
-    state: MissionState,
-    orbit: TargetOrbit,
-    rho_dot_H: Vector,
-    burn_time: Scalar,
-    period: Scalar,
-    is_first: Array,
+    software: FlightSoftware, state: MissionState, predicted: Prediction, time: Scalar, period: Scalar
 ) -> Goal:
-    """Goal of a burn.
+    """Goal of a burn that is decided at `time` [s] in a phase with a `period` [s] between its burns.
 
-    Args:
-        stages: replaceable stages
-        settings: static settings of the mission
-        tuning: of the mission
-        state: of the mission
-        orbit: of the target at the burn
-        rho_dot_H: (3,) predicted relative velocity before the burn [m/s]
-        burn_time: () since the start of the run [s]
-        period: () between the burns of the phase [s]
-        is_first: () bool, whether it is the first burn of the phase, which changes to the reference's velocity at once
+    The first burn of a phase changes to the velocity of its reference at once.
     """
+    orbit, burn_time = predicted.burn_orbit, time + software.params.formation.lead
 
     def position(_: None, dt: Scalar) -> tuple[None, Vector]:
         place = advanced(orbit, dt)
-        return None, desired_state(stages, settings, tuning, state, place, burn_time + dt)[:3]
+        return None, desired_state(software, state, place, burn_time + dt)[:3]
 
     # A scan: three copies of all references would take three times as long to compile.
     _, (before, at, after) = jax.lax.scan(position, None, jnp.stack([-period, jnp.zeros_like(period), period]))
     tracked = impulsive_tracking.tracked_point(orbit, period, before, at, after)
     departure = tracked.arrival_velocity + tracked.impulse
-    arrival = jnp.where(is_first, rho_dot_H, tracked.arrival_velocity)
+    is_first = time - state.entered_at < 0.5 * period
+    arrival = jnp.where(is_first, predicted.burn_state_H[3:], tracked.arrival_velocity)
     return Goal(position=at, arrival_velocity=arrival, impulse=departure - arrival)

@@ -25,6 +25,7 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import detector_input
 from rpojax.simulation.state import elapsed_time
 from rpojax.simulation.telemetry import Telemetry
+from rpojax.simulation.tick import Loop
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -143,7 +144,8 @@ def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: 
     R_HN, omega_HN_N = hill_frame(truth.r_TN_N, truth.v_TN_N)
     q_HN = quaternion.from_matrix(R_HN)
     zero = jnp.zeros((), dtype=jnp.float64)
-    wheel_command = computer.control_attitude(stages, params.flight, flight, truth.wheel_speed, zero, time)
+    software = Loop(scenario, params, stages).software
+    wheel_command = computer.control_attitude(software, flight, truth.wheel_speed, zero, time)
     gyro_noise = gyro_variance(scenario, params)
     q_KB = quaternion.normalize(params.flight.vehicle.camera_mounting)
     servicer, relative, target = _true_odometries(truth, R_HN, omega_HN_N, q_HN)

@@ -1,5 +1,7 @@
 """Choice of the detector's window in large frames."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +12,7 @@ from numpy_reference import IDENTITY
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight import computer
-from rpojax.flight.flight_records import FlightParams
+from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.guidance import detector_window
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
 from rpojax.flight.stages import Stages
@@ -20,8 +22,18 @@ LARGE = CameraFormat(width_px=512, height_px=512, input_px=128)
 SMALL = CameraFormat(width_px=128, height_px=128, input_px=128)
 
 
-initial = jax.jit(computer.initial, static_argnums=(1, 2))
-command_camera = jax.jit(computer.command_camera, static_argnums=(0, 2))
+@partial(jax.jit, static_argnums=1)
+def initial(flight: FlightParams, camera: CameraFormat, *initial_values: jax.Array) -> FlightMemory:
+    return computer.initial(rendezvous_scene.software(flight, camera=camera), *initial_values)
+
+
+@partial(jax.jit, static_argnums=(0, 2))
+def command_camera(
+    stages: Stages, flight: FlightParams, camera: CameraFormat, memory: FlightMemory, time: jax.Array
+) -> FlightMemory:
+    return computer.command_camera(rendezvous_scene.software(flight, stages, camera), memory, time)
+
+
 window_around = jax.jit(detector_window.window_around, static_argnums=0)
 
 
@@ -69,7 +81,7 @@ def test_the_command_follows_the_tracked_target_by_the_estimate(flight: FlightPa
     known = rendezvous_scene.estimate(flight)
     q_KN = jnp.asarray(rendezvous_scene.camera_attitude(flight, known))
     q_BN = body_attitude(flight.vehicle.camera_mounting, q_KN)
-    memory = initial(flight, LARGE, 200.0, known, q_BN, np.zeros(3))
+    memory = initial(flight, LARGE, known, q_BN, np.zeros(3))
     assert float(memory.camera.binning) == 4.0  # nothing is tracked at the start
     time = jnp.asarray(0.0)
     lost = command_camera(Stages(), flight, LARGE, memory, time).camera
@@ -87,7 +99,7 @@ def test_a_users_window_is_commanded(flight: FlightParams) -> None:
         corner = jnp.array([camera.width_px, camera.height_px], jnp.float32) - camera.input_px
         return CameraCommand(corner_px=corner + 0.0 * time.astype(jnp.float32), binning=jnp.float32(1.0))
 
-    memory = initial(flight, LARGE, 200.0, rendezvous_scene.estimate(flight), np.asarray(IDENTITY), np.zeros(3))
+    memory = initial(flight, LARGE, rendezvous_scene.estimate(flight), np.asarray(IDENTITY), np.zeros(3))
     stages = Stages(detector_window=lower_right)
     after = command_camera(stages, flight, LARGE, memory, jnp.asarray(7.0))
     np.testing.assert_array_equal(after.camera.corner_px, [384.0, 384.0])

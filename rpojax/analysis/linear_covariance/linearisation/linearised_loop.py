@@ -30,6 +30,7 @@ from rpojax.simulation.state import State, elapsed_time, true_relative_state
 from rpojax.simulation.step import step as simulate_tick
 from rpojax.simulation.step_stages import sun_and_moon_at
 from rpojax.simulation.telemetry import Telemetry
+from rpojax.simulation.tick import Loop
 
 OUTPUTS = {
     "rho_H": slice(0, 3),
@@ -185,9 +186,8 @@ class LinearisedLoop:
         )
 
         def burn(command: Array) -> tuple[Array, Array]:
-            stages = replace(self.stages, formation_law=lambda: command)
-            period, dt = self.scenario.formation_period_s, self.scenario.tick_s
-            plan = burn_decision.plan_burn(stages, self.params.flight, memory, pointing, time, period, dt)
+            loop = Loop(self.scenario, self.params, replace(self.stages, formation_law=lambda: command))
+            plan = burn_decision.plan_burn(loop.software, memory, pointing, time)
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
 
@@ -196,7 +196,8 @@ class LinearisedLoop:
     def _outputs(self, params: Params, telemetry: Telemetry) -> Array:
         memory = telemetry.flight
         time = elapsed_time(self.scenario, telemetry.truth, telemetry.tick)
-        command_H = burn_decision.formation_command(self.stages, params.flight, memory, time, self.scenario.tick_s)
+        software = Loop(self.scenario, params, self.stages).software
+        command_H = burn_decision.formation_command(software, memory, time)
         return jnp.concatenate([navigation_outputs(telemetry), command_H])
 
 

@@ -1,0 +1,31 @@
+"""Flight software of one servicer: what does not change from tick to tick, bound once."""
+
+from dataclasses import dataclass
+
+from rpojax.flight.flight_records import FilterSettings, FlightParams
+from rpojax.flight.guidance.detector_window import CameraFormat
+from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.stages import Stages
+
+
+@dataclass(frozen=True, eq=False)
+class FlightSoftware:
+    """Flight software of one servicer.
+
+    Attributes:
+        stages: replaceable parts
+        params: tuning, vehicle model, and what it believes of sensors
+        filter: static settings of the orbit filter
+        camera: sizes of the camera's images
+        mission: static settings of the phases, None without phases
+        tick_s: time between guidance ticks [s]
+        formation_period_s: time between burn decisions, but of phases with one of their own [s]
+    """
+
+    stages: Stages
+    params: FlightParams
+    filter: FilterSettings
+    camera: CameraFormat
+    mission: MissionSettings | None
+    tick_s: float
+    formation_period_s: float
