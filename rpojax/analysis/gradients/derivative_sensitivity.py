@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
-from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
-from rpojax.analysis.statistics.dependence.rank_correlation import spearman
+from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs, spearman
+from rpojax.analysis.statistics.intervals import shrunk_mean
 from rpojax.analysis.statistics.paired_comparison import requirement_name
-from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform
 from rpojax.core.pytree import concatenate
@@ -34,6 +33,33 @@ from rpojax.simulation.metrics import running_metrics
 from rpojax.simulation.metrics.running_metrics import RunningSums
 from rpojax.simulation.state import State, state_axes
 from rpojax.simulation.step import step
+
+
+def checkpoint_interval(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:
+    """Ticks from one kept state to the next in reverse mode: 1 if all fit, else the interval of least memory."""
+    if ticks * state_bytes * runs <= memory_bytes:
+        return 1
+    return max(2, round(ticks**0.5))
+
+
+def checkpointed_scan(function: Callable[[Any], Any], start: Any, length: int, interval: int) -> Any:
+    """`function` applied `length` times; the reverse mode keeps one state in every `interval`, none at all with 0.
+
+    Within a tick nothing is kept: computing it again is cheaper than the traffic to memory.
+    """
+    if interval == 0:
+        return jax.lax.scan(lambda carry, _: (function(carry), None), start, None, length=length)[0]
+    body = jax.checkpoint(function)
+
+    def scan_ticks(carry: Any, count: int) -> Any:
+        return jax.lax.scan(lambda inner, _: (body(inner), None), carry, None, length=count)[0]
+
+    if interval == 1:
+        return scan_ticks(start, length)
+    scan_interval = jax.checkpoint(lambda carry: scan_ticks(carry, interval))
+    carry = jax.lax.scan(lambda inner, _: (scan_interval(inner), None), start, None, length=length // interval)[0]
+    return scan_ticks(carry, length % interval)
+
 
 InputFunction = Callable[[Array, Array], Values]
 """Map from the inputs (k,) and the random key of a run to values by scenario key, in the user's units."""

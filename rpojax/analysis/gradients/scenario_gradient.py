@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
 from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
-from rpojax.analysis.gradients.tuning.tunable_scenario import check_differentiable
+from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
 from rpojax.campaign import preflight
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError

@@ -11,11 +11,12 @@ import numpy as np
 from rpojax.analysis.linear_covariance import monte_carlo_agreement
 from rpojax.analysis.linear_covariance.covariance_history import (
     ENSEMBLE_SIZE,
+    ErrorBudget,
     LinearCovariance,
     check_scenario,
+    error_budget,
     propagate_covariance,
 )
-from rpojax.analysis.linear_covariance.error_budget import ErrorBudget, error_budget
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, ChannelAgreement, MonteCarloSample
 from rpojax.campaign import preflight

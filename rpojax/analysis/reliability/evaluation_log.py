@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from rpojax.analysis.reliability.search_settings import SearchSettings
-from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
+from rpojax.analysis.statistics.intervals import shrunk_mean
 
 _MIN_GRADIENTS = 3
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
-from rpojax.analysis.statistics.intervals.median_bootstrap import resampled_medians
+from rpojax.analysis.statistics.intervals import resampled_medians
 from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection

@@ -11,11 +11,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import success_bounds
-from rpojax.analysis.statistics.intervals.order_statistics import (
+from rpojax.analysis.statistics.intervals import (
     allowed_failures,
     consumer_risk_reached,
     runs_for_bound,
+    success_bounds,
 )
 from rpojax.scenario.schema import RequirementSection
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.flight.mission.mission_state import AbortReason
 from rpojax.metrics.passive_safety import FINAL_DRIFT_RANGE
 from rpojax.report.campaign_results import CampaignResults

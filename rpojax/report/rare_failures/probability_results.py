@@ -4,8 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME
-from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, read_result
 from rpojax.analysis.statistics import rare_requirements
 from rpojax.campaign.storage import safe_paths
 from rpojax.report import shell_commands

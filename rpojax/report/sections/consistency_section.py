@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency.innovations import nis_interval, whiteness_bound
-from rpojax.analysis.statistics.consistency.nees import average_nees
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
-from rpojax.analysis.statistics.intervals.normal_distribution import coverage_per_axis
+from rpojax.analysis.statistics.consistency import average_nees, nis_interval, whiteness_bound
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval, coverage_per_axis
 from rpojax.metrics.metric_catalogue import find
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.nees_chart import average_nees_chart

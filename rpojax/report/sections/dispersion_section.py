@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence.multiple_testing import holm_correction
+from rpojax.analysis.statistics.dependence import holm_correction
 from rpojax.analysis.statistics.dispersion_marginals import (
     Marginal,
     declared_nominal,

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency.nees import mean_nees_interval
+from rpojax.analysis.statistics.consistency import mean_nees_interval
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import keep_out_radii
 from rpojax.report.figures.charts.envelope_chart import envelope_chart

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence.two_sample_tests import InputSeparation, separate_failing_runs
+from rpojax.analysis.statistics.dependence import InputSeparation, separate_failing_runs
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import rankable_scalars
 from rpojax.report.labels import metric_label

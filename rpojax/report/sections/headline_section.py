@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, format_percent_interval
 from rpojax.report.sections import consistency_section

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horizon_metric_name
 from rpojax.report.campaign_results import CampaignResults

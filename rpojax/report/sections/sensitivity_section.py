@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
+from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import rankable_scalars
 from rpojax.report.figures.charts.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values

@@ -7,8 +7,12 @@ import jax
 import numpy as np
 
 from rpojax.analysis.reliability.rare_events import method_choice
-from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LatentSpace
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction, LimitStateCalls
+from rpojax.analysis.reliability.rare_events.latent_points import (
+    LatentPoints,
+    LatentSpace,
+    LimitFunction,
+    LimitStateCalls,
+)
 from rpojax.analysis.reliability.rare_events.probability_estimate import MethodChoice, ProbabilityEstimate
 from rpojax.errors import RpojaxError
 from rpojax.runtime import jax_configuration

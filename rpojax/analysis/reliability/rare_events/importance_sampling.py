@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from rpojax.analysis.reliability.rare_events import proposal_fit
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.latent_points import LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
     LevelRecord,

@@ -1,27 +1,62 @@
 """Estimates by a method that was asked for, or by the one that suits what was found."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from rpojax.analysis.reliability.rare_events import (
-    exploration,
-    importance_sampling,
-    line_sampling,
-    plain_sampling,
-    subset_simulation,
-)
+from rpojax.analysis.reliability.rare_events import exploration, importance_sampling, line_sampling, subset_simulation
 from rpojax.analysis.reliability.rare_events.exploration import Exploration
 from rpojax.analysis.reliability.rare_events.importance_sampling import Round
-from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls, undefined_fault
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitStateCalls, undefined_fault
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
+    LevelRecord,
     MethodChoice,
     ProbabilityEstimate,
+    binomial_interval,
     log_normal_interval,
 )
 from rpojax.analysis.reliability.rare_events.subset_simulation import SubsetResult
+
+MIN_FAILURES = 10
+"""Failures below which the interval is too wide to rest a decision on."""
+_BATCH = 4096
+
+
+def plain_estimate(
+    calls: LimitStateCalls, rng: np.random.Generator, reason: str, earlier: Sequence[np.ndarray] = ()
+) -> ProbabilityEstimate:
+    """Probability from all evaluations that are left, and from margins of independent points that are there already."""
+    margins = list(earlier)
+    while calls.left > 0:
+        margins.append(calls.margins(calls.space.sample(rng, min(_BATCH, calls.left))))
+    return from_margins(np.concatenate(margins), calls, reason)
+
+
+def from_margins(margins: np.ndarray, calls: LimitStateCalls, reason: str) -> ProbabilityEstimate:
+    """Probability from margins (n,) of independent points."""
+    runs, failures = len(margins), int((margins <= 0.0).sum())
+    probability = failures / runs
+    warnings = []
+    if failures == 0:
+        warnings.append(f"no failure in {runs} plain samples: the upper end of the interval is all that is known")
+    elif failures < MIN_FAILURES:
+        warnings.append(f"{failures} failures in {runs} plain samples are few")
+    faults = undefined_fault(margins, np.ones(runs))
+    return ProbabilityEstimate(
+        probability=probability,
+        interval_95=binomial_interval(failures, runs),
+        coefficient_of_variation=math.sqrt((1.0 - probability) / failures) if failures else math.inf,
+        evaluations=calls.used,
+        method="plain",
+        trusted=failures >= MIN_FAILURES and not faults,
+        warnings=(*warnings, *faults, *calls.undefined_remark()),
+        reason=reason,
+        effective_sample_size=float(failures),
+        levels=(LevelRecord("plain samples", runs, probability),),
+    )
+
 
 _PLAIN_VARIATION = 0.06
 """Coefficient of variation that plain sampling must reach with the whole budget to be chosen."""
@@ -46,7 +81,7 @@ Samples = tuple[LatentPoints, np.ndarray]
 def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodChoice) -> ProbabilityEstimate:
     """Probability of failure by a method, or by the one that suits the limit state."""
     if method == "plain":
-        return plain_sampling.estimate(calls, rng, _ASKED)
+        return plain_estimate(calls, rng, _ASKED)
     points = calls.space.sample(rng, int(exploration.FIRST_SHARE * calls.budget), in_blocks=True)
     first = (points, calls.margins(points))
     if method == "subset":
@@ -55,12 +90,12 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
         return line_sampling.estimate(calls, rng, first, _ASKED)
     if method == "auto" and _plain_is_enough(first[1], calls.budget):
         reason = "failures are so frequent that plain sampling is accurate enough"
-        return plain_sampling.estimate(calls, rng, reason, (first[1],))
+        return plain_estimate(calls, rng, reason, (first[1],))
     found = exploration.explore(calls, rng, first)
     failures = found.failures
     if failures is None:
         reason = "neither subset simulation nor wider distributions found a failure"
-        return plain_sampling.estimate(calls, rng, reason, (first[1],))
+        return plain_estimate(calls, rng, reason, (first[1],))
     size = min(max(20, int(_ROUND_SHARE * calls.budget)), calls.left // 2)
     proposal, rounds = importance_sampling.adapted(calls, rng, failures, size)
     expected = math.sqrt(rounds[-1].variance_of_one / max(1, calls.left))
@@ -225,7 +260,7 @@ def _without_failure(
 ) -> ProbabilityEstimate:
     """Plain estimate with what is left of the budget where chains did not reach failure."""
     reason = f"subset simulation, {reason}, did not reach failure" if reason == _ASKED else reason
-    found = plain_sampling.estimate(calls, rng, reason, (first[1],))
+    found = plain_estimate(calls, rng, reason, (first[1],))
     return ProbabilityEstimate(
         probability=found.probability,
         interval_95=found.interval_95,

@@ -15,7 +15,7 @@ from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress import run_progress
 
 if TYPE_CHECKING:
-    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import RecordedEstimate
 
 
 def probability(
@@ -30,7 +30,7 @@ def probability(
     force: Annotated[bool, arg(help="Replace another estimate in the folder.")] = False,
 ) -> int:
     """How likely a run is to break a requirement or a limit, or to end with an outcome; the same command resumes it."""
-    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import RecordedEstimate
 
     file = load(scenario, overrides)
     show_unused_keys(file, quiet=session.as_json)
@@ -57,9 +57,11 @@ def resume_estimate(directory: Path, session: Session) -> int:
     Raises:
         ResultError: the folder is not as it was written, or other versions of the packages began the estimate.
     """
-    from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
-    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import read_estimate
-    from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import (
+        EstimateFolder,
+        read_estimate,
+        read_result,
+    )
 
     asked = read_estimate(directory)
     if EstimateFolder(directory).is_finished:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.order_statistics import percentiles_over_runs
+from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.report.figures.charts.plotly_charts import Chart, band_traces, rounded_values
 from rpojax.report.figures.charts.time_chart import (
     MAX_POINTS,

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency.nees import AverageNees
+from rpojax.analysis.statistics.consistency import AverageNees
 from rpojax.report.figures.charts.plotly_charts import Chart, add_reference_lines, band_traces, rounded_values
 from rpojax.report.figures.charts.time_chart import MAX_POINTS, channel_line, time_layout
 from rpojax.report.figures.colours import BLUE

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence.rank_correlation import spearman_columns
+from rpojax.analysis.statistics.dependence import spearman_columns
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import dispersed_scalars, rankable_scalars
 from rpojax.report.figures.charts.plotly_charts import rounded_values

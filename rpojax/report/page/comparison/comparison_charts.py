@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.order_statistics import percentiles_over_runs
+from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.histogram_chart import histogram_bins
 from rpojax.report.figures.charts.plotly_charts import Chart, band_traces, chart_layout, limit_line, rounded_values

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpojax.analysis.statistics.consistency.innovations import nis_interval, whiteness_bound
+from rpojax.analysis.statistics.consistency import nis_interval, whiteness_bound
 
 
 def test_nis_of_three_components_against_worked_numbers() -> None:

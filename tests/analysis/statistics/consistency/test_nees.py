@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.consistency.nees import average_nees, mean_nees_interval
+from rpojax.analysis.statistics.consistency import average_nees, mean_nees_interval
 
 
 @pytest.mark.parametrize(

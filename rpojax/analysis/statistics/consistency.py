@@ -1,4 +1,4 @@
-"""Normalised estimation error squared (NEES), averaged over runs, against its chi-square interval.
+"""Consistency of a filter's covariance with its errors: NEES, NIS and whiteness of innovations.
 
 Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.
 """
@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import chi2
+
+from rpojax.analysis.statistics.intervals import Z_95
 
 
 def mean_nees_interval(components: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -51,3 +53,13 @@ def average_nees(values: np.ndarray, components: int) -> AverageNees:
 
 def _mean(flags: np.ndarray) -> float:
     return float(flags.mean()) if len(flags) else math.nan
+
+
+def nis_interval(components: int, updates: int = 1, confidence: float = 0.95) -> tuple[float, float]:
+    """Interval that holds the mean over `updates` independent updates of the normalised innovation squared (NIS)."""
+    return mean_nees_interval(components, updates, confidence)
+
+
+def whiteness_bound(updates: int) -> float:
+    """Size below which the autocorrelation of `updates` white innovations lies in 95 % of the cases."""
+    return Z_95 / math.sqrt(updates)
