@@ -6,36 +6,62 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-from rpojax.campaign import (
-    experiment_design,
-    preflight,
-    replaced_stage_provenance,
-    resource_estimates,
-)
-from rpojax.campaign.execution import (
-    block_runner,
-    campaign_engine,
-    custom_metric_checks,
-    selected_histories,
-)
+import jax
+import jax.numpy as jnp
+
+from rpojax.campaign import experiment_design, preflight, resource_estimates
+from rpojax.campaign.execution import block_runner, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size, fitted_block_size
-from rpojax.campaign.execution.executor import Executor
-from rpojax.campaign.execution.local_executor import LocalExecutor
+from rpojax.campaign.execution.executor import Executor, LocalExecutor
 from rpojax.campaign.options import history_retention
-from rpojax.campaign.options.campaign_options import DEFAULT_HISTORIES, CampaignOptions, FurtherOptions
+from rpojax.campaign.options.campaign_options import (
+    ALL_BLOCKS,
+    DEFAULT_HISTORIES,
+    CampaignOptions,
+    FurtherOptions,
+    Shard,
+)
 from rpojax.campaign.options.history_retention import Retention
-from rpojax.campaign.options.job_shard import ALL_BLOCKS, Shard
-from rpojax.campaign.storage import folder_creation, provenance, stale_files
+from rpojax.campaign.storage import folder_creation, provenance
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
+from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.runtime import device_programs
 from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.plugins.custom_metrics import MetricFunction
+from rpojax.scenario.plugins.custom_metrics import MetricFunction, unknown_channel
 from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.scenario.schema import ScenarioFile
+
+_ALWAYS = ("time_s", "rho_desired_H")
+"""Channels that are no telemetry in every scenario."""
+
+
+def check_metrics(file: ScenarioFile, engine: BatchEngine, histories: Retention) -> None:
+    """Refuses metrics of channels that the scenario does not have, and of ticks that give no number.
+
+    Raises:
+        RpojaxError: naming the metric, what was found and what was expected.
+    """
+    own = plugin_registry.metrics_of(file)
+    for name, _ in histories.worst_kept:
+        if name not in own and name not in METRICS:
+            raise RpojaxError.of_argument("histories", f"found metric {name!r}, expected one of the campaign")
+    if not own:
+        return
+    shapes = engine.channel_shapes()
+    for metric in own.values():
+        for channel in metric.inputs:
+            if channel not in shapes and channel not in _ALWAYS:
+                raise unknown_channel(metric.name, channel, (*shapes, *_ALWAYS))
+        if not callable(metric.reduction):
+            example = {"time_s": jax.ShapeDtypeStruct((), jnp.float64)}
+            example |= {"rho_desired_H": jax.ShapeDtypeStruct((3,), jnp.float64), **shapes}
+            jax.eval_shape(lambda *values, m=metric: m.value(jnp, *values), *(example[name] for name in metric.inputs))
+
 
 ExecutorFactory = Callable[[Campaign], Executor]
 """Makes the executor of a campaign."""
@@ -132,10 +158,10 @@ def start_campaign(
     devices = _devices_for_blocks(used.devices, -(-options.runs // size))
     resource_estimates.check_resources(file, options, size, len(devices), out)
     design = experiment_design.make_design(file, options.seed, options.design_range)
-    stages = replaced_stage_provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
+    stages = provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
     engine = BatchEngine(file, size, devices, used.stages, design)
     configuration = provenance.new_configuration(file, options, stages, design.sha256(), engine.batching)
-    custom_metric_checks.check_metrics(file, engine, options.histories)
+    check_metrics(file, engine, options.histories)
     if stages:
         engine.channel_names()  # traces replaced stages, which may fail, before there is a folder
     if options.histories.channels is not None:
@@ -190,12 +216,12 @@ def resume_campaign(
     if metrics:
         plugin_registry.add(Plugin(metrics=metrics))
     campaign = Campaign(directory, allow_plugin=allow_plugin)
-    stale_files.remove_stale_files(campaign.directory)
+    folder_creation.remove_stale_files(campaign.directory)
     campaign.verify()
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     if blocks:
         found = plugin_registry.stages_of(campaign.file, stages)
-        replaced_stage_provenance.check_same_stages(campaign.configuration.stages, found)
+        provenance.check_same_stages(campaign.configuration.stages, found)
         if executor is None:
             devices = _devices_for_blocks(None, len(blocks))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)

@@ -1,4 +1,4 @@
-"""Protocol of the campaign results that the report needs, independent of how they are stored."""
+"""Campaign results as the report needs them, however they are stored: protocol, design, dispersions, key metrics."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,6 +6,10 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from rpojax.metrics.time_windows import MetricWindow
+from rpojax.report.labels import in_display_order
+from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.parameter_keys import component_columns
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
 
 
@@ -142,3 +146,80 @@ def _passed_on(name: str) -> property:
 for _name in vars(CampaignResults):
     if not _name.startswith("_"):
         setattr(PassedOnResults, _name, _passed_on(_name))
+
+
+_PHRASES = {
+    "latin_hypercube": "a Latin hypercube",
+    "sobol": "a Sobol sequence",
+    "table": "a table of given values",
+    "grid": "a grid of given values",
+}
+
+
+def design_kind(campaign: CampaignResults) -> str:
+    """Kind of the scenario's design; without one, every run is drawn independently."""
+    return str((campaign.info.get("scenario", {}).get("design") or {}).get("kind", "independent"))
+
+
+def runs_are_independent(campaign: CampaignResults) -> bool:
+    """Whether the runs are independent, which exact intervals, p-values and verdicts require."""
+    return design_kind(campaign) == "independent"
+
+
+def design_content(campaign: CampaignResults) -> dict[str, Any]:
+    """Part of report.json: kind of the design, and whether its runs are independent."""
+    return {"kind": design_kind(campaign), "independent": runs_are_independent(campaign)}
+
+
+def design_phrase(campaign: CampaignResults) -> str:
+    """The design as a noun phrase."""
+    found = design_kind(campaign)
+    return _PHRASES.get(found, f"the design {found!r}")
+
+
+_CATEGORICAL_KEYS = ("fault.kind", "fault.wheel")
+"""Keys whose numbers are codes without an order."""
+
+
+def dispersed_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
+    """Every dispersed scalar (runs,); a vector has one entry per component, named `key[0]`, `key[1]`, ..."""
+    return component_columns({key: np.asarray(values, dtype=np.float64) for key, values in campaign.drawn.items()})
+
+
+def keep_out_radii(campaign: CampaignResults) -> np.ndarray | None:
+    """Radius of every run's keep-out sphere [m], (runs,), or (1,) where all have the same; None without one."""
+    nominal = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
+    if nominal is None:
+        return None
+    radii = values_of_runs(campaign.drawn, "limits.keep_out_m", nominal)
+    return radii if radii.size else None
+
+
+def rankable_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
+    """Dispersed scalars (runs,) that can be ranked: all but the categorical ones, such as kinds of fault."""
+    return {key: values for key, values in dispersed_scalars(campaign).items() if key not in _CATEGORICAL_KEYS}
+
+
+_DEFAULT_METRICS = {"formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m"}
+_MIN_RUNS = 10
+_MAX_METRICS = 8
+
+
+def select_key_metrics(campaign: CampaignResults) -> list[str]:
+    """Names of at most eight metrics that vary over ten runs or more: those with requirements, then the defaults."""
+    required = {_metric_name(entry) for entry in campaign.info.get("scenario", {}).get("requirements") or []}
+    found = [name for name in in_display_order(campaign.metrics) if has_variation(campaign.metrics[name])]
+    chosen = [name for name in found if name in required][:_MAX_METRICS]
+    chosen += [name for name in found if name in _DEFAULT_METRICS - required][: _MAX_METRICS - len(chosen)]
+    return in_display_order(chosen)
+
+
+def _metric_name(requirement: Mapping[str, Any]) -> str:
+    window = MetricWindow(*(requirement.get(key) for key in ("phase", "at", "from_s", "to_s")))
+    return f"{requirement['metric']}{window.suffix}"
+
+
+def has_variation(values: np.ndarray) -> bool:
+    """Whether a metric is defined in enough runs and not equal in all of them."""
+    defined = values[np.isfinite(values)]
+    return len(defined) >= _MIN_RUNS and float(np.ptp(defined)) > 0.0

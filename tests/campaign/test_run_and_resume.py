@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from rpojax.campaign import run_and_resume
-from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.campaign_options import CampaignOptions, Shard
 from rpojax.campaign.options.history_retention import Retention
-from rpojax.campaign.options.job_shard import Shard
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage import atomic_files, folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign

@@ -8,7 +8,7 @@ import pytest
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
-from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
 
 Export = Callable[..., tuple[int, str]]

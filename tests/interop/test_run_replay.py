@@ -13,7 +13,7 @@ from scenario_error_assertions import assert_one_line
 from rpojax.campaign import single_run
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.seal.record_seal import sealed
+from rpojax.campaign.storage.campaign_seal import sealed
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.interop import run_replay

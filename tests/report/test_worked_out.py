@@ -11,9 +11,9 @@ from rpojax.analysis.statistics import dependence
 from rpojax.analysis.statistics.dependence import rank_inputs
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.notes import Notes
 from rpojax.report.page.report_json import report_content
 from rpojax.report.sections import sensitivity_section
-from rpojax.report.worked_out import Notes
 
 
 def test_a_part_that_fails_is_made_without_numbers_and_noted(

@@ -20,9 +20,8 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, Rollou
 from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs, spearman
 from rpojax.analysis.statistics.intervals import shrunk_mean
 from rpojax.analysis.statistics.paired_comparison import requirement_name
-from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import Notice, RpojaxError
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage

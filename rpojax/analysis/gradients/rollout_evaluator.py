@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.campaign import single_run
-from rpojax.campaign.execution.tick_batching import batch_transform
+from rpojax.campaign.execution.run_programs import batch_transform
 from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options

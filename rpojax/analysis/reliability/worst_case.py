@@ -31,8 +31,7 @@ from rpojax.analysis.reliability.simulated_limit_state import (
 )
 from rpojax.campaign import preflight, run_and_resume
 from rpojax.campaign.storage import folder_creation
-from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
-from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_atomically, write_json
 from rpojax.errors import RpojaxError
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage

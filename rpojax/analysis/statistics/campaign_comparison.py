@@ -16,8 +16,8 @@ from rpojax.analysis.statistics.paired_comparison import (
     requirement_name,
 )
 from rpojax.campaign import experiment_design
+from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import ResultError
 from rpojax.metrics.time_windows import split_name
 from rpojax.optional_packages import require_package

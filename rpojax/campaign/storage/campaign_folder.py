@@ -28,6 +28,7 @@ import numpy as np
 from rpojax.campaign.storage import (
     block_manifests,
     campaign_configuration,
+    campaign_seal,
     folder_creation,
     labelled_results,
     provenance,
@@ -37,9 +38,7 @@ from rpojax.campaign.storage.arrays.zarr_encoding import NOT_RECORDED
 from rpojax.campaign.storage.arrays.zarr_writer import ZarrWriter
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
-from rpojax.campaign.storage.seal import requirement_changes
-from rpojax.campaign.storage.seal.record_seal import array_binding
-from rpojax.campaign.storage.seal.requirement_changes import RequirementChange
+from rpojax.campaign.storage.campaign_seal import RequirementChange, array_binding
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
@@ -100,7 +99,7 @@ class Campaign:
         self._read_cache: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
         options, seal = self.configuration.options, self.configuration.seal
         self._writer = ZarrWriter(self.directory, options.runs, self.configuration.block_size, seal)
-        self.requirement_changes: list[RequirementChange] = requirement_changes.read_changes(self.directory, seal)
+        self.requirement_changes: list[RequirementChange] = campaign_seal.read_changes(self.directory, seal)
 
     @property
     def info(self) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rpojax.core.constants import RADIUS_EARTH
-from rpojax.interop.ros2.frame_ids import ECI, HILL, SERVICER
 from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, THRUSTER_JOINT, WHEEL_JOINTS
+from rpojax.interop.ros2.topics import ECI, HILL, SERVICER
 
 
 class RejectionReason(enum.StrEnum):

@@ -18,8 +18,7 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.stages import Stages
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.ros2.message_values import RosTickValues
-from rpojax.interop.ros2.odometry import rate_covariance, rotate_covariance
-from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
+from rpojax.interop.ros2.odometry import orientation_from_quaternion, rate_covariance, rotate_covariance
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import external_inputs, step_stages

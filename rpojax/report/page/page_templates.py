@@ -9,7 +9,7 @@ from typing import Any, Final
 import jinja2
 from markupsafe import Markup, escape
 
-from rpojax.report.number_format import format_number, format_p_value
+from rpojax.report.labels import format_number, format_p_value
 
 _HASH_DIGITS: Final = 16
 """Digits of the scenario's hash at the foot of a page; the identity section has all."""

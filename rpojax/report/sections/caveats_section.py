@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
-from rpojax.report.number_format import format_number
-from rpojax.report.run_independence import design_phrase, runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, design_phrase, runs_are_independent
+from rpojax.report.labels import format_number, in_display_order, metric_label, of_all_servicers
 
 
 def caveat_sentences(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[str]:

@@ -6,16 +6,39 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency import average_nees, nis_interval, whiteness_bound
+from rpojax.analysis.statistics.consistency import AverageNees, average_nees, nis_interval, whiteness_bound
 from rpojax.analysis.statistics.intervals import clopper_pearson_interval, coverage_per_axis
 from rpojax.metrics.metric_catalogue import find
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.figures.charts.nees_chart import average_nees_chart
-from rpojax.report.figures.charts.plotly_charts import Chart
-from rpojax.report.labels import ChannelLabel, in_display_order, metric_label, of_all_servicers
+from rpojax.report.campaign_results import CampaignResults, runs_are_independent
+from rpojax.report.figures.colours import BLUE
+from rpojax.report.figures.plotly_charts import (
+    MAX_POINTS,
+    Chart,
+    add_reference_lines,
+    band_traces,
+    channel_line,
+    rounded_values,
+    time_layout,
+)
+from rpojax.report.labels import ChannelLabel, format_number, in_display_order, metric_label, of_all_servicers
 from rpojax.report.metric_statistics import mean_confidence_interval
-from rpojax.report.number_format import format_number
-from rpojax.report.run_independence import runs_are_independent
+
+_INTERVAL_FILL = "rgba(0, 158, 115, 0.25)"
+
+
+def average_nees_chart(channel: ChannelLabel, time_s: np.ndarray, nees: AverageNees, with_interval: bool) -> Chart:
+    """Chart of NEES averaged over runs against time [s], with its expectation and optionally its 95 % interval."""
+    shown = np.flatnonzero(np.isfinite(nees.mean))
+    shown = shown[:: max(1, -(-len(shown) // MAX_POINTS))]
+    time = rounded_values(time_s[shown])
+    traces: list[dict[str, Any]] = []
+    if with_interval:
+        low, high = rounded_values(nees.low[shown]), rounded_values(nees.high[shown])
+        traces += band_traces(time, low, high, "95 % of a consistent filter", _INTERVAL_FILL)
+    traces.append(channel_line(channel, time, nees.mean[shown], "average over runs", BLUE, 1.8))
+    chart = {"data": traces, "layout": time_layout(channel, traces)}
+    return add_reference_lines(chart, channel.unit, [(float(nees.components), "expected")])
+
 
 _NEES_CHANNELS = (
     (ChannelLabel("nees", "Average NEES of 12 position and velocity components", "", logarithmic=True), 12),

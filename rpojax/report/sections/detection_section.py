@@ -8,7 +8,7 @@ import numpy as np
 
 from rpojax.core.pytree import concatenate
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.report.number_format import format_number
+from rpojax.report.labels import format_number
 from rpojax.vision.intersection_over_union import intersection_over_union
 
 History = Mapping[str, np.ndarray]

@@ -16,10 +16,8 @@ from rpojax.analysis.statistics.tolerance_verdicts import (
     required_values,
 )
 from rpojax.errors import ResultError
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import metric_label
-from rpojax.report.number_format import format_number, with_unit
-from rpojax.report.run_independence import runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, runs_are_independent
+from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.scenario.schema import RequirementSection
 
 _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE_RUNS: "open"}

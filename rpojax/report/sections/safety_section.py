@@ -8,11 +8,8 @@ import numpy as np
 from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horizon_metric_name
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.dispersed_inputs import keep_out_radii
-from rpojax.report.labels import metric_label
-from rpojax.report.number_format import format_number, format_percent_interval, with_unit
-from rpojax.report.run_independence import runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, keep_out_radii, runs_are_independent
+from rpojax.report.labels import format_number, format_percent_interval, metric_label, with_unit
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 

@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 
 from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.dispersed_inputs import rankable_scalars
-from rpojax.report.figures.charts.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values
+from rpojax.report.campaign_results import CampaignResults, rankable_scalars, runs_are_independent, select_key_metrics
 from rpojax.report.figures.colours import BLUE, GRID, ORANGE
-from rpojax.report.key_metrics import select_key_metrics
+from rpojax.report.figures.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values
 from rpojax.report.labels import metric_label
-from rpojax.report.run_independence import runs_are_independent
 
 _MAX_BARS = 8
 _SIGNIFICANCE_LEVEL = 0.05

@@ -8,8 +8,7 @@ from typing import Any
 
 import jax
 
-from rpojax.training.detector import proposal_loss, refinement_loss
-from rpojax.training.detector.evaluation import evaluate_detector
+from rpojax.training.detector import evaluate_detector, proposal_loss, refinement_loss
 from rpojax.training.detector.training_loop import train_network
 from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset

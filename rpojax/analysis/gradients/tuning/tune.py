@@ -18,8 +18,7 @@ from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size
 from rpojax.campaign.experiment_design import make_design
 from rpojax.campaign.options.history_retention import Retention
-from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
-from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_atomically, write_json
 from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages

@@ -23,8 +23,7 @@ from rpojax.analysis.reliability.simulated_failures.estimate_options import Esti
 from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure, choose_failure
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
 from rpojax.campaign import preflight
-from rpojax.campaign.storage.atomic_outputs import write_atomically
-from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.atomic_outputs import to_json_types, write_atomically
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import Progress, ProgressCallback

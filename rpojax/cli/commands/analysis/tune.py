@@ -97,8 +97,7 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import metric_label
-    from rpojax.report.number_format import format_number
+    from rpojax.report.labels import format_number, metric_label
 
     shown = Console(highlight=False)
     for key, change in content["changes"].items():

@@ -84,7 +84,7 @@ def _present(content: dict[str, Any], session: Session, out: Path) -> int:
 def _show(content: dict[str, Any], out: Path) -> None:
     from rich.console import Console
 
-    from rpojax.report.rare_failures.probability_rows import sentences
+    from rpojax.report.rare_failures import sentences
 
     console = Console(highlight=False)
     for sentence in sentences(content):

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from rpojax.training.synthetic_data.meshes import mesh_primitives
-from rpojax.training.synthetic_data.meshes.mesh_primitives import Solids
-from rpojax.training.synthetic_data.meshes.packaged_target import FOIL
-from rpojax.training.synthetic_data.meshes.spacecraft_parts import (
+from rpojax.training.synthetic_data.meshes.mesh_primitives import (
     DARK,
     WHITE,
+    Solids,
     nozzle,
     random_antenna,
     random_appendages,
@@ -21,6 +20,7 @@ from rpojax.training.synthetic_data.meshes.spacecraft_parts import (
     random_wing,
     random_wings,
 )
+from rpojax.training.synthetic_data.meshes.packaged_target import FOIL
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, TargetMesh
 
 Rng = np.random.Generator
