@@ -23,7 +23,6 @@ from rpojax.campaign.options.campaign_options import (
 )
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import folder_creation, provenance
-from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
@@ -155,7 +154,7 @@ def start_campaign(
     fitted = default_block_size(file) if is_shared else fitted_block_size(file, options.runs, most)
     size = options.block_size or fitted
     options = replace(options, block_size=size)
-    devices = _devices_for_blocks(used.devices, -(-options.runs // size))
+    devices = device_programs.choose_devices(used.devices, most=-(-options.runs // size))
     resource_estimates.check_resources(file, options, size, len(devices), out)
     design = experiment_design.make_design(file, options.seed, options.design_range)
     stages = provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
@@ -166,7 +165,11 @@ def start_campaign(
         engine.channel_names()  # traces replaced stages, which may fail, before there is a folder
     if options.histories.channels is not None:
         history_retention.check_channels(options.histories.channels, engine.channel_names())
-    campaign = _open_folder(out, configuration, force, shared=used.shard is not None)
+    if used.shard is not None:
+        folder_creation.join_folder(out, configuration)
+    else:
+        folder_creation.create_folder(out, configuration, force)
+    campaign = Campaign(out)
     executor = used.executor(campaign) if used.executor else LocalExecutor(campaign, engine)
     simulate_missing_blocks(campaign, executor, on_progress, used.shard, used.stages)
     return campaign
@@ -176,20 +179,6 @@ def _as_retention(histories: Sequence[int] | Retention | None) -> Retention:
     if histories is None:
         return DEFAULT_HISTORIES
     return histories if isinstance(histories, Retention) else Retention.from_run_ids(histories)
-
-
-def _devices_for_blocks(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
-    """As many of the devices as there are blocks."""
-    return device_programs.choose_devices(devices, most=blocks)
-
-
-def _open_folder(directory: Path, configuration: CampaignConfiguration, force: bool, shared: bool) -> Campaign:
-    """Creates the folder of a campaign; a shared one may exist already."""
-    if shared:
-        folder_creation.join_folder(directory, configuration)
-    else:
-        folder_creation.create_folder(directory, configuration, force)
-    return Campaign(directory)
 
 
 def resume_campaign(
@@ -223,7 +212,7 @@ def resume_campaign(
         found = plugin_registry.stages_of(campaign.file, stages)
         provenance.check_same_stages(campaign.configuration.stages, found)
         if executor is None:
-            devices = _devices_for_blocks(None, len(blocks))
+            devices = device_programs.choose_devices(None, most=len(blocks))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
             chosen: Executor = LocalExecutor(campaign, engine)
         else:
@@ -271,7 +260,7 @@ def simulate_missing_blocks(
         UnfinishedError: the results cannot be written.
     """
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
-    report_progress = on_progress or _ignore_progress
+    report_progress = on_progress or (lambda progress: None)
     total = sum(campaign.configuration.runs_in_block(block) for block in blocks)
 
     def report_runs(done: float, failed: int, compiled: bool) -> None:
@@ -295,14 +284,10 @@ def _simulate_selected_histories(
     total = len(run_ids)
     if engine is None:
         on_progress(Progress(done=0.0, total=total, failed=0, compiled=False))
-        devices = _devices_for_blocks(None, -(-total // campaign.configuration.block_size))
+        devices = device_programs.choose_devices(None, most=-(-total // campaign.configuration.block_size))
         engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
 
     def report_runs(done: float) -> None:
         on_progress(Progress(done=done, total=total, failed=0, compiled=True, stage="simulating histories"))
 
     block_runner.simulate_histories(campaign, engine, run_ids, report_runs)
-
-
-def _ignore_progress(_: Progress) -> None:
-    pass

@@ -131,21 +131,23 @@ class CampaignResults(Protocol):
         ...
 
 
-class PassedOnResults:
-    """Results of a campaign that are those of another one, except for members that a subclass defines."""
+class ChangedResults:
+    """Results of another campaign, except for the members in `changes` and those that a subclass defines."""
 
-    def __init__(self, campaign: CampaignResults) -> None:
-        self._campaign = campaign
+    def __init__(self, campaign: CampaignResults, **changes: Any) -> None:
+        self._campaign, self._changes = campaign, changes
 
 
-def _passed_on(name: str) -> property:
-    return property(lambda results: getattr(results._campaign, name))
+def _member(name: str) -> property:
+    return property(
+        lambda results: results._changes[name] if name in results._changes else getattr(results._campaign, name)
+    )
 
 
 # Members, not `__getattr__`: a check against the protocol looks for them without calling anything.
 for _name in vars(CampaignResults):
     if not _name.startswith("_"):
-        setattr(PassedOnResults, _name, _passed_on(_name))
+        setattr(ChangedResults, _name, _member(_name))
 
 
 _PHRASES = {

@@ -1,46 +1,32 @@
-"""Parts of a report that cannot be worked out from extreme numbers: the report says so, and the rest is written.
+"""Notes on parts of a report that extreme numbers make impossible: the report says so, and the rest is written.
 
 A campaign may record any finite number. Where squares or ratios of them leave the range of floating-point numbers, a
 part of the report is made as if nothing were recorded, and a note is kept.
 """
 
-from collections.abc import Callable, Mapping
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
-from rpojax.report.campaign_results import CampaignResults, PassedOnResults
+from rpojax.report.campaign_results import CampaignResults, ChangedResults
 
 Part = TypeVar("Part")
 _OF_NUMBERS = (ArithmeticError, ValueError, TypeError, IndexError, np.linalg.LinAlgError)
 
 
-class WithoutNumbers(PassedOnResults):
+def _without_numbers(campaign: CampaignResults) -> CampaignResults:
     """Results of a campaign in which no metric, trace, draw or history is defined; all else is as it was."""
-
-    @property
-    def metrics(self) -> Mapping[str, np.ndarray]:
-        """Metric -> (runs,) without a value."""
-        return {name: np.full(np.shape(values), np.nan) for name, values in self._campaign.metrics.items()}
-
-    @property
-    def traces(self) -> Mapping[str, np.ndarray]:
-        """Channel -> (runs, samples) without a value."""
-        return {name: np.full(np.shape(values), np.nan) for name, values in self._campaign.traces.items()}
-
-    @property
-    def drawn(self) -> Mapping[str, np.ndarray]:
-        """No draws."""
-        return {}
-
-    @property
-    def history_ids(self) -> list[int]:
-        """No histories."""
-        return []
+    undefined = {
+        group: {name: np.full(np.shape(values), np.nan) for name, values in getattr(campaign, group).items()}
+        for group in ("metrics", "traces")
+    }
+    found: Any = ChangedResults(campaign, **undefined, drawn={}, history_ids=[])
+    return found
 
 
 class Notes:
-    """Sentences on parts that could not be worked out, each once.
+    """Sentences on parts that extreme numbers made impossible, each once.
 
     Attributes:
         sentences: in the order in which they arose
@@ -57,9 +43,9 @@ class Notes:
         try:
             return work(campaign)
         except _OF_NUMBERS as error:
-            found = work(WithoutNumbers(campaign))  # type: ignore[arg-type]
+            part = work(_without_numbers(campaign))
             self._note(title, error)
-            return found
+            return part
 
     def derived(self, title: str, work: Callable[[], Part], otherwise: Part) -> Part:
         """Part of a report that is made of others; `otherwise`, with a note, where their numbers do not allow it."""

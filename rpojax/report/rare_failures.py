@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.reliability.rare_events.probability_estimate import binomial_interval
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, read_result
 from rpojax.analysis.statistics import rare_requirements
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.campaign.storage import safe_paths
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
@@ -201,7 +201,7 @@ def _interval_chart(content: Mapping[str, Any]) -> Chart:
     probability = float(content["probability"])
     failures = round(probability * runs)
     rows = [
-        ("as many plain runs", failures / runs, binomial_interval(failures, runs), SHADE),
+        ("as many plain runs", failures / runs, clopper_pearson_interval(failures, runs), SHADE),
         (f"method {content['method']}", probability, tuple(content["interval_95"]), BLUE),
     ]
     allowed = None if content["requirement"] is None else content["requirement"]["allowed_probability_of_failure"]

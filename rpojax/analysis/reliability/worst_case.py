@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import ndtr
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
+from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
 from rpojax.analysis.reliability.evaluation_log import EvaluatedPoint, SearchResult
 from rpojax.analysis.reliability.form_search import find_design_point
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
@@ -35,13 +34,10 @@ from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_ty
 from rpojax.errors import RpojaxError
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage
-from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
+from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
-from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.plugins.command_lines import command_line
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.noise import run_keys
 
 if TYPE_CHECKING:
     import pandas
@@ -162,12 +158,7 @@ class WorstCase:
 
         limit, point = self.limit, self.reported_point
         what = "breaks" if self.search.nearest_violation is not None else "comes closest to breaking"
-        command = command_line(
-            "run",
-            (directory / SCENARIO_NAME).absolute(),
-            *("--seed", self.seed, "--run-id", point.replicate, "--out", "DIR"),
-            plugin=self.space.file.plugin,
-        )
+        command = run_command(self.space, directory / SCENARIO_NAME, self.seed, point.replicate, "DIR")
         head = (
             f"# Run {point.replicate} of seed {self.seed} {what} {limit.metric} {limit.bound} "
             f"{limit.limit:g} {self._unit}, {point.distance:.2f} sigmas from the median run.\n"
@@ -177,23 +168,9 @@ class WorstCase:
 
     def _dispersions(self) -> list[dict[str, Any]]:
         """Mapped dispersions with their values and sigmas, the farthest from their median first."""
-        space, z = self.space, self.reported_point.z
-        entries = []
-        for entry in space.mapped:
-            name = entry.name
-            rows = space.slices[name]
-            keys = list(dict.fromkeys(parameter.key for parameter in dispersion_keys.assigned_keys(entry)))
-            entries.append(
-                {
-                    "name": name,
-                    "kind": entry.kind,
-                    "distance_sigmas": float(np.linalg.norm(z[rows])),
-                    "sigmas": dict(zip(space.labels[rows], z[rows].tolist(), strict=True)),
-                    "values": {key: self.values[key].tolist() for key in keys},
-                    "nominal": {key: nominal_value(space.file, parse_key(key)) for key in keys},
-                }
-            )
-        return sorted(entries, key=lambda each: -each["distance_sigmas"])
+        kinds = {entry.name: entry.kind for entry in self.space.mapped}
+        found = dispersions_at(self.space, self.reported_point.z, self.values)
+        return [{"name": entry["name"], "kind": kinds[entry["name"]], **entry} for entry in found]
 
     def _cost(self) -> dict[str, Any]:
         search, costs = self.search, self.costs
@@ -323,10 +300,8 @@ def search_worst_case(
     measured = costs or measure_costs(used)
     found = find_design_point(SimulatedLimitState(used, limit, measured, seed), space.dimension, settings, seed)
     point = found.nearest_violation or found.smallest_margin
-    key = run_keys(seed, np.array([point.replicate]))[0]
-    values = jax.jit(space.values_at)(jnp.asarray(point.z), jnp.asarray(key))
-    arrays = {name: np.asarray(value) for name, value in values.items()}
-    return WorstCase(limit, space, seed, found, measured, used.compile_s, arrays)
+    values = values_of(space, seed, point.z, point.replicate)
+    return WorstCase(limit, space, seed, found, measured, used.compile_s, values)
 
 
 def simulate_worst_case(found: WorstCase, directory: Path) -> float:

@@ -12,10 +12,10 @@ from scipy.stats import chi2
 from rpojax.analysis.statistics.intervals import Z_95
 
 
-def mean_nees_interval(components: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Interval that holds the mean NEES of `components` errors over `runs` runs of a consistent filter."""
+def mean_square_interval(components: int, count: int = 1, confidence: float = 0.95) -> tuple[float, float]:
+    """Interval that holds the mean NEES of `count` runs, or the mean NIS of `count` updates, of a consistent filter."""
     tail = (1.0 - confidence) / 2.0
-    low, high = chi2.ppf([tail, 1.0 - tail], components * runs) / runs
+    low, high = chi2.ppf([tail, 1.0 - tail], components * count) / count
     return float(low), float(high)
 
 
@@ -53,11 +53,6 @@ def average_nees(values: np.ndarray, components: int) -> AverageNees:
 
 def _mean(flags: np.ndarray) -> float:
     return float(flags.mean()) if len(flags) else math.nan
-
-
-def nis_interval(components: int, updates: int = 1, confidence: float = 0.95) -> tuple[float, float]:
-    """Interval that holds the mean over `updates` independent updates of the normalised innovation squared (NIS)."""
-    return mean_nees_interval(components, updates, confidence)
 
 
 def whiteness_bound(updates: int) -> float:

@@ -13,7 +13,7 @@ from rpojax.campaign.storage.campaign_folder import of_servicer
 from rpojax.errors import OutputError
 from rpojax.metrics import metric_catalogue
 from rpojax.report import shell_commands
-from rpojax.report.campaign_results import CampaignResults, PassedOnResults
+from rpojax.report.campaign_results import CampaignResults, ChangedResults
 from rpojax.report.figures.camera_pictures import CameraSheet, write_camera_sheet
 from rpojax.report.figures.paper_figures import missing_channels, write_figures
 from rpojax.report.notes import Notes
@@ -40,7 +40,7 @@ KEPT_BYTES: Final = 400_000_000
 """Memory beyond which the history that was not used for longest is read again."""
 
 
-class KeptHistories(PassedOnResults):
+class KeptHistories(ChangedResults):
     """Results of a campaign, with a memory of its histories.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency import AverageNees, average_nees, nis_interval, whiteness_bound
+from rpojax.analysis.statistics.consistency import AverageNees, average_nees, mean_square_interval, whiteness_bound
 from rpojax.analysis.statistics.intervals import clopper_pearson_interval, coverage_per_axis
 from rpojax.metrics.metric_catalogue import find
 from rpojax.report.campaign_results import CampaignResults, runs_are_independent
@@ -218,7 +218,7 @@ def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
 def _chi_square_interval(campaign: CampaignResults, name: str, runs: int) -> list[float] | None:
     """Chi-square interval of the mean: every innovation counts as independent, of NEES one instant per run."""
     updates = float(np.nansum(_update_counts(campaign, name))) if name.startswith("nis") else float(runs)
-    return list(nis_interval(_degrees_of_freedom(name), round(updates))) if updates >= 1.0 else None
+    return list(mean_square_interval(_degrees_of_freedom(name), round(updates))) if updates >= 1.0 else None
 
 
 def _update_counts(campaign: CampaignResults, name: str) -> np.ndarray:

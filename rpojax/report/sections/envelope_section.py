@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency import mean_nees_interval
+from rpojax.analysis.statistics.consistency import mean_square_interval
 from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.report.campaign_results import CampaignResults, keep_out_radii
 from rpojax.report.figures.colours import BLUE, GREEN, VERMILLION
@@ -134,7 +134,7 @@ def _with_limits(chart: Chart, limits: Sequence[Limit]) -> Chart:
 
 def _reference_levels(campaign: CampaignResults) -> dict[str, list[tuple[float, str]]]:
     """Horizontal lines (value, text) by channel name: chi-square limits of NEES, radii of the keep-out spheres."""
-    low, high = mean_nees_interval(_NEES_COMPONENTS, 1, 0.9)
+    low, high = mean_square_interval(_NEES_COMPONENTS, 1, 0.9)
     levels = {"nees": [(low, "consistent filter, 5 %"), (12.0, "mean"), (high, "95 %")]}
     radii = keep_out_radii(campaign)
     if radii is not None:

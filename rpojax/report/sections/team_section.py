@@ -1,7 +1,6 @@
 """A team of servicers: outcomes and phases of each, who saw the target, relative orbits, and the tables on the page."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +11,7 @@ from matplotlib.patches import Circle
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.metrics import surface_coverage, team
-from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.campaign_results import CampaignResults, ChangedResults
 from rpojax.report.figures.colours import (
     BLUE,
     GREEN,
@@ -31,72 +30,34 @@ from rpojax.report.labels import format_number, metric_label
 from rpojax.report.sections import phase_section, phase_visits
 from rpojax.report.sections.failure_section import outcomes_text
 from rpojax.simulation.outcomes import outcome_kinds
-from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
 from rpojax.simulation.outcomes.outcome_kinds import REASONS, Outcome, count_outcomes
 
 
-@dataclass(frozen=True)
-class ServicerResults:
-    """`CampaignResults` of one servicer; without what is kept of teams only: events, maps of the surface, histories."""
-
-    directory: Path
-    info: Mapping[str, Any]
-    run_ids: np.ndarray
-    metrics: Mapping[str, np.ndarray]
-    completed: np.ndarray
-    failed: np.ndarray
-    outcomes: np.ndarray
-    reached_end: np.ndarray
-    is_judged: np.ndarray
-    failed_at_s: np.ndarray
-    failure_reason: np.ndarray
-    drawn: Mapping[str, np.ndarray]
-    trace_time_s: np.ndarray
-    traces: Mapping[str, np.ndarray]
-    phases: Mapping[str, np.ndarray]
-    phase_names: Sequence[str]
-    events: Sequence[OutcomeEvent] = ()
-    coverage: Mapping[str, np.ndarray] = field(default_factory=dict)
-    surface: Mapping[str, np.ndarray] = field(default_factory=dict)
-    history_ids: Sequence[int] = ()
-    servicer_names: Sequence[str] = ()
-
-    def servicers(self, group: str) -> Mapping[str, np.ndarray]:
-        """Nothing: a servicer has no servicers."""
-        return {}
-
-    def history(self, run_id: int, servicer: int | None = None) -> Mapping[str, np.ndarray]:
-        """Nothing is kept here; raises KeyError."""
-        raise KeyError(run_id)
-
-
-def of_servicer(campaign: CampaignResults, number: int) -> ServicerResults:
-    """Results of the servicer `number` of a team."""
+def of_servicer(campaign: CampaignResults, number: int) -> CampaignResults:
+    """Results of the servicer `number` of a team, without what only teams have: events, surface maps, histories."""
     name = campaign.servicer_names[number]
     status = campaign.servicers("status")
     codes = status["failure"][:, number]
     outcomes = outcome_kinds.of_codes(codes)
-    drawn = {key: values for key, values in campaign.drawn.items() if "/" not in key}
-    return ServicerResults(
-        directory=campaign.directory,
+    common = {key: values for key, values in campaign.drawn.items() if "/" not in key}
+    own = {key.removesuffix(f"/{name}"): values for key, values in campaign.drawn.items() if key.endswith(f"/{name}")}
+    # A team's run is frozen as a whole, by whichever servicer: `reached_end` is that of the team.
+    failed_at_s = np.where(campaign.reached_end, status["failed_at_s"][:, number], campaign.failed_at_s)
+    found: Any = ChangedResults(
+        campaign,
         info=_with_own_goal(campaign.info, name),
-        run_ids=campaign.run_ids,
-        metrics=_of_one(campaign, "metrics", number),
         completed=codes == Outcome.COMPLETED.code,
         failed=outcome_kinds.is_failed(outcomes),
         outcomes=outcomes,
-        # A team's run is frozen as a whole, by whichever servicer.
-        reached_end=campaign.reached_end,
-        is_judged=campaign.is_judged,
-        failed_at_s=np.where(campaign.reached_end, status["failed_at_s"][:, number], campaign.failed_at_s),
+        failed_at_s=failed_at_s,
         failure_reason=np.array(REASONS)[codes],
-        drawn=drawn
-        | {key.removesuffix(f"/{name}"): values for key, values in campaign.drawn.items() if key.endswith(f"/{name}")},
-        trace_time_s=campaign.trace_time_s,
-        traces=_of_one(campaign, "traces", number),
-        phases=_of_one(campaign, "phases", number),
-        phase_names=campaign.phase_names,
+        drawn=common | own,
+        **{group: _of_one(campaign, group, number) for group in ("metrics", "traces", "phases")},
+        **dict.fromkeys(("events", "history_ids", "servicer_names"), ()),
+        **dict.fromkeys(("coverage", "surface"), {}),
+        servicers=lambda group: {},
     )
+    return found
 
 
 def unfinished_details(campaign: CampaignResults) -> dict[int, str]:

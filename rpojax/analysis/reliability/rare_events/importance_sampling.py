@@ -15,7 +15,6 @@ from rpojax.analysis.reliability.rare_events import proposal_fit
 from rpojax.analysis.reliability.rare_events.latent_points import LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
-    LevelRecord,
     log_normal_interval,
 )
 from rpojax.analysis.reliability.rare_events.proposal_densities import Mixture, log_nominal, mixture
@@ -141,11 +140,6 @@ def _joint_failures(rounds: list[Round]) -> WeightedFailures | None:
     nominal = np.concatenate([each.log_nominal[rows] for each, rows in zip(rounds, failed, strict=True)])
     logs = nominal - joint.log_density(x)
     return WeightedFailures(x, np.exp(logs - logs.max()), np.arange(len(x)))
-
-
-def level_record(name: str, found: Round) -> LevelRecord:
-    """Record of a round."""
-    return LevelRecord(name, len(found.margins), found.probability)
 
 
 def interval(found: Round) -> tuple[float, float]:

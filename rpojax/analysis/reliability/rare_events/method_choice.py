@@ -1,5 +1,6 @@
 """Estimates by a method that was asked for, or by the one that suits what was found."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -14,10 +15,10 @@ from rpojax.analysis.reliability.rare_events.probability_estimate import (
     LevelRecord,
     MethodChoice,
     ProbabilityEstimate,
-    binomial_interval,
     log_normal_interval,
 )
 from rpojax.analysis.reliability.rare_events.subset_simulation import SubsetResult
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 
 MIN_FAILURES = 10
 """Failures below which the interval is too wide to rest a decision on."""
@@ -46,7 +47,7 @@ def from_margins(margins: np.ndarray, calls: LimitStateCalls, reason: str) -> Pr
     faults = undefined_fault(margins, np.ones(runs))
     return ProbabilityEstimate(
         probability=probability,
-        interval_95=binomial_interval(failures, runs),
+        interval_95=clopper_pearson_interval(failures, runs),
         coefficient_of_variation=math.sqrt((1.0 - probability) / failures) if failures else math.inf,
         evaluations=calls.used,
         method="plain",
@@ -107,9 +108,8 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
         reason = f"a proposal fitted to the failures promises a coefficient of variation of {100.0 * expected:.2g} %"
     else:
         reason = _ASKED if method == "importance" else "margins do not rank the points, but failures were found"
-    return _by_importance(
-        calls, rng, importance_sampling.draw_round(calls, rng, proposal, calls.left), found, rounds, reason
-    )
+    last = importance_sampling.draw_round(calls, rng, proposal, calls.left)
+    return _by_importance(calls, last, found, rounds, reason)
 
 
 def _plain_is_enough(margins: np.ndarray, budget: int) -> bool:
@@ -119,15 +119,9 @@ def _plain_is_enough(margins: np.ndarray, budget: int) -> bool:
 
 
 def _by_importance(
-    calls: LimitStateCalls,
-    rng: np.random.Generator,
-    last: Round,
-    found: Exploration,
-    rounds: list[Round],
-    reason: str,
+    calls: LimitStateCalls, last: Round, found: Exploration, rounds: list[Round], reason: str
 ) -> ProbabilityEstimate:
     """Estimate by the last round of importance sampling, and what earlier stages say about it."""
-    del rng
     faults = importance_sampling.weight_warnings(last)
     faults += _missed_failures(found, last)
     remarks = []
@@ -137,7 +131,7 @@ def _by_importance(
     faults += undefined_fault(last.margins, last.weights)
     remarks += calls.undefined_remark()
     levels = [*found.subset.levels, *found.annealing.levels]
-    levels += [importance_sampling.level_record("importance round", each) for each in (*rounds, last)]
+    levels += [LevelRecord("importance round", len(each.margins), each.probability) for each in (*rounds, last)]
     has_failed = last.probability > 0.0
     return ProbabilityEstimate(
         probability=last.probability,
@@ -261,15 +255,5 @@ def _without_failure(
     """Plain estimate with what is left of the budget where chains did not reach failure."""
     reason = f"subset simulation, {reason}, did not reach failure" if reason == _ASKED else reason
     found = plain_estimate(calls, rng, reason, (first[1],))
-    return ProbabilityEstimate(
-        probability=found.probability,
-        interval_95=found.interval_95,
-        coefficient_of_variation=found.coefficient_of_variation,
-        evaluations=calls.used,
-        method="plain",
-        trusted=found.trusted,
-        warnings=(*faults, *found.warnings),
-        reason=reason,
-        effective_sample_size=found.effective_sample_size,
-        levels=(*(level for each in results for level in each.levels), *found.levels),
-    )
+    levels = (*(level for result in results for level in result.levels), *found.levels)
+    return dataclasses.replace(found, warnings=(*faults, *found.warnings), levels=levels)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
 
+from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
 from rpojax.analysis.reliability.rare_events import method_choice
 from rpojax.analysis.reliability.rare_events.estimate_probability import MIN_BUDGET
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction, LimitStateCalls
@@ -27,14 +26,11 @@ from rpojax.campaign.storage.atomic_outputs import to_json_types, write_atomical
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import Progress, ProgressCallback
-from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
+from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
-from rpojax.scenario.parameter_keys import nominal_value, parse_key
-from rpojax.scenario.plugins.command_lines import command_line
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
-from rpojax.simulation.noise import run_keys
 
 MOST = 10
 _RUN_ID_MASK = np.uint32(2**31 - 1)
@@ -122,31 +118,6 @@ def repeated_with_own_noise(log: FailureLog, margins: LimitFunction, rng: np.ran
     return tries
 
 
-def values_of(space: StandardNormalSpace, seed: int, z: np.ndarray, run_id: int) -> dict[str, np.ndarray]:
-    """Values of the dispersed keys, in their units, of a run with normal variables `z` (k,)."""
-    key = run_keys(seed, np.array([run_id]))[0]
-    values = jax.jit(space.values_at)(jnp.asarray(z), jnp.asarray(key))
-    return {name: np.asarray(value) for name, value in values.items()}
-
-
-def described(space: StandardNormalSpace, z: np.ndarray, values: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    """Dispersions at a point, the farthest from their median first: sigmas, values in their units, nominal values."""
-    entries = []
-    for entry in space.mapped:
-        rows = space.slices[entry.name]
-        keys = list(dict.fromkeys(parameter.key for parameter in dispersion_keys.assigned_keys(entry)))
-        entries.append(
-            {
-                "name": entry.name,
-                "distance_sigmas": float(np.linalg.norm(z[rows])),
-                "sigmas": dict(zip(space.labels[rows], z[rows].tolist(), strict=True)),
-                "values": {key: values[key].tolist() for key in keys},
-                "nominal": {key: nominal_value(space.file, parse_key(key)) for key in keys},
-            }
-        )
-    return sorted(entries, key=lambda each: -each["distance_sigmas"])
-
-
 def write_scenarios(
     space: StandardNormalSpace, seed: int, runs: list[FailingRun], directory: Path
 ) -> list[dict[str, Any]]:
@@ -157,14 +128,8 @@ def write_scenarios(
     for number, run in enumerate(runs, 1):
         values = values_of(space, seed, run.z, run.run_id)
         path = directory / "failing_runs" / f"{number:02d}.toml"
+        command = run_command(space, path, seed, run.run_id, f"{directory.name}_run_{number:02d}")
         fixed = standard_normal_space.with_fixed_values(space, values)
-        # The folder is absolute, since the page and the files that show the command are read from anywhere.
-        command = command_line(
-            "run",
-            path.absolute(),
-            *("--seed", seed, "--run-id", run.run_id, "--out", f"{directory.name}_run_{number:02d}"),
-            plugin=space.file.plugin,
-        )
         write_atomically(path, (f"# {command}\n\n" + tomli_w.dumps(fixed.model_dump(mode="json"))).encode())
         entries.append(
             {
@@ -173,7 +138,7 @@ def write_scenarios(
                 "margin": run.margin,
                 "scenario": f"failing_runs/{path.name}",
                 "command": command,
-                "dispersions": described(space, run.z, values),
+                "dispersions": dispersions_at(space, run.z, values),
             }
         )
     return entries
@@ -275,7 +240,7 @@ def _estimated(
                 {
                     "distance_sigmas": point.distance,
                     "share": point.share,
-                    "dispersions": described(space, point.x, values_of(space, seed, point.x, 0)),
+                    "dispersions": dispersions_at(space, point.x, values_of(space, seed, point.x, 0)),
                 }
                 for point in found.design_points
             ],
