@@ -54,7 +54,8 @@ def of_servicer(campaign: CampaignResults, number: int) -> CampaignResults:
         drawn=common | own,
         **{group: _of_one(campaign, group, number) for group in ("metrics", "traces", "phases")},
         **dict.fromkeys(("events", "history_ids", "servicer_names"), ()),
-        **dict.fromkeys(("coverage", "surface"), {}),
+        coverage={},
+        surface={},
         servicers=lambda group: {},
     )
     return found
