@@ -6,6 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.time_windows import MetricWindow
 from rpojax.report.labels import in_display_order
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
@@ -166,6 +167,11 @@ def design_kind(campaign: CampaignResults) -> str:
 def runs_are_independent(campaign: CampaignResults) -> bool:
     """Whether the runs are independent, which exact intervals, p-values and verdicts require."""
     return design_kind(campaign) == "independent"
+
+
+def probability_interval(campaign: CampaignResults, count: int, total: int) -> list[float] | None:
+    """95 % interval of a probability from `count` of `total` runs; None without runs and for dependent ones."""
+    return list(clopper_pearson_interval(count, total)) if total and runs_are_independent(campaign) else None
 
 
 def design_content(campaign: CampaignResults) -> dict[str, Any]:

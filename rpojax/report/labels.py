@@ -1,7 +1,7 @@
 """Titles, meanings and units of metrics and channels, and numbers as text, as readers see them."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from rpojax.metrics.metric_catalogue import METRICS, find
@@ -50,6 +50,11 @@ FURTHER_CHANNEL_LABELS = (
 """Channels that are drawn where a requirement limits them."""
 
 
+def heading(label: MetricLabel | ChannelLabel) -> str:
+    """Title with the unit in brackets, if there is one."""
+    return f"{label.title} [{label.unit}]" if label.unit else label.title
+
+
 def metric_label(name: str) -> MetricLabel:
     """Label of the metric `name`; an unknown metric is shown by its name."""
     metric = find(name)
@@ -84,6 +89,11 @@ def format_number(value: float | None, digits: int = 4) -> str:
     if magnitude < -6 or magnitude > 6:
         return f"{value:.{digits - 1}e}"
     return f"{value:.{max(0, digits - 1 - magnitude)}f}"
+
+
+def format_interval(ends: Sequence[float | None] | None) -> str:
+    """Both ends of an interval, a dash for None."""
+    return format_number(None) if ends is None else f"{format_number(ends[0])} to {format_number(ends[1])}"
 
 
 def format_percent_interval(low: float, high: float) -> str:

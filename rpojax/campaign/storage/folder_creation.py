@@ -9,7 +9,6 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import tomli_w
 
@@ -115,7 +114,9 @@ def check_scenario_copy(directory: Path, configuration: CampaignConfiguration) -
 
 def _move_into_place(directory: Path, configuration: CampaignConfiguration, force: bool) -> bool:
     """Makes the folder under a temporary name and renames it; false if another process was faster."""
-    place, record = Path(os.path.realpath(directory)), campaign_seal.sealed(_new_record(configuration))
+    # The format is the present one also for a rerun of an older campaign.
+    record = campaign_seal.sealed(replace(configuration, format_version=FORMAT_VERSION).to_record())
+    place = Path(os.path.realpath(directory))
     try:
         with _temporary_folder(place) as made:
             made.mkdir(parents=True)
@@ -157,11 +158,6 @@ def _temporary_folder(place: Path) -> Iterator[Path]:
         yield made
     finally:
         shutil.rmtree(made, ignore_errors=True)
-
-
-def _new_record(configuration: CampaignConfiguration) -> dict[str, Any]:
-    """Content of a new `campaign.json`, in the present format also for a rerun of an older campaign."""
-    return replace(configuration, format_version=FORMAT_VERSION).to_record()
 
 
 def _takes_place(made: Path, place: Path, force: bool) -> bool:

@@ -8,7 +8,7 @@ from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.requirement_limits import CHANNEL_OF_METRIC
-from rpojax.report.labels import CHANNEL_LABELS, format_number, metric_label, with_unit
+from rpojax.report.labels import CHANNEL_LABELS, format_number, heading, metric_label, with_unit
 from rpojax.report.sections import failure_section, requirement_verdict_section
 from rpojax.report.sections.failure_section import detail_counts, outcomes_text
 from rpojax.report.sections.requirement_verdict_section import violation_kinds
@@ -233,13 +233,13 @@ def _phases(content: Mapping[str, Any]) -> list[LeadingFigure]:
 
 def _envelope(channel: str) -> LeadingFigure:
     label = next((one for one in CHANNEL_LABELS if one.name == channel), None)
-    title = channel if label is None else f"{label.title}{f' [{label.unit}]' if label.unit else ''}, all runs"
+    title = channel if label is None else f"{heading(label)}, all runs"
     return LeadingFigure(f"envelope-{channel}", title)
 
 
 def _histogram_title(name: str) -> str:
     label = metric_label(name)
-    return f"{label.title}{f' [{label.unit}]' if label.unit else ''}, weakest requirement" if name else ""
+    return f"{heading(label)}, weakest requirement" if name else ""
 
 
 _MAX_STEPS: Final = 6

@@ -18,7 +18,7 @@ from rpojax.report.figures.plotly_charts import (
 )
 from rpojax.report.figures.png_export import AXIS_NAMES
 from rpojax.report.figures.requirement_limits import Limit
-from rpojax.report.labels import ChannelLabel
+from rpojax.report.labels import ChannelLabel, heading
 from rpojax.report.page import run_series
 from rpojax.report.page.run_series import History, thinned_peaks, thinned_time
 
@@ -34,9 +34,8 @@ def run_charts(history: History, limits: Mapping[str, Sequence[Limit]]) -> dict[
     away = _away_shapes(history)
     for label, needed, values in run_series.SERIES:
         if all(name in history for name in needed):
-            title = f"{label.title}{f' [{label.unit}]' if label.unit else ''}"
             found[label.name] = (
-                title,
+                heading(label),
                 _series_chart(label, history, values(history), limits.get(label.name, []), away),
             )
     found |= {f"error-{name}": chart for name, chart in _error_charts(history, away).items()}

@@ -188,7 +188,8 @@ def is_single_run(content: Mapping[str, Any]) -> bool:
 def render_run_page(campaign: CampaignResults, content: Mapping[str, Any], detail: RunDetail) -> str:
     """Page of the only run of a campaign; of a team with a part for each servicer."""
     run_id = detail.run_id
-    histories = [] if run_id is None else [campaign.history(run_id, number) for number in range(_servicers(campaign))]
+    servicers = range(max(1, len(campaign.servicer_names)))
+    histories = [] if run_id is None else [campaign.history(run_id, number) for number in servicers]
     charts: dict[str, Chart] = {}
     parts = [
         _servicer_part(campaign, content, int(run_id or 0), number, history, charts)
@@ -218,10 +219,6 @@ def render_run_page(campaign: CampaignResults, content: Mapping[str, Any], detai
         **run_detail_values(campaign, content, detail),
     }
     return page_templates.render("run.html", {"charts": charts, "scene": scene}, values)
-
-
-def _servicers(campaign: CampaignResults) -> int:
-    return max(1, len(campaign.servicer_names))
 
 
 def _servicer_part(

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence import InputSeparation, separate_failing_runs
+from rpojax.analysis.statistics.dependence import separate_failing_runs
 from rpojax.physics.equipment_faults import KINDS
 from rpojax.report.campaign_results import CampaignResults, rankable_scalars, runs_are_independent
-from rpojax.report.labels import format_number, format_p_value, metric_label
+from rpojax.report.labels import format_number, format_p_value, heading, metric_label
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _SIGNS = (
@@ -107,7 +107,16 @@ def _cause_entry(
         "median_at_s": float(np.median(times)),
         "last_at_s": float(np.max(times)),
         "signs": _signs(campaign, failed, compared & ~failed),
-        "inputs": _input_entries(found, independent),
+        "inputs": [
+            {
+                "input": separation.name,
+                "ks": separation.difference.ks_distance,
+                "ks_p": separation.difference.ks_p if independent else None,
+                "auc": separation.difference.auc,
+                "auc_p": separation.difference.auc_p if independent else None,
+            }
+            for separation in found
+        ],
     }
 
 
@@ -118,35 +127,18 @@ def _signs(campaign: CampaignResults, failed: np.ndarray, others: np.ndarray) ->
         values = np.asarray(campaign.metrics.get(name, np.full(len(failed), np.nan)), dtype=np.float64)
         here, there = (values[chosen & np.isfinite(values)] for chosen in (failed, others))
         if len(here):
-            found.append({"metric": name, "median": float(np.median(here)), "others": _median(there)})
+            others_median = float(np.median(there)) if len(there) else None
+            found.append({"metric": name, "median": float(np.median(here)), "others": others_median})
     return found
-
-
-def _median(values: np.ndarray) -> float | None:
-    return float(np.median(values)) if len(values) else None
 
 
 def sign_rows(entry: Mapping[str, Any]) -> list[list[str]]:
     """Rows of an outcome's table of signs: metric with its unit, median in these runs, median in the others."""
     rows = []
     for sign in entry["signs"]:
-        label = metric_label(sign["metric"])
-        title = f"{label.title} [{label.unit}]" if label.unit else label.title
+        title = heading(metric_label(sign["metric"]))
         rows.append([title, format_number(sign["median"]), format_number(sign["others"])])
     return rows
-
-
-def _input_entries(found: Sequence[InputSeparation], independent: bool) -> list[dict[str, Any]]:
-    return [
-        {
-            "input": one.name,
-            "ks": one.difference.ks_distance,
-            "ks_p": one.difference.ks_p if independent else None,
-            "auc": one.difference.auc,
-            "auc_p": one.difference.auc_p if independent else None,
-        }
-        for one in found
-    ]
 
 
 def _is_significant(one: Mapping[str, Any]) -> bool:

@@ -10,6 +10,7 @@ from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.report.campaign_results import CampaignResults, select_key_metrics
 from rpojax.report.labels import (
+    format_interval,
     format_number,
     format_percent_interval,
     in_display_order,
@@ -82,11 +83,7 @@ def _dagger(key: str, value: float | None, lacking: int) -> str:
 
 
 def _interval_text(key: str, ends: list[float | None] | None) -> str:
-    return (
-        format_number(None)
-        if ends is None
-        else _with_statistic_name(key, f"{format_number(ends[0])} to {format_number(ends[1])}")
-    )
+    return format_interval(None) if ends is None else _with_statistic_name(key, format_interval(ends))
 
 
 def _with_statistic_name(key: str, text: str) -> str:

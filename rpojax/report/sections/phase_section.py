@@ -6,10 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.metrics.passive_safety import FINAL_DRIFT_RANGE
-from rpojax.report.campaign_results import CampaignResults, keep_out_radii, runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, keep_out_radii, probability_interval
 from rpojax.report.labels import format_number, format_percent_interval
 from rpojax.report.sections.phase_visits import PhaseVisits, goal_of, phase_visits
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
@@ -23,14 +22,13 @@ def abort_content(campaign: CampaignResults, visits: PhaseVisits) -> dict[str, A
     """Part of report.json: aborts by reason and phase, the least of their ranges, and every run that has aborted."""
     runs = _aborted_runs(campaign, visits)
     count, total = len(runs), len(campaign.run_ids)
-    interval = clopper_pearson_interval(count, total) if total and runs_are_independent(campaign) else None
     groups: dict[tuple[int, str], list[dict[str, Any]]] = {}
     for run in runs:
         groups.setdefault((run["code"], run["phase"]), []).append(run)
     return {
         "count": count,
         "runs": total,
-        "interval_95": None if interval is None else list(interval),
+        "interval_95": probability_interval(campaign, count, total),
         "below_keep_out": {name: sum(run["below_keep_out"][name] for run in runs) for name in _RANGES},
         "least": {name: _least(runs, name) for name in _RANGES},
         "by_reason": [_group(each) for _, each in sorted(groups.items(), key=lambda item: -len(item[1]))],

@@ -70,11 +70,8 @@ def limit_text(entry: Mapping[str, Any]) -> str:
 def _requirement_phrase(requirement: RequirementSection) -> str:
     label = metric_label(requirement.metric_name)
     limit = with_unit(f"{requirement.limit:g}", label.unit)
-    return f"{label.title} {requirement.bound} {limit} {_share_of_runs(requirement)}"
-
-
-def _share_of_runs(requirement: RequirementSection) -> str:
-    return f"in at least {100.0 * requirement.probability:g} % of {_of_runs(requirement)}"
+    share = f"in at least {100.0 * requirement.probability:g} % of {_of_runs(requirement)}"
+    return f"{label.title} {requirement.bound} {limit} {share}"
 
 
 def _of_runs(requirement: RequirementSection) -> str:

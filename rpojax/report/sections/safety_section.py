@@ -5,10 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horizon_metric_name
-from rpojax.report.campaign_results import CampaignResults, keep_out_radii, runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, keep_out_radii, probability_interval
 from rpojax.report.labels import format_number, format_percent_interval, metric_label, with_unit
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -160,12 +159,11 @@ def _median(campaign: CampaignResults, name: str) -> float | None:
 
 def _proportion(campaign: CampaignResults, events: np.ndarray, known: np.ndarray) -> dict[str, Any]:
     count, total = int(np.sum(events & known)), int(np.sum(known))
-    interval = clopper_pearson_interval(count, total) if total and runs_are_independent(campaign) else None
     return {
         "count": count,
         "runs": total,
         "share": count / total if total else None,
-        "interval_95": None if interval is None else list(interval),
+        "interval_95": probability_interval(campaign, count, total),
     }
 
 

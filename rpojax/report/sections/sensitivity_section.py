@@ -48,7 +48,7 @@ def chart(entry: Mapping[str, Any]) -> Chart:
     layout["xaxis2"] = {
         **layout["xaxis"],
         "domain": [0.52, 1.0],
-        "range": [0.0, _hsic_axis_end(strongest)],
+        "range": [0.0, max(0.05, 1.1 * max(float(entry["hsic"]) for entry in strongest))],
         "anchor": "y",
     }
     layout["xaxis2"]["title"] = {"text": "HSIC, normalised", "font": {"size": 12}}
@@ -139,8 +139,3 @@ def _bars(
         "marker": {"color": color, "opacity": [0.85 if one else 0.25 for one in significant]},
         "hovertemplate": "%{y}: %{x:.3f}, %{text}<extra></extra>",
     }
-
-
-def _hsic_axis_end(shown: Sequence[Mapping[str, Any]]) -> float:
-    """End of the HSIC axis."""
-    return max(0.05, 1.1 * max(float(one["hsic"]) for one in shown))

@@ -26,7 +26,7 @@ from rpojax.report.figures.colours import (
 )
 from rpojax.report.figures.paper_figures import new_figure
 from rpojax.report.figures.png_export import AXIS_NAMES, png_bytes
-from rpojax.report.labels import format_number, metric_label
+from rpojax.report.labels import format_number, heading, metric_label
 from rpojax.report.sections import phase_section, phase_visits
 from rpojax.report.sections.failure_section import outcomes_text
 from rpojax.simulation.outcomes import outcome_kinds
@@ -283,7 +283,7 @@ def _seen_rows(content: Mapping[str, Any], names: list[str]) -> list[list[str]]:
     for own, of_all in _SEEN:
         if f"{own}/{names[0]}" in content["metrics"]:
             cells = [_quantiles(content, f"{own}/{name}") for name in names]
-            rows.append([_heading(own), *cells, _DASH if of_all is None else _quantiles(content, of_all)])
+            rows.append([heading(metric_label(own)), *cells, _DASH if of_all is None else _quantiles(content, of_all)])
     return rows
 
 
@@ -304,7 +304,7 @@ def _link_rows(content: Mapping[str, Any]) -> list[tuple[str, str]]:
         noise, slow = differences["noise_m"], differences["slow_error_m"]
         rows.append(("GPS differences", f"{differences['kind']}, noise {noise:g} m, slow part {slow:g} m"))
     if team.DELIVERY in content["metrics"]:
-        rows.append((_heading(team.DELIVERY), _quantiles(content, team.DELIVERY)))
+        rows.append((heading(metric_label(team.DELIVERY)), _quantiles(content, team.DELIVERY)))
     return rows
 
 
@@ -334,7 +334,7 @@ def _consistency_rows(content: Mapping[str, Any], names: list[str]) -> list[list
 def _separation_rows(content: Mapping[str, Any]) -> list[list[str]]:
     """Distance, least over the runs, 1st and 50th percentile."""
     return [
-        [_heading(name), *(format_number(entry[key], 3) for key in ("min", "p1", "p50"))]
+        [heading(metric_label(name)), *(format_number(entry[key], 3) for key in ("min", "p1", "p50"))]
         for name in _SEPARATIONS
         if (entry := content["metrics"].get(name)) is not None
     ]
@@ -345,7 +345,10 @@ def _metric_rows(content: Mapping[str, Any], names: list[str]) -> list[list[str]
     metrics = content["metrics"]
     own = [name for name in metrics if f"{name}/{names[0]}" in metrics]
     return [
-        [_heading(name), *(_quantiles(content, each) for each in (*(f"{name}/{one}" for one in names), name))]
+        [
+            heading(metric_label(name)),
+            *(_quantiles(content, each) for each in (*(f"{name}/{one}" for one in names), name)),
+        ]
         for name in own
     ]
 
@@ -358,11 +361,6 @@ def _phase_rows(content: Mapping[str, Any]) -> list[list[str]]:
         if servicer["mission"] is not None
         for cells in phase_section.time_rows(servicer["mission"])
     ]
-
-
-def _heading(name: str) -> str:
-    label = metric_label(name)
-    return f"{label.title} [{label.unit}]" if label.unit else label.title
 
 
 def _quantiles(content: Mapping[str, Any], name: str) -> str:

@@ -245,8 +245,9 @@ def random_composite(
         background = add_structure(rng, background).astype(np.float32)
     scene = _Scene(background, np.zeros((0, 4)), np.zeros((size_px, size_px)), np.zeros((0, 4), bool))
     chosen: list[Sprite] = []
+    candidates = targets if of_target else others
     for _ in range(30):
-        drawn = [_random_sprite(rng, targets if of_target else others) for _ in range(number)]
+        drawn = [candidates[int(rng.integers(len(candidates)))] for _ in range(number)]
         layers = (
             near_layers(rng, drawn, size_px, kind, of_target)
             if near
@@ -270,10 +271,6 @@ def _random_number(rng: Rng, mix: CompositeMix) -> tuple[int, bool]:
         return 0, False
     draw = rng.random()
     return (2, draw >= mix.apart) if draw < mix.apart + mix.near else (1, False)
-
-
-def _random_sprite(rng: Rng, sprites: list[Sprite]) -> Sprite:
-    return sprites[int(rng.integers(len(sprites)))]
 
 
 @dataclasses.dataclass(frozen=True)

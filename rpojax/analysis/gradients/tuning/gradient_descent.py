@@ -314,11 +314,6 @@ def _check_start(undefined: dict[str, int], settings: TuningSettings) -> None:
             )
 
 
-def _restarts(number: int, steps: int) -> bool:
-    """Whether Adam is restarted before step `number`, counted from 0, of so many."""
-    return number % _RESTART_STEPS == 0 and number <= steps // 2
-
-
 def _averaged_steps(steps: int) -> int:
     return max(1, round(_AVERAGED_FRACTION * steps))
 
@@ -347,7 +342,7 @@ def _step(
     if not np.isfinite(found.gradient).all():
         raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower rate")
     adam = optimizer.init(state.coordinates)
-    if not _restarts(number, settings.steps):
+    if number % _RESTART_STEPS or number > settings.steps // 2:
         adam = jax.tree.unflatten(jax.tree.structure(adam), state.optimizer_leaves)
     rate = optax.cosine_decay_schedule(settings.rate, settings.steps, _FINAL_RATE)
     with jax.numpy_dtype_promotion("standard"):  # optax mixes types

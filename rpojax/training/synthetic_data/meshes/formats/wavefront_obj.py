@@ -68,7 +68,8 @@ def read_library(source: MeshSource, name: str) -> dict[str, ObjMaterial] | None
         return None
     materials: dict[str, dict[str, str]] = {}
     entries: dict[str, str] | None = None
-    for line in _joined(text).split("\n"):
+    # A backslash at the end continues a line; a name may end in one only where nothing follows.
+    for line in text.replace("\\\n", " ").split("\n"):
         key, _, value = line.strip().replace("\t", " ").partition(" ")
         key = key.lower()
         value = name_in(value) if key == "newmtl" or key.startswith("map_") else value.partition("#")[0].strip()
@@ -79,11 +80,6 @@ def read_library(source: MeshSource, name: str) -> dict[str, ObjMaterial] | None
         elif key and key[0] != "#" and entries is not None:
             entries[key] = value
     return {each: _material(source, name, each, found) for each, found in materials.items()}
-
-
-def _joined(text: str) -> str:
-    """The text with continued lines in one; a name may end in a backslash only where nothing follows."""
-    return text.replace("\\\n", " ")
 
 
 def _material(source: MeshSource, library: str, name: str, entries: Mapping[str, str]) -> ObjMaterial:
