@@ -63,7 +63,7 @@ def aem(states: SpacecraftStates, created: datetime.datetime) -> str:
         "QUATERNION_TYPE": "LAST",
     }
     quaternions = ccsds_quaternions(states.q)
-    rows = [f"{epoch} {_numbers(each, 15)}" for epoch, each in zip(epochs, quaternions, strict=True)]
+    rows = [f"{epoch} {_numbers(quaternion, 15)}" for epoch, quaternion in zip(epochs, quaternions, strict=True)]
     return _text([*_header("AEM", "1.0", states, created), *_block("META", meta), *_inside("DATA", rows)])
 
 
@@ -155,6 +155,6 @@ def write_messages(states: list[SpacecraftStates], kind: MessageKind, out: Path)
         OutputError: a file cannot be written.
     """
     created = datetime.datetime.now(datetime.UTC).replace(tzinfo=None)
-    texts = [_WRITERS[kind](each, created) for each in states]
+    texts = [_WRITERS[kind](state, created) for state in states]
     paths = message_paths(out, [each.spacecraft for each in states])
     return [write_atomically(path, text.encode()) for path, text in zip(paths, texts, strict=True)]

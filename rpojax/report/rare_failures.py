@@ -123,7 +123,7 @@ def design_point_rows(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any
         {
             "distance": f"{point['distance_sigmas']:.2f}",
             "share": f"{100.0 * point['share']:.0f} %",
-            "dispersions": [_dispersion_cells(each) for each in point["dispersions"][:_MOST_DISPERSIONS]],
+            "dispersions": [_dispersion_cells(dispersion) for dispersion in point["dispersions"][:_MOST_DISPERSIONS]],
         }
         for point in points
     ]
@@ -134,7 +134,10 @@ def failing_run_rows(runs: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     return [
         [
             f"{run['distance_sigmas']:.2f}",
-            "; ".join(f"{each['name']} {_numbers(each['sigmas'].values(), '+.1f')}" for each in run["dispersions"][:3]),
+            "; ".join(
+                f"{dispersion['name']} {_numbers(dispersion['sigmas'].values(), '+.1f')}"
+                for dispersion in run["dispersions"][:3]
+            ),
             run["command"],
         ]
         for run in runs
@@ -232,7 +235,7 @@ def _tail_chart(content: Mapping[str, Any]) -> Chart | None:
     traces = []
     for search in searches:
         reached = itertools.accumulate((level["probability"] for level in search), operator.mul)
-        x, y = [float(level["threshold"]) for level in search], [float(each) for each in reached]
+        x, y = [float(level["threshold"]) for level in search], [float(probability) for probability in reached]
         line = {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": "a search", "line": {"color": SHADE}}
         line["line"] |= {"width": 1.8}
         traces.append({**line, "hovertemplate": "margin %{x:.4g}: %{y:.3g}", "showlegend": not traces})
@@ -283,7 +286,7 @@ def _unusual_chart(content: Mapping[str, Any]) -> tuple[Chart, str] | None:
 
 def _farthest(dispersions: Sequence[Mapping[str, Any]]) -> list[tuple[str, float]]:
     """Names and sigmas of the numbers farthest from their median, the farthest last, which is drawn at the top."""
-    every = [(name, float(value)) for each in dispersions for name, value in each["sigmas"].items()]
+    every = [(name, float(value)) for dispersion in dispersions for name, value in dispersion["sigmas"].items()]
     return sorted(every, key=lambda pair: abs(pair[1]))[-_MOST_BARS:]
 
 
@@ -300,7 +303,7 @@ def section_values(entries: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]
 
 def section_charts(entries: Sequence[Mapping[str, Any]]) -> dict[str, Chart]:
     """Charts of the estimates of that section by name."""
-    return {each.name: each.chart for _, charts in _with_charts(entries) for each in charts}
+    return {chart.name: chart.chart for _, charts in _with_charts(entries) for chart in charts}
 
 
 def estimate_values(content: Mapping[str, Any], charts: Sequence[NamedChart]) -> dict[str, Any]:

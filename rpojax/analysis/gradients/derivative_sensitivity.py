@@ -214,7 +214,7 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
             expected = f"a metric with a derivative: {', '.join(known)}"
             raise RpojaxError.of_argument("metrics", f"found {name!r}, expected {expected}")
     required = [] if names else file.requirements
-    usable = [each for each in required if each.is_of_all_runs and each.metric in known]
+    usable = [requirement for requirement in required if requirement.is_of_all_runs and requirement.metric in known]
     chosen = names or [each.metric for each in usable]
     if not chosen:
         raise RpojaxError.of_argument(

@@ -131,7 +131,9 @@ def _propagate_periods(setup: AnalysisSetup, max_hold_ticks: int) -> list[Period
     # The recursion along one period overlaps with the nominal run of the next. Its matrices are small: BLAS with
     # threads of its own would take twice as long and keep the other cores from the Jacobians.
     with blas_threads.one_thread(), ThreadPoolExecutor(2) as pool:
-        recursions = [NominalRecursion(setup, each, max_hold_ticks, pool) for each in setup.initial_conditions]
+        recursions = [
+            NominalRecursion(setup, condition, max_hold_ticks, pool) for condition in setup.initial_conditions
+        ]
         pending: list[list[Future[PeriodRecord]]] = []
         for first in range(0, static.ticks, static.formation_ticks):
             kept = min(static.formation_ticks, static.ticks - first)

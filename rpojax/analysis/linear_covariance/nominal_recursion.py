@@ -167,7 +167,7 @@ class NominalRecursion:
             noise_source=self._noise_source(),
         )
         sources = [setup.source_index[name] for name in (*initial.columns, deviation_vector.OUTLINE)]
-        self.column_source = np.repeat(sources, [each.shape[1] for each in columns])
+        self.column_source = np.repeat(sources, [column.shape[1] for column in columns])
         # Factors (members, columns) of the outlines' deviations in the columns.
         other_columns = self.column_source.size - members
         self.outline_columns = np.concatenate([np.zeros((members, other_columns)), np.eye(members)], axis=1)
@@ -343,7 +343,7 @@ def merge_recursions(recursions: list[NominalRecursion]) -> NominalRecursion:
         each.wait()
     one, other = recursions
     layout, params = one.loop.layout, one.loop.params
-    nominal = [np.asarray(layout.pack(each.state, params)) for each in recursions]
+    nominal = [np.asarray(layout.pack(recursion.state, params)) for recursion in recursions]
     sign = layout.quaternion_signs(*nominal)
     one.mean = 0.5 * (one.mean + sign * (nominal[1] + other.mean) - nominal[0])
     half = math.sqrt(0.5)

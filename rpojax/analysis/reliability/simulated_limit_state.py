@@ -93,7 +93,7 @@ def check_metric(file: ScenarioFile, argument: str, name: str) -> None:
         RpojaxError: naming the argument.
     """
     metrics = {n: each for n, each in plugin_registry.catalogue_of(file).items() if each.source != "simulation"}
-    known = [each for each, metric in metrics.items() if metric.has_derivative]
+    known = [key for key, metric in metrics.items() if metric.has_derivative]
     if name not in known:
         what = "a metric with a derivative" if name in metrics else "a metric"
         raise RpojaxError.of_argument(argument, f"found {name!r}, expected {what}: {', '.join(known)}")

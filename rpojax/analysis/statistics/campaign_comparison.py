@@ -64,7 +64,7 @@ class CampaignComparison:
         content = {
             "first": str(self.first),
             "second": str(self.second),
-            "changed": [dataclasses.asdict(each) for each in self.changed],
+            "changed": [dataclasses.asdict(change) for change in self.changed],
             "independent": self.independent,
             "warnings": list(self.warnings),
         }
@@ -205,4 +205,4 @@ def _base(name: str) -> str:
 def _requirements(first: Campaign, second: Campaign, differing: Sequence[str]) -> list[RequirementSection]:
     """Requirements of either campaign, each once, but those on metrics that they define differently."""
     listed = [each for each in (*first.requirements, *second.requirements) if each.metric not in differing]
-    return [each for index, each in enumerate(listed) if each not in listed[:index]]
+    return [item for index, item in enumerate(listed) if item not in listed[:index]]

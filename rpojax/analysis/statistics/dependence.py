@@ -279,4 +279,4 @@ def rank_inputs(inputs: Mapping[str, np.ndarray], metric: np.ndarray, seed: int 
 def _leading(found: list[InputInfluence], score: Callable[[InputInfluence], tuple[float, float]]) -> tuple[str, ...]:
     """Names of the few inputs with the greatest score, its size first, whose p-value is below the level."""
     significant = [one for one in found if score(one)[1] < _LEVEL]
-    return tuple(one.name for one in sorted(significant, key=lambda one: -score(one)[0])[:_LEADING])
+    return tuple(ranked.name for ranked in sorted(significant, key=lambda ranked: -score(ranked)[0])[:_LEADING])

@@ -138,9 +138,11 @@ def compare_paired_runs(
             if kind is not Outcome.COMPLETED and np.any((one.outcomes == kind) | (other.outcomes == kind))
         ),
         requirements=tuple(
-            count_paired_events(requirement_name(each), _violating(each, one), _violating(each, other), independent)
-            for each in requirements
-            if can_be_judged(each, one.metrics) and can_be_judged(each, other.metrics)
+            count_paired_events(
+                requirement_name(requirement), _violating(requirement, one), _violating(requirement, other), independent
+            )
+            for requirement in requirements
+            if can_be_judged(requirement, one.metrics) and can_be_judged(requirement, other.metrics)
         ),
         metrics=_median_changes(one, other, np.random.default_rng(seed) if independent else None),
     )

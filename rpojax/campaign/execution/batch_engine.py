@@ -286,9 +286,9 @@ class BatchEngine:
         last = -2 if self.file.servicers else -1
         return {
             name: jax.ShapeDtypeStruct(
-                each.shape[1:last], np.float64 if np.issubdtype(each.dtype, np.floating) else each.dtype
+                values.shape[1:last], np.float64 if np.issubdtype(values.dtype, np.floating) else values.dtype
             )
-            for name, each in channels.items()
+            for name, values in channels.items()
         }
 
     def prepare(self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None) -> PreparedRuns:

@@ -134,7 +134,11 @@ class MessageExchange:
         deadline = time.monotonic() + wait_s
         subscribers, constant_since = -1, 0.0
         while wait_s > 0.0:
-            missing = [each.topic.name for each in self.subscriptions.values() if not each.publisher_count]
+            missing = [
+                subscription.topic.name
+                for subscription in self.subscriptions.values()
+                if not subscription.publisher_count
+            ]
             now, before = time.monotonic(), subscribers
             subscribers = sum(publisher.subscriber_count for publisher in self._publishers.values())
             constant_since = now if subscribers != before else constant_since
@@ -158,4 +162,4 @@ class MessageExchange:
     @property
     def received(self) -> dict[str, int]:
         """Received messages, by topic."""
-        return {name: each.received for name, each in self.subscriptions.items()}
+        return {name: subscription.received for name, subscription in self.subscriptions.items()}

@@ -84,7 +84,7 @@ def simulate_live(
     events = EventLog(write_line)
     stages = settings.external_stages
     own = plugin_registry.stages_of(file)
-    stage_use.check(own, (stage_use.EXTERNAL[each] for each in sorted(stages)))
+    stage_use.check(own, (stage_use.EXTERNAL[name] for name in sorted(stages)))
     exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)
     with stage("compiling", quiet=False):
         run = _LiveRun(file, own, seed, run_id, settings)

@@ -80,7 +80,7 @@ class ServicerChunks:
             self._chunks.add_static(own, *archetypes)
 
     def _own(self, path: str) -> str | None:
-        if any(path == each or path.startswith(f"{each}/") for each in self._shared) or "/" not in path:
+        if any(path == shared or path.startswith(f"{shared}/") for shared in self._shared) or "/" not in path:
             return path if self._is_first else None
         return servicer_path(path, self._name)
 

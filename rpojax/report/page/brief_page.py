@@ -104,7 +104,7 @@ def _values(
         "timelines": {run: _main_rows(rows) for run, rows in named["timelines"].items()},
         "marks": named["marks"],
         "has_scene": named["has_scene"],
-        "detail_channels": [one for one in named["detail_channels"] if one["name"] in _DETAIL_CHANNELS],
+        "detail_channels": [channel for channel in named["detail_channels"] if channel["name"] in _DETAIL_CHANNELS],
         "limits": _shortest(content["limits"]),
         "identity": identity_section.identity_lines(campaign, content),
         **first,

@@ -80,8 +80,10 @@ def event_rows(found: CampaignComparison) -> list[list[str]]:
 def comparison_sentence(found: CampaignComparison) -> str:
     """How many metrics changed, how many would by chance, and what became of failures."""
     runs = found.runs
-    judged = [one for one in runs.metrics if "/" not in one.metric and one.difference.interval_95 is not None]
-    changed = sum(one.is_changed for one in judged)
+    judged = [
+        change for change in runs.metrics if "/" not in change.metric and change.difference.interval_95 is not None
+    ]
+    changed = sum(change.is_changed for change in judged)
     failed = runs.failures.both + runs.failures.only_first, runs.failures.both + runs.failures.only_second
     alone = f" ({runs.unpaired} without a partner)" if runs.unpaired else ""
     parts = [f"{runs.pairs} pairs of runs{alone}"]
@@ -274,7 +276,7 @@ def _part(found: CampaignComparison, first: str, second: str) -> dict[str, Any]:
         "second": second,
         "sentence": comparison_sentence(found),
         "warnings": found.warnings,
-        "changed": [(each.key, _short(each.first), _short(each.second)) for each in found.changed],
+        "changed": [(change.key, _short(change.first), _short(change.second)) for change in found.changed],
         "rows": change_rows(found),
         "events": event_rows(found),
         "independent": found.independent,
@@ -283,7 +285,7 @@ def _part(found: CampaignComparison, first: str, second: str) -> dict[str, Any]:
 
 def _charts(campaigns: Sequence[CampaignResults], names: Sequence[str]) -> tuple[dict[str, Chart], dict[str, Any]]:
     limits = _limits(campaigns)
-    differing = [name for each in campaigns[1:] for name in defined_differently(campaigns[0].info, each.info)]
+    differing = [name for campaign in campaigns[1:] for name in defined_differently(campaigns[0].info, campaign.info)]
     alike = without(campaigns[0].metrics, differing)
     together = [name for name in alike if all(name in each.metrics for each in campaigns)]
     charts: dict[str, Chart] = {}

@@ -162,7 +162,7 @@ def _requirements(requirements: Sequence[Mapping[str, Any]], runs: int) -> str:
     rest = (
         (verdicts.count(Verdict.NOT_VERIFIED), "not verified"),
         (more, "needs more runs" if more == 1 else "need more runs"),
-        (sum(verdicts.count(each) for each in _WITHOUT_VERDICT), "without a verdict"),
+        (sum(verdicts.count(kind) for kind in _WITHOUT_VERDICT), "without a verdict"),
     )
     named = ", ".join(f"{number} {word}" for number, word in rest if number)
     return f"{text} ({named})" if named else text

@@ -110,7 +110,10 @@ def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:
         return _render_page(results, content, drawn, detail, pictures, notes)
 
     page = notes.part("The page", rendered, campaign)
-    content["limits"] = [*(each for each in notes.sentences if each not in content["limits"]), *content["limits"]]
+    content["limits"] = [
+        *(sentence for sentence in notes.sentences if sentence not in content["limits"]),
+        *content["limits"],
+    ]
     written = page.encode("utf-8", "backslashreplace")
     seal = campaign.info.get("seal")
     write_json(campaign.directory / JSON_NAME, with_digests(content, campaign.directory, written, seal))

@@ -24,7 +24,7 @@ def write_page(content: Mapping[str, Any], directory: Path) -> Path:
         "identity": _identity(content, directory),
         "foot": page_templates.foot_text({**content, "name": content["scenario"]}),
     }
-    data = {"charts": {each.name: each.chart for each in charts}}
+    data = {"charts": {chart.name: chart.chart for chart in charts}}
     page = page_templates.render("probability.html", data, values)
     return write_atomically(directory / PAGE_NAME, page.encode("utf-8", "backslashreplace"))
 

@@ -92,8 +92,8 @@ def _seal_caveats(campaign: CampaignResults) -> list[str]:
         )
     for change in campaign.info.get("requirement_changes", []):
         listed = "; ".join(
-            f"{each.get('metric')} {each.get('bound')} {each.get('limit')} with probability {each.get('probability')}"
-            for each in change["requirements"]
+            f"{item.get('metric')} {item.get('bound')} {item.get('limit')} with probability {item.get('probability')}"
+            for item in change["requirements"]
         )
         sentences.append(
             f"Requirements were changed after the campaign on {change['changed']} ({change['reason']}). Since then "

@@ -63,15 +63,15 @@ def drawn_distributions(campaign: CampaignResults) -> list[DrawnDistribution]:
     """
     scenario, independent = campaign.info.get("scenario", {}), runs_are_independent(campaign)
     drawn = [
-        Marginal(one.name, one.values[np.isfinite(one.values)], one.distribution)
-        for one in drawn_marginals(scenario, campaign.drawn)
+        Marginal(marginal.name, marginal.values[np.isfinite(marginal.values)], marginal.distribution)
+        for marginal in drawn_marginals(scenario, campaign.drawn)
     ]
     drawn = [one for one in drawn if len(one.values)]
     tested = [one for one in drawn if independent and one.distribution is not None and len(one.values) >= _MIN_RUNS]
     p_values = holm_correction(
         np.array([goodness_of_fit_p(one.values, one.distribution) for one in tested if one.distribution is not None])
     )
-    by_name = {one.name: float(p) for one, p in zip(tested, p_values, strict=True)}
+    by_name = {marginal.name: float(p) for marginal, p in zip(tested, p_values, strict=True)}
     return [_drawn_distribution(scenario, one, by_name.get(one.name)) for one in drawn]
 
 

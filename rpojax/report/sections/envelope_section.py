@@ -110,7 +110,7 @@ def envelope_charts(
     """
     limits = limits_of_channels(requirements)
     charts: dict[str, tuple[ChannelLabel, Chart]] = {}
-    for channel in (*CHANNEL_LABELS, *(one for one in FURTHER_CHANNEL_LABELS if one.name in limits)):
+    for channel in (*CHANNEL_LABELS, *(label for label in FURTHER_CHANNEL_LABELS if label.name in limits)):
         values = campaign.traces.get(channel.name)
         if values is None:
             continue

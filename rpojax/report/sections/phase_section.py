@@ -264,5 +264,5 @@ def _shown(found: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
 def quantile_text(found: Mapping[str, float | None], factor: float = 1.0) -> str:
     """Median, and the 5th and 95th percentile in brackets where they differ."""
     numbers = (found[name] for name in ("p50", "p5", "p95"))
-    median, low, high = (format_number(None if each is None else factor * each, 3) for each in numbers)
+    median, low, high = (format_number(None if number is None else factor * number, 3) for number in numbers)
     return median if low == high else f"{median} ({low} to {high})"

@@ -77,7 +77,7 @@ def unfinished_details(campaign: CampaignResults) -> dict[int, str]:
 def _with_own_goal(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Information on the campaign with the goal of one servicer."""
     scenario = info.get("scenario", {})
-    changes = next((each for each in scenario.get("servicers", []) if each.get("name") == name), {})
+    changes = next((servicer for servicer in scenario.get("servicers", []) if servicer.get("name") == name), {})
     goal = {**(scenario.get("goal") or {}), **(changes.get("goal") or {})}
     return {**info, "scenario": {**scenario, "goal": goal}}
 
@@ -184,7 +184,7 @@ def write_figure(campaign: CampaignResults, run_id: int | None) -> Path | None:
 def _servicer_content(campaign: CampaignResults, number: int) -> dict[str, Any]:
     name, scenario = campaign.servicer_names[number], campaign.info.get("scenario", {})
     own = of_servicer(campaign, number)
-    changes = next((each for each in scenario.get("servicers", []) if each.get("name") == name), {})
+    changes = next((servicer for servicer in scenario.get("servicers", []) if servicer.get("name") == name), {})
     fault = {**scenario.get("fault", {}), **(changes.get("fault") or {})}
     return {
         "name": name,
@@ -197,7 +197,7 @@ def _servicer_content(campaign: CampaignResults, number: int) -> dict[str, Any]:
 def _box_shares(campaign: CampaignResults) -> dict[str, Any] | None:
     """Shares of the ticks of a run in which each servicer, anybody and everybody accepted a box."""
     accepted = [_accepted_boxes(campaign.history(run)) for run in sorted(campaign.history_ids)]
-    accepted = [each for each in accepted if each is not None and len(each)]
+    accepted = [flags for flags in accepted if flags is not None and len(flags)]
     if not accepted:
         return None
     return {
@@ -277,8 +277,8 @@ def _seen_rows(content: Mapping[str, Any], names: list[str]) -> list[list[str]]:
     boxes = content["team"]["boxes"]
     rows = []
     if boxes is not None:
-        heading = f"Share of time with an accepted box, {boxes['runs']} runs with history"
-        rows.append([heading, *(format_number(share, 3) for share in boxes["of_each"])])
+        title = f"Share of time with an accepted box, {boxes['runs']} runs with history"
+        rows.append([title, *(format_number(share, 3) for share in boxes["of_each"])])
         rows[0].append(f"anybody {format_number(boxes['of_anybody'])}, all {format_number(boxes['of_everybody'], 3)}")
     for own, of_all in _SEEN:
         if f"{own}/{names[0]}" in content["metrics"]:
@@ -323,10 +323,10 @@ def _consistency_rows(content: Mapping[str, Any], names: list[str]) -> list[list
     metrics = content["metrics"]
     return [
         [
-            heading,
+            title,
             *(_scaled(metrics[each][statistic], factor) for each in (*(f"{metric}/{name}" for name in names), metric)),
         ]
-        for metric, statistic, heading, factor in _CONSISTENCY
+        for metric, statistic, title, factor in _CONSISTENCY
         if f"{metric}/{names[0]}" in metrics
     ]
 

@@ -59,8 +59,8 @@ def implausible_labels(
         scores: of these (k,)
         data: the images with their labels
     """
-    sure = np.array([np.max(each, initial=0.0) >= SCORE_THRESHOLD for each in scores], bool)
-    labelled = np.array([len(each) > 0 for each in data.boxes], bool)
+    sure = np.array([np.max(score, initial=0.0) >= SCORE_THRESHOLD for score in scores], bool)
+    labelled = np.array([len(image_boxes) > 0 for image_boxes in data.boxes], bool)
     both = np.flatnonzero(sure & labelled)
     best = [boxes[index][np.argmax(scores[index])] for index in both.tolist()]
     return (*_labels_lacking(sure[~labelled]), *(_labels_elsewhere(np.array(best), data.subset(both)) if best else ()))
@@ -92,7 +92,7 @@ def _likely_cause(best: np.ndarray, data: DetectionDataset, fitted: bool) -> tup
     """What labels may mean instead so that they agree most with the best boxes, and their median agreement then."""
     sizes = data.file_sizes().astype(float)
     scale = sizes.max(axis=1, keepdims=True) / data.images.shape[1]
-    counts = [len(each) for each in data.boxes]
+    counts = [len(image_boxes) for image_boxes in data.boxes]
     image = np.repeat(np.arange(len(best)), counts)
     labels, target = np.concatenate(data.boxes) * scale[image], (best * scale)[image]
     found = []

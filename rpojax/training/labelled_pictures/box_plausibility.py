@@ -48,7 +48,7 @@ def implausible_boxes(
         sizes: width and height of every picture [px]
         form: of the labels from which they are
     """
-    counts = [len(each) for each in boxes]
+    counts = [len(image_boxes) for image_boxes in boxes]
     total = sum(counts)
     if total == 0:
         return (f"no label of a spacecraft: all {len(boxes)} pictures count as empty",)

@@ -133,7 +133,7 @@ def _annotation(note: Mapping[str, Any], images: Mapping[Hashable, dict[str, Any
     """
     number = note["image_id"]
     if number not in images:
-        same = [each for each in images if str(each) == str(number)]
+        same = [image for image in images if str(image) == str(number)]
         what = f", as {type(same[0]).__name__} and not {type(number).__name__}" if same else ""
         raise ValueError(f"an annotation of image {number!r:.40}, which is {'listed' if same else 'not listed'}{what}")
     if note.get("iscrowd") or note.get("ignore"):

@@ -223,11 +223,13 @@ def _offset_from_mean(
     sides = np.array([side, side, 1.0])
     off = {_POSITION: sides * position, _VELOCITY: sides * speed}
     return {
-        key: dispersions.mean[key] + each - line * (line @ each) for key, each in off.items() if key in dispersions.mean
+        key: dispersions.mean[key] + value - line * (line @ value)
+        for key, value in off.items()
+        if key in dispersions.mean
     }
 
 
 def _sigma(dispersions: LinearisedDispersions, key: str) -> np.ndarray:
     """Standard deviations (3,) of a dispersed vector, zero if it is not dispersed."""
-    changes = [each[key] for each in dispersions.columns.values() if key in each]
+    changes = [column[key] for column in dispersions.columns.values() if key in column]
     return np.sqrt(np.sum(np.concatenate([*changes, np.zeros((3, 1))], axis=1) ** 2, axis=1))

@@ -133,7 +133,7 @@ def _joint_failures(rounds: list[Round]) -> WeightedFailures | None:
     """Failures of all rounds, with the weights of the mixture of their proposals; None without any."""
     counts = np.array([len(each.margins) for each in rounds], dtype=float)
     joint = mixture([(count, each.proposal) for count, each in zip(counts, rounds, strict=True)])
-    failed = [each.margins <= 0.0 for each in rounds]
+    failed = [drawn_round.margins <= 0.0 for drawn_round in rounds]
     x = np.concatenate([each.x[rows] for each, rows in zip(rounds, failed, strict=True)])
     if len(x) == 0:
         return None
@@ -189,4 +189,4 @@ def design_points(found: Round) -> tuple[DesignPoint, ...]:
         DesignPoint(centres[row], float(np.linalg.norm(centres[row])), float(share))
         for row, share in zip(chosen, shares_of, strict=True)
     ]
-    return tuple(sorted((each for each in points if each.share > 0.01), key=lambda each: -each.share))
+    return tuple(sorted((point for point in points if point.share > 0.01), key=lambda each: -each.share))

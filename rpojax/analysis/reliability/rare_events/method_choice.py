@@ -193,7 +193,7 @@ def _by_subset(
     per_level = int(calls.left / (1.0 + 0.92 * levels))
     if per_level >= 50 and not results[0].flat:
         results.append(subset_simulation.simulate(calls, rng, per_level, calls.left))
-    complete = [each for each in results if each.complete]
+    complete = [result for result in results if result.complete]
     used = complete or results
     precisions = np.array([1.0 / max(each.variation, 1e-3) ** 2 for each in used])
     shares = precisions / precisions.sum()
@@ -228,7 +228,7 @@ def _by_subset(
 def _subset_faults(results: list[SubsetResult], complete: list[SubsetResult], variation: float) -> list[str]:
     """What speaks against subset simulations."""
     faults = []
-    if any(each.flat for each in results):
+    if any(result.flat for result in results):
         faults.append("margins are flat: subset simulation cannot rank the points")
     if len(complete) < len(results):
         faults.append("failure was not reached by all chains")

@@ -96,7 +96,7 @@ def _of_outcome(file: ScenarioFile, name: str) -> Failure:
         Outcome.LOST: reach.low("limits.lost_after_s") <= file.duration_s,
         Outcome.OFF_STATION: reach.low("limits.arrive_by_s") <= file.duration_s,
     }
-    known = [str(each) for each in Outcome if each.is_failure and possible.get(each, True)]
+    known = [str(outcome) for outcome in Outcome if outcome.is_failure and possible.get(outcome, True)]
     if name not in known:
         found = f"{name!r} in runs of {file.duration_s:g} s"
         raise RpojaxError.of_argument("outcome", f"found {found}, expected one that can occur: {', '.join(known)}")
@@ -104,7 +104,7 @@ def _of_outcome(file: ScenarioFile, name: str) -> Failure:
 
 
 def _of_requirement(file: ScenarioFile, name: str) -> Failure:
-    of_runs = [each for each in file.requirements if each.is_of_all_runs]
+    of_runs = [requirement for requirement in file.requirements if requirement.is_of_all_runs]
     chosen = [each for each in of_runs if each.metric == name]
     if not chosen:
         known = ", ".join(each.metric for each in of_runs) or "none"

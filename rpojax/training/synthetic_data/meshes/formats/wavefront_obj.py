@@ -79,7 +79,7 @@ def read_library(source: MeshSource, name: str) -> dict[str, ObjMaterial] | None
             entries = materials.setdefault(value, {}) if value not in materials else {}
         elif key and key[0] != "#" and entries is not None:
             entries[key] = value
-    return {each: _material(source, name, each, found) for each, found in materials.items()}
+    return {material: _material(source, name, material, found) for material, found in materials.items()}
 
 
 def _material(source: MeshSource, library: str, name: str, entries: Mapping[str, str]) -> ObjMaterial:
