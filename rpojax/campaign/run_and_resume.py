@@ -232,7 +232,7 @@ def resume_campaign(
 def _progress_display(
     on_progress: ProgressCallback | None, progress: bool, duration_s: float
 ) -> Iterator[ProgressCallback]:
-    """The caller's own display of progress, or else one on stderr unless it is switched off."""
+    """The caller's `on_progress`, or a display on stderr, which `progress=False` switches off."""
     if on_progress is not None:
         yield on_progress
     else:

@@ -159,7 +159,7 @@ _MAT_NAME_LENGTH: Final = 63
 
 
 def paths_of_tables(out: Path, names: Sequence[str], form: FileFormat) -> dict[str, Path]:
-    """Files that are written by what they hold: one for each table and one for `columns`, or one for all."""
+    """Content -> file to write: one file for each table and one for `columns`, or a single file for all."""
     if form in ("mat", "npz"):
         return {"all": out}
     paths = {name: out if len(names) == 1 else out.with_name(f"{out.stem}_{name}{out.suffix}") for name in names}

@@ -119,7 +119,7 @@ class CampaignResults(Protocol):
         ...
 
     def history(self, run_id: int, servicer: int | None = None) -> Mapping[str, np.ndarray]:
-        """Full history of one of `history_ids`: channel -> array, time first; of a team that of all or one servicer."""
+        """Full history of one of `history_ids`: channel -> array, time first; of all servicers of a team, or of one."""
         ...
 
     @property
@@ -128,7 +128,7 @@ class CampaignResults(Protocol):
         ...
 
     def servicers(self, group: str) -> Mapping[str, np.ndarray]:
-        """Arrays (runs, servicers, ...) of a group, such as `status`, of a team; empty for one servicer alone."""
+        """Arrays (runs, servicers, ...) of a group, such as `status`, of a team; empty without a team."""
         ...
 
 
@@ -204,7 +204,7 @@ def keep_out_radii(campaign: CampaignResults) -> np.ndarray | None:
 
 
 def rankable_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
-    """Dispersed scalars (runs,) that can be ranked: all but the categorical ones, such as kinds of fault."""
+    """Dispersed scalars (runs,) that can be ranked: all except categories, such as kinds of fault."""
     return {key: values for key, values in dispersed_scalars(campaign).items() if key not in _CATEGORICAL_KEYS}
 
 

@@ -81,7 +81,7 @@ _VERDICTS = {
 
 
 def sentences(content: Mapping[str, Any]) -> list[str]:
-    """The estimate in words: probability, requirement, accuracy, method, and what speaks against it."""
+    """Sentences on an estimate: probability, requirement, accuracy, method, and warnings."""
     low, high = content["interval_95"]
     cov = content["coefficient_of_variation"]
     found = [
@@ -199,7 +199,7 @@ def charts(content: Mapping[str, Any], prefix: str = "probability") -> list[Name
 
 
 def _interval_chart(content: Mapping[str, Any]) -> Chart:
-    """Estimate with its interval, beside that of as many plain runs, on a logarithmic axis with what is allowed."""
+    """Intervals of the estimate and of as many plain runs, on a logarithmic axis with the allowed probability."""
     runs = max(1, int(content["evaluations"]))
     probability = float(content["probability"])
     failures = round(probability * runs)
@@ -262,7 +262,7 @@ def _searches(levels: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any
 
 
 def _unusual_chart(content: Mapping[str, Any]) -> tuple[Chart, str] | None:
-    """Sigmas of the dispersions farthest from their median, and of what; None where nothing is dispersed."""
+    """Chart of the dispersions farthest from their median [sigmas], and its meaning; None if nothing is dispersed."""
     points, runs = content["design_points"], content["failing_runs"]
     if points:
         chosen, meaning = points[0], "Dispersions of the first design point, in sigmas from their median."

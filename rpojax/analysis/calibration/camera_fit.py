@@ -104,7 +104,7 @@ def normalised_errors(statistics: CameraStatistics, outcomes: DetectionOutcomes,
 
 
 def _likelihood_inputs(outcomes: DetectionOutcomes, threshold: float) -> dict[str, Array]:
-    """Inputs of the likelihood by row: `kind` is 0 for no box, 1 for one of the target, 2 for a false one."""
+    """Inputs of the likelihood by row: `kind` is 0 for no box, 1 for a box of the target, 2 for a false box."""
     seen = outcomes.score >= threshold
     true = seen & outcomes.in_frame & (outcomes.overlap > _MIN_OVERLAP)
     size = np.maximum(np.sqrt(np.prod(np.maximum(outcomes.outline[:, 2:] - outcomes.outline[:, :2], 0.1), axis=1)), 2.0)

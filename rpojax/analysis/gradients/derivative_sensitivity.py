@@ -247,7 +247,7 @@ def derivative_sensitivities(
 
 
 def _metric_sensitivity(space: StandardNormalSpace, name: str, found: RolloutResult, index: int) -> MetricSensitivity:
-    """From the metrics and Jacobian of the median run and the others, of which the metric is column `index`.
+    """Sensitivity of the metric in column `index`, from metrics and Jacobian of the median run and the other runs.
 
     Raises:
         RpojaxError: too few runs reach their end with a value of it.
@@ -318,7 +318,7 @@ def _campaign_agreement(
 
 
 def _strengths(space: StandardNormalSpace, ranking: InputRanking) -> dict[str, float]:
-    """Strength of each input from those of the campaign's columns, several of which may belong to one input."""
+    """Strength of each input: root of the summed squares over the campaign's columns that belong to it."""
     squares: dict[str, float] = {}
     for one in ranking.inputs:
         name = space.group_of(one.name)

@@ -36,7 +36,7 @@ from rpojax.simulation.step import step
 
 
 def checkpoint_interval(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:
-    """Ticks from one kept state to the next in reverse mode: 1 if all fit, else the interval of least memory."""
+    """Ticks between kept states in reverse mode: 1 if all states fit, else the interval of least memory."""
     if ticks * state_bytes * runs <= memory_bytes:
         return 1
     return max(2, round(ticks**0.5))
@@ -131,7 +131,7 @@ class RolloutEvaluator:
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
         on_stage: Callable[[str], None] = lambda words: None,
     ) -> None:
-        """Compiles nothing yet; `on_stage` is told in words what begins, a compilation or the simulation after it."""
+        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins."""
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
         self.scenario, self._nominal = single_run.nominal_parameters(file)

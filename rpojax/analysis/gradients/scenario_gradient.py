@@ -72,7 +72,7 @@ class Gradient:
         }
 
     def counts(self, metric: str) -> np.ndarray:
-        """Flags (runs,) of the runs that count for a metric: completed ones in which it is defined."""
+        """Flags (runs,) of the runs that count for a metric: completed and with a value of it."""
         return self.completed & np.isfinite(self.metrics[metric])
 
     def _counted(self, metric: str, least: int) -> dict[str, np.ndarray]:
@@ -165,7 +165,7 @@ def gradient(
 def _jacobian(
     evaluator: RolloutEvaluator, inputs: np.ndarray, keys: np.ndarray, mode: str
 ) -> tuple[RolloutResult, np.ndarray]:
-    """Metrics of runs, and their Jacobian (runs, metrics, k): at once in forward mode, else one row per metric."""
+    """Metrics of runs and their Jacobian (runs, metrics, k): at once in forward mode, else metric by metric."""
     if mode == "forward":
         found = evaluator.jacobian(inputs, keys)
         assert found.jacobian is not None

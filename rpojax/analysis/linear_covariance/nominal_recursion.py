@@ -243,7 +243,7 @@ class NominalRecursion:
     def _propagate(
         self, points: LinearisationPoint, jacobians: np.ndarray, rows: np.ndarray, decision: BurnDecision
     ) -> PeriodRecord:
-        """The recursion along one period; `rows` (ticks,) are those of the Jacobians."""
+        """Advances the recursion by one period; `rows` (ticks,) select the Jacobians."""
         middle = round(float(self.loop.params.flight.formation.lead) / self.loop.scenario.tick_s)
         edges = np.asarray(points.edge_deviations)
         nominal = np.asarray(points.outputs)

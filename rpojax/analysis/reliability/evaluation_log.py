@@ -85,7 +85,7 @@ class BudgetExceededError(Exception):
 
 
 class EvaluationLog:
-    """Evaluates a limit state, and keeps what was found and what it cost.
+    """Evaluates a limit state, and keeps results and cost.
 
     Attributes:
         settings: effort of the search

@@ -136,7 +136,7 @@ def _linear_regression(points: np.ndarray, margins: np.ndarray) -> tuple[np.ndar
 
 
 def _step_searches(log: EvaluationLog, searches: list[_SearchState]) -> list[_SearchState]:
-    """Every search one step on; those that no longer improve are left out."""
+    """Advances every search by one step; leaves out searches that no longer improve."""
     searches = _with_gradients(log, searches)
     mean_gradient = log.mean_gradient()
     candidates = [

@@ -8,7 +8,7 @@ from tyro.conf import Fixed, arg
 
 @dataclass(frozen=True)
 class LimitChoice:
-    """Which limit a search is on: that of a requirement of the scenario, or another one of a metric.
+    """Choice of the limit to search: that of a requirement of the scenario, or another limit of a metric.
 
     Attributes:
         requirement: metric of one of the scenario's requirements
@@ -31,7 +31,7 @@ class SearchSettings:
 
     Attributes:
         starts: searches at a time
-        screening_points: random points, of which the best ones are the starts
+        screening_points: random points; the searches start at the best of them
         budget: greatest total cost, in margins
         max_distance: largest distance from the origin of a point [sigmas]
     """

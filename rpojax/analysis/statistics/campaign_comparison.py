@@ -111,7 +111,7 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
 
 
 def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
-    """Sentences on what makes the comparison less than one of like with like.
+    """Sentences on differences that make the two campaigns hard to compare.
 
     They name durations and teams that differ, and metrics and requirements that only one campaign has values for.
     """

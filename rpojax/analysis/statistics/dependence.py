@@ -20,7 +20,7 @@ from scipy.stats import t as student
 
 
 def spearman(x: np.ndarray, y: np.ndarray) -> float | None:
-    """Rank correlation of `x` (n,) and `y` (n,), or None where one of them does not vary."""
+    """Rank correlation of `x` (n,) and `y` (n,); None if `x` or `y` does not vary."""
     if len(x) < 2 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return None
     return float(spearman_columns(x[:, None], y)[0])
@@ -117,14 +117,14 @@ def _in_range(values: np.ndarray) -> np.ndarray:
 
 
 def _kernel_width(values: np.ndarray) -> float:
-    """Median distance of two runs, of some of them where there are many; the mean one where most are equal."""
+    """Median distance of two runs, over a sample of many runs; the mean distance where most runs are equal."""
     some = values[:: max(1, len(values) // _WIDTH_RUNS)]
     distances = np.abs(some[:, None] - some)[np.triu_indices(len(some), 1)]
     return float(np.median(distances)) or float(distances.mean()) or 1.0
 
 
 def _permutation_p(factors: list[np.ndarray], target: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Fraction (k,) of `count` orders of the runs, the true one among them, with HSIC at least that of the true one.
+    """P-value (k,): fraction of `count` orders of the runs, the true order included, whose HSIC is not smaller.
 
     All orders and inputs are one matrix product, for which single precision is ample.
     """

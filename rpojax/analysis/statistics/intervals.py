@@ -39,7 +39,7 @@ def success_bounds(violations: int, runs: int, risk: float) -> tuple[float, floa
 
 
 def runs_for_bound(quantile: float, confidence: float, rank: int = 1) -> int:
-    """Fewest runs of which the `rank`-th largest is above the quantile with the given confidence (Wilks, one-sided).
+    """Fewest runs whose `rank`-th largest value is above the quantile with the given confidence (Wilks, one-sided).
 
     The least n with P(Bin(n, quantile) <= n - rank) >= confidence: with so many runs a requirement on the quantile is
     verified although `rank - 1` of them violate it.

@@ -40,7 +40,7 @@ def numbers_of_members(file: ScenarioFile) -> list[Arrays]:
 def draw_of_members(
     file: ScenarioFile, run_key: Array, assigned: Values, numbers: Sequence[Arrays] | None = None
 ) -> Values:
-    """Values of all dispersed keys of a run: those that all share, of others those of each in the last axis.
+    """Values of all dispersed keys of a run; a key that the servicers do not share has them in the last axis.
 
     `numbers` of each servicer are by default those of the scenario.
     """
@@ -57,7 +57,7 @@ def draw_of_members(
 
 
 def of_member(file: ScenarioFile, values: Mapping[str, Any], number: int) -> dict[str, Any]:
-    """Values (runs, ...) of one servicer from those of the team, by key."""
+    """Key -> values (runs, ...) of servicer `number`, from the values of the team."""
     if not file.servicers:
         return dict(values)
     common = dispersion_keys.common_keys(file)

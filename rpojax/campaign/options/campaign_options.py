@@ -18,7 +18,7 @@ DEFAULT_HISTORIES = Retention("8+requirements")
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """Which runs of a scenario a campaign simulates, and what it keeps of them.
+    """Runs of a scenario that a campaign simulates, and the histories that it keeps.
 
     The command `rpojax campaign` has the fields as options, except those marked `Fixed`.
 
@@ -60,7 +60,7 @@ class CampaignOptions:
         return self.run_range or RunRange(self.first_run, self.runs)
 
     def max_full_histories(self, requirements: int) -> int:
-        """Largest number of histories, failures excluded, as that of full ones of the same size.
+        """Largest number of histories without those of failures, in full histories of the same total size.
 
         `requirements` is the number of those of the scenario.
         """

@@ -363,7 +363,7 @@ class Campaign:
 
     @property
     def transitions(self) -> list[PhaseTransition]:
-        """Phases that began in the runs, by what and when; the first one at the start of the run."""
+        """Phases that began in the runs, with cause and time; the first phase begins with the run."""
         return listed_transitions(self.run_ids, self.phase_names, self.phases)
 
     @property
@@ -448,7 +448,7 @@ class Campaign:
 
 
 def of_servicer(history: Mapping[str, np.ndarray], servicer: int) -> dict[str, np.ndarray]:
-    """History of one servicer of a team from that of all, whose channels are (ticks, servicers, ...)."""
+    """History of servicer number `servicer`, from the history of a team with channels (ticks, servicers, ...)."""
     ticks = len(history["time_s"])
     return {
         name: values if name == "time_s" else values[:, servicer] if len(values) == ticks else values[servicer]

@@ -164,7 +164,7 @@ class CommandInput:
         return None if servicer is None or relative is None else orbit_estimate_from_odometry(servicer, relative)
 
     def _close_valve(self, time_ns: int) -> ExternalBurn:
-        """Burn command that closes the valve where it is open or will open, else leaves the plan."""
+        """Burn command that closes the valve if it is open or will open, else leaves the plan."""
         pending, self._burn_window = self._burn_window.cutoff_ns > time_ns, BurnWindow()
         return CLOSED_VALVE if pending else NO_COMMAND
 

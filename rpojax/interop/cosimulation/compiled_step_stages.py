@@ -96,7 +96,7 @@ class PackedTick:
 
 
 class CompiledStages:
-    """Stages of one run between which messages are exchanged; `external_burns` replace those of the flight software."""
+    """Stages of a run, between which messages are exchanged; `external_burns` replace the flight software's burns."""
 
     def __init__(self, scenario: Scenario, stages: Stages, params: Params, external_burns: bool) -> None:
         packed = PackedRecord.of(params)

@@ -35,7 +35,7 @@ _TRANSFORMS = (topics.TF, topics.TF_STATIC)
 
 @functools.cache
 def namespaced_topics(name: str) -> dict[Topic, Topic]:
-    """Topics of a servicer of a team, by those of one alone; the same objects at every call."""
+    """Topic of a servicer alone -> the same topic in the namespace `name` of a team; the same objects at every call."""
     return {
         topic: topic
         if topic in (*_OF_ALL, *_TRANSFORMS)
@@ -52,7 +52,7 @@ def namespaced_topics(name: str) -> dict[Topic, Topic]:
 def namespaced(
     messages: Iterator[TimedMessage], name: str, renamed: dict[Topic, Topic], is_first: bool
 ) -> Iterator[TimedMessage]:
-    """Messages of a servicer of a team from those of one alone; what is the same for all comes from the first one."""
+    """Messages of a servicer alone, renamed for a team; messages common to all come from the first servicer only."""
     for each in messages:
         if each.topic in _OF_ALL and not is_first:
             continue

@@ -191,7 +191,7 @@ _SHEET_GAP_PX = 8
 
 
 def select_stills(history: History, ticks: int) -> list[int]:
-    """Up to twelve of the first `ticks` ticks, spread evenly, including one of a burn and one with a rejected box."""
+    """Up to twelve of the first `ticks` ticks, spread evenly, with a burn and a rejected box among them."""
     chosen = np.unique(np.linspace(0, ticks - 1, min(_MAX_STILLS, ticks)).round().astype(int)).tolist()
     kept = {chosen[0], chosen[-1]}
     rejected = history["box_present"] & ~history["box_accepted"]
@@ -208,7 +208,7 @@ def select_stills(history: History, ticks: int) -> list[int]:
 
 
 def contact_sheet(frames: Iterable[CameraFrame | TeamFrame]) -> Image.Image:
-    """Annotated images in rows of four, those of a team's tick in one row, with a legend below."""
+    """Annotated images in rows of four, or a row for each tick of a team, with a legend below."""
     shown = list(frames)
     tiles = [annotated_image(frame) for frame in shown]
     cameras = max(len(frame.cameras) if isinstance(frame, TeamFrame) else 1 for frame in shown)

@@ -126,7 +126,7 @@ def _spans_decades(traces: list[dict[str, Any]]) -> bool:
 
 
 def _log_tick_step(traces: list[dict[str, Any]]) -> str | int:
-    """Plotly tick step: 1, 2, 5 in each decade if few decades are shown, else one tick per decade."""
+    """Tick step of plotly: 1, 2, 5 in each decade if few decades are shown, else one tick per decade."""
     shown = [value for trace in traces for value in trace["y"] if value is not None]
     return "D2" if shown and max(shown) < 3e3 * min(shown) else 1
 

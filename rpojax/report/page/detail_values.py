@@ -17,7 +17,7 @@ from rpojax.report.page.run_timeline import time_marks, timeline
 
 @dataclass(frozen=True)
 class WorstRun:
-    """Worst run of a metric with a history: what it is the worst in, its value, and that of the median run.
+    """Worst run in a metric among those with a history: the metric, its value, and the value of the median run.
 
     `worst_id` is the worst run of all. Where that has no history, `remark` says so, and a better one stands for it.
     """
@@ -112,7 +112,7 @@ def detail_values(campaign: CampaignResults, content: Mapping[str, Any], median_
 
 
 def _choices(worst: list[WorstRun]) -> list[tuple[int, str]]:
-    """Number of each worst run, in order, and what it is the worst in."""
+    """Number of each worst run, in order, and the metrics in which it is the worst."""
     found: dict[int, list[str]] = {}
     for one in worst:
         found.setdefault(one.run_id, []).append(f"{one.title} {one.value}")
@@ -130,7 +130,7 @@ _SELECTION_METRIC = "formation_error_rms_m"
 
 
 def choose_run(campaign: CampaignResults, run_id: int | None = None) -> int | None:
-    """Run to show in detail: `run_id`, else the median one in formation error among the stored histories, if any.
+    """Run to show in detail: `run_id`, else the run with a history whose formation error is the median, if any.
 
     Raises:
         ResultError: no history of `run_id` is stored.

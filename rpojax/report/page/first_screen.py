@@ -18,7 +18,7 @@ Colour = Literal["good", "alert", "open"]
 
 @dataclass(frozen=True)
 class VerdictTile:
-    """A verdict: what it is about, the verdict, a note, whether it is good, bad or open, and the section to read."""
+    """Tile of a verdict: subject, verdict, note, CSS class (good, bad or open), and section to read."""
 
     title: str
     value: str
@@ -143,7 +143,7 @@ def weakest_requirement(requirements: Sequence[Mapping[str, Any]]) -> Mapping[st
 
 
 def entry_margin(entry: Mapping[str, Any]) -> float | None:
-    """Margin of a requirement: that of the compared rank, or of the worst run where there are too few runs for one."""
+    """Margin of a requirement at the compared rank, or of the worst run if there are too few runs for a rank."""
     if entry["margin"] is not None or entry["worst"] is None or entry["without_value"]:
         return entry["margin"]
     sign = 1.0 if entry["bound"] == "at most" else -1.0

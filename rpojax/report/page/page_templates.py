@@ -16,7 +16,7 @@ _HASH_DIGITS: Final = 16
 
 
 def render(template: str, data: Mapping[str, Any], values: Mapping[str, Any]) -> str:
-    """Page from the template of that name; `data` is what its scripts read, `values` what the template shows."""
+    """Page from a template: its scripts read `data`, the template shows `values`."""
     found = _environment().get_template(template)
     return found.render(page_data=_script_json(data), **values)
 

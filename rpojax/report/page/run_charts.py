@@ -29,7 +29,7 @@ _AWAY: Final = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
 
 
 def run_charts(history: History, limits: Mapping[str, Sequence[Limit]]) -> dict[str, tuple[str, Chart]]:
-    """Title and chart by name, of what the history has channels for; `limits` are those of channels."""
+    """Name -> title and chart of every series whose channels the history has; `limits` are limits by channel."""
     found: dict[str, tuple[str, Chart]] = {}
     away = _away_shapes(history)
     for label, needed, values in run_series.SERIES:

@@ -181,7 +181,7 @@ def _tile(entry: Mapping[str, Any]) -> VerdictTile:
 
 
 def is_single_run(content: Mapping[str, Any]) -> bool:
-    """Whether the results are those of one run, as `rpojax run` and `rpojax rerun` leave them."""
+    """Whether the campaign has a single run, as `rpojax run` and `rpojax rerun` make it."""
     return content["runs"]["requested"] == 1
 
 

@@ -150,7 +150,7 @@ def _kind(run: int, median_run: int | None, worst: Sequence[int]) -> str:
 
 
 def _paths(campaign: CampaignResults, history: Mapping[str, np.ndarray], run: int, kind: str) -> list[dict[str, Any]]:
-    """Paths of one run, one for each servicer."""
+    """Paths of a run, one for each servicer."""
     if "rho_H" not in history:
         return []
     rho = np.asarray(history["rho_H"], dtype=np.float64)

@@ -216,7 +216,7 @@ def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], det
 
 
 def _data_url(path: Path) -> str:
-    """Picture as a data URL; a PNG file, of which the figures have few colours, with a palette of 64."""
+    """Picture as a data URL; PNG files, which have few colours, get a palette of 64."""
     if path.suffix == ".jpg":
         return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
     buffer = io.BytesIO()

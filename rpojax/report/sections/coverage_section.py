@@ -155,5 +155,5 @@ def write_figure(campaign: CampaignResults) -> Path | None:
 
 
 def _runs_with(campaign: CampaignResults, name: str) -> np.ndarray:
-    """For each facet the number of runs with at least one such sample."""
+    """Number of runs with at least one sample, for each facet."""
     return np.sum(campaign.coverage[name] > 0, axis=0)

@@ -138,7 +138,7 @@ def histogram_entries(campaign: CampaignResults, summary: Mapping[str, Any]) -> 
 
 
 def _remarks(campaign: CampaignResults, values: np.ndarray, limits: Sequence[Limit]) -> list[tuple[str, bool]]:
-    """Texts on the runs beyond each limit, on failed runs without a value and on others, and whether it is bad."""
+    """Remarks, each with whether it is bad: runs beyond each limit, failed and other runs without a value."""
     remarks = []
     for limit in limits:
         count = int(np.sum(limit.is_broken_by(values)))

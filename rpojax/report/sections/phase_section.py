@@ -161,7 +161,7 @@ def content(campaign: CampaignResults) -> dict[str, Any] | None:
     """Part of report.json; None without phases.
 
     A phase begins when a run enters it first and ends when a run leaves it last; runs that end in it have no end of
-    it. Its `ends` count stays, of which a run that holds and resumes has several.
+    it. Its `ends` count stays: a run that holds and resumes has several.
     """
     if not campaign.phases:
         return None

@@ -76,7 +76,7 @@ def rows(safety: Mapping[str, Any]) -> list[SafetyRow]:
 
 
 def _drift_rows(safety: Mapping[str, Any], sphere: str) -> list[SafetyRow]:
-    """Rows of free drift; of campaigns recorded without horizons those of one orbit."""
+    """Rows of free drift; campaigns recorded without horizons have rows of one orbit."""
     drifts = [
         (f"within {drift['horizon'].replace('_', ' ')} after a loss of thrust", drift) for drift in safety["free_drift"]
     ] or [
@@ -145,7 +145,7 @@ def _worst_value(campaign: CampaignResults, name: str) -> dict[str, Any] | None:
 def _range_violations(
     campaign: CampaignResults, name: str, keep_out: np.ndarray | None, entered: np.ndarray
 ) -> dict[str, Any] | None:
-    """Proportion of runs that enter the sphere or would drift into it, among those for which this is known."""
+    """Proportion of runs that enter the sphere or would drift into it, among the runs for which this is known."""
     values = campaign.metrics.get(name)
     if values is None or keep_out is None:
         return None

@@ -98,7 +98,7 @@ def _random_zoom(rng: Rng, view: LabelledImage) -> LabelledImage:
 
 
 def _in_window(view: LabelledImage, corner: np.ndarray, zoom: float, size: int) -> LabelledImage:
-    """Boxes clipped to an enlarged window; those mostly outside of it get the weight -1, cut edges are known."""
+    """Boxes clipped to an enlarged window; boxes mostly outside of it get the weight -1, cut edges are known."""
     moved = (view.boxes - np.tile(corner, 2)) * zoom
     clipped = np.clip(moved, 0.0, size)
     whole_area, visible_area = (np.prod(np.maximum(b[:, 2:] - b[:, :2], 0.0), axis=1) for b in (moved, clipped))

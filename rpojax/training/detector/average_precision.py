@@ -201,7 +201,7 @@ def pair_recalls(
     threshold: float,
     min_px: float,
 ) -> dict[str, Any]:
-    """Fraction of the images with two spacecraft in which both are found, for those near and those overlapping.
+    """Fraction of images with two spacecraft in which both are found, for near and for overlapping pairs.
 
     A spacecraft is found by a box (n, 4) with a score (n,) from the threshold on and an IoU of half; two need two
     boxes. Images count whose true boxes (2, 4) both have a long side of `min_px`.

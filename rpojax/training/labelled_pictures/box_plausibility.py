@@ -41,7 +41,7 @@ _LEAST_BOXES: Final = 20
 def implausible_boxes(
     boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, int]] | np.ndarray, form: BoxForm = BoxForm.SIZES
 ) -> tuple[str, ...]:
-    """Sentences on what is unlikely about boxes, each with its likely cause; empty for plausible ones.
+    """Sentences on unlikely boxes, each with a likely cause; empty for plausible boxes.
 
     Args:
         boxes: for every picture (m, 4) left, top, right, bottom [px], not cut to the picture
@@ -72,7 +72,7 @@ def implausible_boxes(
 
 
 def outlines_elsewhere(boxes: np.ndarray, outlines: np.ndarray) -> tuple[str, ...]:
-    """A sentence if boxes (n, 4) are not around their outlines, of which `outlines` (n, 4) are the boxes."""
+    """A sentence if boxes (n, 4) differ from the boxes `outlines` (n, 4) around their outlines."""
     number = _number_apart(boxes, outlines)
     said = f"{number} of {len(boxes)} boxes are not around their outlines (segmentation): which of them is right?"
     return (said,) if number else ()

@@ -106,7 +106,7 @@ def _check_each_once(what: str, numbers: Iterable[Hashable]) -> None:
 
 
 def _category_notes(content: Any) -> tuple[str, ...]:
-    """A sentence if boxes are of one of several categories, and its name does not say that it is the spacecraft.
+    """A sentence if all boxes are of one among several categories whose name does not say spacecraft.
 
     Raises:
         ValueError: boxes are of several categories, or of one that is not listed.

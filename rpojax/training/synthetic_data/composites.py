@@ -284,7 +284,7 @@ class _Scene:
 
 
 def _merge_layers(background: np.ndarray, layers: list[Layer], sensor: ImageSensor) -> _Scene:
-    """The background with all layers, later ones in front, and the boxes of those that are visible."""
+    """The background with all layers, later ones in front, and the boxes of the visible layers."""
     image, alphas = _blend(background, layers)
     boxes, known, coverage = [], [], np.zeros(background.shape[:2])
     for index, alpha in enumerate(alphas):

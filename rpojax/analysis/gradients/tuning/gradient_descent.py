@@ -64,7 +64,7 @@ class GradientEstimate:
 
 
 def differentiation_mode(nonsmooth: np.ndarray) -> str:
-    """Name of the method for numbers of which (k,) flags tell those that act through decisions."""
+    """Name of the method of differentiation; flags (k,) mark the numbers that act through decisions."""
     derivative = "forward" if len(nonsmooth) <= FORWARD_MODE_MAX_INPUTS else "reverse"
     if nonsmooth.all():
         return "differences"

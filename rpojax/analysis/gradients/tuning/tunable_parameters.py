@@ -213,7 +213,7 @@ def run_values(file: ScenarioFile, tunable: TunableParameters, x: Array, run_key
 
 
 def _beliefs(file: ScenarioFile) -> list[str]:
-    """Keys of what flight software believes of the additional sensors that its filter uses."""
+    """Keys of the parameters that flight software assumes of the additional sensors in use."""
     present = present_sensors(file).items()
     return [f"{name}.{key}" for name, sensor in present if sensor.is_believed() for key in sensor.beliefs]
 

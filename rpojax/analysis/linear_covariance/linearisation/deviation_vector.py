@@ -68,7 +68,7 @@ class DeviationLayout:
         return vector[self.slices[".".join(path)]].reshape(like.shape)
 
     def quaternion_signs(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Factors (size,), 1 or -1, that give the quaternions of `other` the signs of those of `one`."""
+        """Factors (size,), 1 or -1, by which the quaternions of `other` get the signs of the quaternions of `one`."""
         found = np.ones(self.size)
         for name, part in self.slices.items():
             if name.rpartition(".")[2].startswith("q_") and one[part] @ other[part] < 0.0:

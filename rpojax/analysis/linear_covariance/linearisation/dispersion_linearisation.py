@@ -125,7 +125,7 @@ def _enter(file: ScenarioFile, mean: dict[str, np.ndarray], where: ParameterKey,
 
 
 def _add_change(file: ScenarioFile, changes: dict[str, np.ndarray], where: ParameterKey, change: np.ndarray) -> None:
-    """Adds the columns of a key, or of one component of it, to those of its source by key."""
+    """Adds the columns of a key, or of a component of it, to the columns of its source."""
     if where.index is not None:
         size = np.size(nominal_value(file, ParameterKey(where.key, None)))
         rows = np.zeros((size, change.shape[1]))
@@ -155,7 +155,7 @@ class InitialCondition:
 def initial_conditions(
     scenario: Scenario, params: Params, layout: DeviationLayout, key: Array, dispersions: LinearisedDispersions
 ) -> list[InitialCondition]:
-    """Two nominal runs, one on either side of the mean, whose covariances are averaged; one without dispersed position.
+    """Nominal runs on either side of the mean, whose covariances are averaged; a single one without dispersed position.
 
     They start one sigma beside the mean across the line of sight: the information of bearings on the range grows with
     the square of the offset, so that the two gain as much as runs do in the mean, and their errors are rotated as much

@@ -155,7 +155,7 @@ class Exploration:
 
     @property
     def failures(self) -> WeightedFailures | None:
-        """Failures that were found, each search with a weight as it has independent chains; None without any."""
+        """Failures that were found, each search weighted by its number of independent chains; None without any."""
         points, chains = self.subset.failures
         parts: list[tuple[np.ndarray, np.ndarray, float]] = []
         if len(points):

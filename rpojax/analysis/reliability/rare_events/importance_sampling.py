@@ -98,7 +98,7 @@ def draw_round(calls: LimitStateCalls, rng: np.random.Generator, proposal: Mixtu
 def adapted(
     calls: LimitStateCalls, rng: np.random.Generator, start: WeightedFailures, count: int
 ) -> tuple[Mixture, list[Round]]:
-    """Proposal after rounds of so many points, from one for failures that are known at the start, and the rounds.
+    """Proposal after rounds of `count` points, and the rounds; the first proposal is fitted to known failures.
 
     A new proposal is fitted to the failures of all rounds, weighted as points of the mixture of their proposals.
     Weights that a few points dominate are flattened by an exponent below 1, so that the fit moves part of the way.

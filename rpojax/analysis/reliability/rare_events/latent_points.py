@@ -103,12 +103,12 @@ class LimitStateCalls:
         return np.where(undefined, -np.inf, found)
 
     def undefined_remark(self) -> tuple[str, ...]:
-        """What is to be known of points without a defined margin; nothing if there are none."""
+        """Remark on points without a defined margin; empty if there are none."""
         return (f"{self.undefined} points had no defined margin and count as failures",) if self.undefined else ()
 
 
 def undefined_fault(margins: np.ndarray, weights: np.ndarray) -> list[str]:
-    """What speaks against an estimate from weighted points of which those without a defined margin are many."""
+    """Warning about an estimate to which weighted points without a defined margin contribute much."""
     failed = margins <= 0.0
     share = float(weights[np.isneginf(margins)].sum() / max(weights[failed].sum(), 1e-300))
     return [f"{100.0 * share:.0f} % of the estimate are points without a defined margin"] if share > _MANY else []

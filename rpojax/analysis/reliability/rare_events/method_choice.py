@@ -149,7 +149,7 @@ def _by_importance(
 
 
 def _missed_failures(found: Exploration, last: Round) -> list[str]:
-    """Earlier estimates that are so much larger than that of importance sampling that it misses something.
+    """Warnings about earlier estimates so much larger that importance sampling must have missed failures.
 
     A small subset simulation may be far off, too: its failures must also lie where the proposal hardly draws.
     """

@@ -100,7 +100,7 @@ class ProbabilityEstimate:
         }
 
     def to_dataframe(self) -> "pandas.DataFrame":
-        """Stages of the estimate, one a row: what `LevelRecord` holds.
+        """Stages of the estimate, one row each, with the fields of `LevelRecord`.
 
         Raises:
             MissingExtraError: pandas is not installed.

@@ -177,7 +177,7 @@ def _thinned(rng: np.random.Generator, failures: WeightedFailures) -> tuple[np.n
 
 
 def _folds(rng: np.random.Generator, groups: np.ndarray) -> np.ndarray:
-    """Fold (n,) of each point; points of one group are in the same one."""
+    """Fold (n,) of each point; points of a group share a fold."""
     names, places = np.unique(groups, return_inverse=True)
     if len(names) < _FOLDS:
         return np.arange(len(groups)) % _FOLDS
@@ -185,7 +185,7 @@ def _folds(rng: np.random.Generator, groups: np.ndarray) -> np.ndarray:
 
 
 def _component_counts(points: int, size: int) -> tuple[int, ...]:
-    """Numbers of components that so many failures can tell apart; one without a subspace."""
+    """Numbers of components that so many failures can tell apart; a single one without a subspace."""
     if size == 0:
         return (1,)
     return tuple(k for k in _COMPONENTS if k == 1 or k * (size + 1) * _POINTS_PER_NUMBER <= points)

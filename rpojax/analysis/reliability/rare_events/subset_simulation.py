@@ -61,7 +61,7 @@ class ChainMoves:
         return LatentPoints(np.where(redraws[:, None], points.x, moved), keys), redraws
 
     def adapt(self, accepted: np.ndarray, redraws: np.ndarray) -> None:
-        """Follows the acceptance (n,) of proposals, of which some redrew noise."""
+        """Adapts the step to the acceptance (n,) of proposals; `redraws` (n,) marks those that redrew noise."""
         self._turns += 1
         gain = 1.0 / np.sqrt(self._turns)
         self.proposed += len(accepted)

@@ -88,7 +88,7 @@ def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
 
 
 def _of_outcome(file: ScenarioFile, name: str) -> Failure:
-    """Failure with an outcome; one with which no run can end, whose probability would be zero, is refused."""
+    """Failure with an outcome; refuses an outcome that no run can have, since its probability would be zero."""
     reach, is_mission = DispersedReach(file), bool(file.phases)
     possible = {
         Outcome.UNFINISHED: is_mission and file.goal.phase != NO_GOAL,
@@ -163,7 +163,7 @@ def needs_drifts(failure: Failure) -> bool:
 
 
 def ranking_remark(failure: Failure) -> str:
-    """Which metric ranks the runs, where the one of the limit is equal for most of them; else empty."""
+    """Remark on the metric that ranks the runs if the limited metric is equal in most of them; else empty."""
     by = _RANKED_BY.get(failure.metric or "")
     return f"{failure.metric} is equal for most runs and cannot rank them: {by} does" if by else ""
 
@@ -208,7 +208,7 @@ def _with_sign(distance: np.ndarray, failed: np.ndarray) -> np.ndarray:
 
 
 def _outcome_distance(runs: SimulatedRuns, outcome: Outcome) -> np.ndarray:
-    """Distance (runs,) from an outcome, in the unit of what decides it; flat for those that no quantity decides."""
+    """Distance (runs,) from an outcome, in the unit of the quantity that decides it; constant if none does."""
     file, records, used = runs.file, runs.records, runs.used
     tick_s = 1.0 / file.rates.camera_hz
 

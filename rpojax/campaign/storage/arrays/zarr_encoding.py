@@ -142,7 +142,7 @@ def group_metadata(attributes: Mapping[str, Any] | None = None) -> bytes:
 
 
 def digest(arrays: Mapping[str, np.ndarray], binding: str = "") -> str:
-    """SHA-256 of names, types, shapes and values, and of what binds them to their place in a campaign."""
+    """SHA-256 of names, types, shapes and values, and of the text that binds them to their place in a campaign."""
     total = hashlib.sha256(binding.encode())
     for name in sorted(arrays):
         values = np.asarray(arrays[name])

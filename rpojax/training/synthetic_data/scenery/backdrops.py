@@ -41,7 +41,7 @@ def paint_flight_backdrop(rng: Rng, earth: EarthTextures, size_px: int) -> np.nd
 
 @functools.lru_cache(maxsize=_SKIES)
 def _sky(index: int) -> Sky:
-    """A sky, of which clouds cover between a tenth and nine tenths."""
+    """A sky whose clouds cover between a tenth and nine tenths of it."""
     return random_sky(_FIRST_SEED + index, 0.1 + 0.8 * index / (_SKIES - 1))
 
 

@@ -111,7 +111,7 @@ def read_header(source: MeshSource) -> Header:
 
 
 def _header_lines(source: MeshSource) -> Iterator[tuple[str, int]]:
-    """Lines of the header, each with where the next one begins; line ends are those of any system."""
+    """Lines of the header, each with the place at which the next line begins; any line end is accepted."""
     start = 0
     while start < min(len(source.content), _LONGEST_HEADER):
         ends = [place for mark in (b"\n", b"\r") if (place := source.content.find(mark, start)) >= 0]

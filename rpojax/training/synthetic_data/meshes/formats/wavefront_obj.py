@@ -358,7 +358,7 @@ def _surfaces(
     texture_places: np.ndarray,
     colors: np.ndarray | None,
 ) -> Iterator[Surface]:
-    """Triangles (m, 3, 2) of one material, those with texture coordinates apart if it has a texture."""
+    """Triangles (m, 3, 2) of a material; if it has a texture, triangles with texture coordinates come apart."""
     if found is None:
         own = None if colors is None else linear_colors(colors[chosen[..., 0]].mean(axis=1))
         yield Surface(vertices, chosen[..., 0], colors=own)
