@@ -37,6 +37,8 @@ from rpojax.scenario.schema import ScenarioFile
 
 _ALWAYS = ("time_s", "rho_desired_H")
 """Channels that are no telemetry in every scenario."""
+ExecutorFactory = Callable[[Campaign], Executor]
+"""Makes the executor of a campaign."""
 
 
 def check_metrics(file: ScenarioFile, engine: BatchEngine, histories: Retention) -> None:
@@ -60,10 +62,6 @@ def check_metrics(file: ScenarioFile, engine: BatchEngine, histories: Retention)
             example = {"time_s": jax.ShapeDtypeStruct((), jnp.float64)}
             example |= {"rho_desired_H": jax.ShapeDtypeStruct((3,), jnp.float64), **shapes}
             jax.eval_shape(lambda *values, m=metric: m.value(jnp, *values), *(example[name] for name in metric.inputs))
-
-
-ExecutorFactory = Callable[[Campaign], Executor]
-"""Makes the executor of a campaign."""
 
 
 @dataclass(frozen=True)

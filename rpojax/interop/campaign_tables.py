@@ -24,6 +24,10 @@ from rpojax.scenario.plugins import plugin_registry
 TableName = Literal["metrics", "draws", "traces", "history"]
 TABLE_NAMES: Final[tuple[TableName, ...]] = get_args(TableName)
 """What can be exported."""
+FileFormat = Literal["csv", "parquet", "mat", "npz"]
+FILE_FORMATS: Final[tuple[FileFormat, ...]] = get_args(FileFormat)
+_MAT_NAME_LENGTH: Final = 63
+"""Letters of a name in MATLAB."""
 
 
 @dataclass(frozen=True)
@@ -149,13 +153,6 @@ def _components(name: str, values: np.ndarray, unit: str) -> list[Column]:
         return [Column(name, values, unit)]
     places = product(*map(range, values.shape[1:]))
     return [Column(f"{name}[{','.join(map(str, at))}]", values[(slice(None), *at)], unit) for at in places]
-
-
-FileFormat = Literal["csv", "parquet", "mat", "npz"]
-FILE_FORMATS: Final[tuple[FileFormat, ...]] = get_args(FileFormat)
-
-_MAT_NAME_LENGTH: Final = 63
-"""Letters of a name in MATLAB."""
 
 
 def paths_of_tables(out: Path, names: Sequence[str], form: FileFormat) -> dict[str, Path]:

@@ -21,6 +21,8 @@ FRAME_NOTES = (
 """What the name of the frame does not say."""
 
 BODY_FRAME = "SC_BODY_1"
+MessageKind = Literal["oem", "aem", "opm"]
+MESSAGE_KINDS: Final[tuple[MessageKind, ...]] = get_args(MessageKind)
 
 
 def oem(states: SpacecraftStates, created: datetime.datetime) -> str:
@@ -123,9 +125,6 @@ def _numbers(values: np.ndarray, decimals: int) -> str:
 def _text(lines: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
-
-MessageKind = Literal["oem", "aem", "opm"]
-MESSAGE_KINDS: Final[tuple[MessageKind, ...]] = get_args(MessageKind)
 
 _WRITERS: Final[dict[MessageKind, Callable[[SpacecraftStates, datetime.datetime], str]]] = {
     "oem": oem,

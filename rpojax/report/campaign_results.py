@@ -13,6 +13,18 @@ from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
 
+_PHRASES = {
+    "latin_hypercube": "a Latin hypercube",
+    "sobol": "a Sobol sequence",
+    "table": "a table of given values",
+    "grid": "a grid of given values",
+}
+_CATEGORICAL_KEYS = ("fault.kind", "fault.wheel")
+"""Keys whose numbers are codes without an order."""
+_DEFAULT_METRICS = {"formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m"}
+_MIN_RUNS = 10
+_MAX_METRICS = 8
+
 
 @runtime_checkable
 class CampaignResults(Protocol):
@@ -151,14 +163,6 @@ for _name in vars(CampaignResults):
         setattr(ChangedResults, _name, _member(_name))
 
 
-_PHRASES = {
-    "latin_hypercube": "a Latin hypercube",
-    "sobol": "a Sobol sequence",
-    "table": "a table of given values",
-    "grid": "a grid of given values",
-}
-
-
 def design_kind(campaign: CampaignResults) -> str:
     """Kind of the scenario's design; without one, every run is drawn independently."""
     return str((campaign.info.get("scenario", {}).get("design") or {}).get("kind", "independent"))
@@ -185,10 +189,6 @@ def design_phrase(campaign: CampaignResults) -> str:
     return _PHRASES.get(found, f"the design {found!r}")
 
 
-_CATEGORICAL_KEYS = ("fault.kind", "fault.wheel")
-"""Keys whose numbers are codes without an order."""
-
-
 def dispersed_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
     """Every dispersed scalar (runs,); a vector has one entry per component, named `key[0]`, `key[1]`, ..."""
     return component_columns({key: np.asarray(values, dtype=np.float64) for key, values in campaign.drawn.items()})
@@ -206,11 +206,6 @@ def keep_out_radii(campaign: CampaignResults) -> np.ndarray | None:
 def rankable_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
     """Dispersed scalars (runs,) that can be ranked: all except categories, such as kinds of fault."""
     return {key: values for key, values in dispersed_scalars(campaign).items() if key not in _CATEGORICAL_KEYS}
-
-
-_DEFAULT_METRICS = {"formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m"}
-_MIN_RUNS = 10
-_MAX_METRICS = 8
 
 
 def select_key_metrics(campaign: CampaignResults) -> list[str]:

@@ -23,6 +23,15 @@ from rpojax.scenario.plugins.plugin_registry import FROM_PYTHON
 
 FOLDER_NAME = "probability"
 """Folder in that of the campaign in which estimates are found."""
+_MOST_DISPERSIONS = 6
+_VERDICTS = {
+    "met": "the requirement is met",
+    "violated": "the requirement is violated",
+    "open": "the requirement is left open",
+}
+_MOST_BARS: Final = 8
+_ROOM: Final = 3.0
+"""Factor from the least to the leftmost probability shown."""
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
@@ -70,14 +79,6 @@ def _estimates(campaign: CampaignResults) -> list[tuple[dict[str, Any], bool]]:
             estimate = read_result(directory)
             found.append((estimate, json.dumps(estimate.get("scenario_hash")) == own))
     return found
-
-
-_MOST_DISPERSIONS = 6
-_VERDICTS = {
-    "met": "the requirement is met",
-    "violated": "the requirement is violated",
-    "open": "the requirement is left open",
-}
 
 
 def sentences(content: Mapping[str, Any]) -> list[str]:
@@ -159,11 +160,6 @@ def _numbers(values: Any, form: str) -> str:
 
 def _short(value: float | None) -> str:
     return format_number(None) if value is None or not math.isfinite(value) else f"{value:.3g}"
-
-
-_MOST_BARS: Final = 8
-_ROOM: Final = 3.0
-"""Factor from the least to the leftmost probability shown."""
 
 
 @dataclass(frozen=True)

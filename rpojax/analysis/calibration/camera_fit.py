@@ -38,6 +38,14 @@ _HELD_OUT_FRACTION = 0.15
 _MIN_OVERLAP = 0.1
 _DEFAULT_FALSE_LOG_SIDE = (float(np.log(12.0)), 0.6)
 _DEFAULT_FALSE_SCORE = (0.5, 0.7)
+FRAMES = 24
+_TURN_DEG = (0.1, 8.0)
+"""Smallest and largest angle between neighbouring frames of a sequence."""
+_MAX_ERROR_SIGMAS = 3.0
+_MAX_SHARE = 0.99
+_BINS = 40
+_SHARES = np.linspace(0.0, _MAX_SHARE, 100)
+_ANGLES = np.radians(np.exp(np.linspace(np.log(0.2), np.log(90.0), 120)))
 
 
 @dataclass(frozen=True)
@@ -184,16 +192,6 @@ def outcome_summary(outcomes: DetectionOutcomes, threshold: float) -> dict[str, 
         "edge_bias_px": float(np.abs(error.mean(axis=0)).max()) if len(error) else None,
         "edge_sigma_px": float(error.std(axis=0).mean()) if len(error) else None,
     }
-
-
-FRAMES = 24
-_TURN_DEG = (0.1, 8.0)
-"""Smallest and largest angle between neighbouring frames of a sequence."""
-_MAX_ERROR_SIGMAS = 3.0
-_MAX_SHARE = 0.99
-_BINS = 40
-_SHARES = np.linspace(0.0, _MAX_SHARE, 100)
-_ANGLES = np.radians(np.exp(np.linspace(np.log(0.2), np.log(90.0), 120)))
 
 
 @dataclasses.dataclass(frozen=True)

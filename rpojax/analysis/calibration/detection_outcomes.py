@@ -40,6 +40,9 @@ _PENUMBRA_FRACTION = 0.1
 """Fraction of views with a Sun that the Earth hides in part."""
 RANGE_FACTORS = (0.6, 1.5)
 """Range of the views over the nearest and the farthest of start and station."""
+_BATCH_SIZE = 16
+OnProgress = Callable[[int, int], None]
+"""Called with the number of rendered views, and of all views."""
 
 
 @dataclass(frozen=True)
@@ -126,12 +129,6 @@ def _camera_attitude(line: np.ndarray, offset: np.ndarray, roll: float) -> np.nd
     turn = np.array([[np.cos(roll), np.sin(roll), 0.0], [-np.sin(roll), np.cos(roll), 0.0], [0.0, 0.0, 1.0]])
     q = quaternion.from_matrix(jnp.asarray(turn @ rows))
     return np.asarray(quaternion.multiply(quaternion.exp(jnp.asarray([*offset, 0.0])), q))
-
-
-_BATCH_SIZE = 16
-
-OnProgress = Callable[[int, int], None]
-"""Called with the number of rendered views, and of all views."""
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,29 @@ from rpojax.simulation.metrics.running_metrics import RunningSums
 from rpojax.simulation.state import State, state_axes
 from rpojax.simulation.step import step
 
+InputFunction = Callable[[Array, Array], Values]
+"""Map from the inputs (k,) and the random key of a run to values by scenario key, in the user's units."""
+RunStatus = tuple[Array, Array]
+"""Of runs (runs,): failed or not, and the hash of their events."""
+CotangentFunction = Callable[[Array, Array], Array]
+"""Derivative (runs, metrics) of a number to the metrics of runs, from these metrics and a mask (runs,): 1 for runs that
+count, 0 for padding."""
+ProgramKind = Literal["values", "forward", "reverse", "reverse of all"]
+"""`reverse` is that of a weighted sum of metrics, `reverse of all` that of a function of all runs in one batch."""
+_COMPILING: dict[ProgramKind, str] = {
+    "values": "compiling runs",
+    "forward": "compiling runs and derivatives, a minute or more",
+    "reverse": "compiling runs and derivatives, some minutes",
+    "reverse of all": "compiling runs and derivatives, some minutes",
+}
+"""What is said while a program is compiled."""
+RUNS_PER_DEVICE = 64
+"""Runs at a time on each device; more are no faster."""
+CHECKPOINT_MEMORY_BYTES = 2_000_000_000
+"""Memory for the kept states of the reverse mode on each device; beyond it states are computed twice [B]."""
+FORWARD_MODE_MAX_INPUTS = 4
+"""Inputs up to which the forward mode is the faster one (measured; see experiments/tuning)."""
+
 
 def checkpoint_interval(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:
     """Ticks between kept states in reverse mode: 1 if all states fit, else the interval of least memory."""
@@ -59,31 +82,6 @@ def checkpointed_scan(function: Callable[[Any], Any], start: Any, length: int, i
     scan_interval = jax.checkpoint(lambda carry: scan_ticks(carry, interval))
     carry = jax.lax.scan(lambda inner, _: (scan_interval(inner), None), start, None, length=length // interval)[0]
     return scan_ticks(carry, length % interval)
-
-
-InputFunction = Callable[[Array, Array], Values]
-"""Map from the inputs (k,) and the random key of a run to values by scenario key, in the user's units."""
-RunStatus = tuple[Array, Array]
-"""Of runs (runs,): failed or not, and the hash of their events."""
-CotangentFunction = Callable[[Array, Array], Array]
-"""Derivative (runs, metrics) of a number to the metrics of runs, from these metrics and a mask (runs,): 1 for runs that
-count, 0 for padding."""
-ProgramKind = Literal["values", "forward", "reverse", "reverse of all"]
-"""`reverse` is that of a weighted sum of metrics, `reverse of all` that of a function of all runs in one batch."""
-_COMPILING: dict[ProgramKind, str] = {
-    "values": "compiling runs",
-    "forward": "compiling runs and derivatives, a minute or more",
-    "reverse": "compiling runs and derivatives, some minutes",
-    "reverse of all": "compiling runs and derivatives, some minutes",
-}
-"""What is said while a program is compiled."""
-
-RUNS_PER_DEVICE = 64
-"""Runs at a time on each device; more are no faster."""
-CHECKPOINT_MEMORY_BYTES = 2_000_000_000
-"""Memory for the kept states of the reverse mode on each device; beyond it states are computed twice [B]."""
-FORWARD_MODE_MAX_INPUTS = 4
-"""Inputs up to which the forward mode is the faster one (measured; see experiments/tuning)."""
 
 
 @dataclass(frozen=True)

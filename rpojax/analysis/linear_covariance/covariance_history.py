@@ -33,6 +33,8 @@ ENSEMBLE_SIZE = 256
 """Targets in the ensemble of outlines."""
 MAX_HOLD_TICKS = 10
 """Most ticks that share one Jacobian once the transfer is over."""
+ERRORS = {"formation error": "rho_H", "relative estimation error": "relative_error_H"}
+"""Outputs of the budget by title, three axes together."""
 
 
 @dataclass(frozen=True)
@@ -172,10 +174,6 @@ def _join_records(
         run_s=run_s,
         run_cpu_s=run_cpu_s,
     )
-
-
-ERRORS = {"formation error": "rho_H", "relative estimation error": "relative_error_H"}
-"""Outputs of the budget by title, three axes together."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,9 @@ from rpojax.analysis.linear_covariance.linearisation.deviation_vector import PEN
 from rpojax.analysis.linear_covariance.linearisation.dispersion_linearisation import InitialCondition
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS, LinearisationPoint
 
+_MAX_TRANSFER_HOLD_TICKS = 3
+"""Most ticks that share one Jacobian during the transfer."""
+
 
 @dataclass(frozen=True)
 class TickSystem:
@@ -126,10 +129,6 @@ class CovarianceRecursion:
             own = self._responses[:, self._responses_source == source]
             self.noise[source] += own @ own.T
         self._begin()
-
-
-_MAX_TRANSFER_HOLD_TICKS = 3
-"""Most ticks that share one Jacobian during the transfer."""
 
 
 @dataclass(frozen=True)

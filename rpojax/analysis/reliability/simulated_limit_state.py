@@ -19,6 +19,8 @@ from rpojax.simulation.noise import run_keys
 
 _ROUNDING = 1e-5
 """Fraction of the limit by which it must be exceeded: stored metrics are in single precision."""
+_FORWARD_MODE_MAX_RUNS = 1
+"""Batch size up to which the forward mode is the faster one."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +99,6 @@ def check_metric(file: ScenarioFile, argument: str, name: str) -> None:
     if name not in known:
         what = "a metric with a derivative" if name in metrics else "a metric"
         raise RpojaxError.of_argument(argument, f"found {name!r}, expected {what}: {', '.join(known)}")
-
-
-_FORWARD_MODE_MAX_RUNS = 1
-"""Batch size up to which the forward mode is the faster one."""
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 _OF_DISPERSION = ("name", "kind", "distance_sigmas")
 SCENARIO_NAME, RECORD_NAME = "worst_case.toml", "worst_case.json"
+_MAX_STARTS = 64
 
 
 @dataclass(frozen=True)
@@ -195,9 +196,6 @@ def _components(values: Any, nominal: Any) -> Iterator[tuple[str, float, float]]
     expected = np.broadcast_to(expected, found.shape) if expected.size == 1 else expected.reshape(found.shape)
     for place in np.ndindex(found.shape):
         yield "".join(f"[{index}]" for index in place), found[place].item(), expected[place].item()
-
-
-_MAX_STARTS = 64
 
 
 def worst_case(

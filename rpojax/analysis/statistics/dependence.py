@@ -18,6 +18,23 @@ import numpy as np
 from scipy.stats import ks_2samp, mannwhitneyu, rankdata
 from scipy.stats import t as student
 
+_KERNEL_TOLERANCE = 1e-3
+"""Far below the resolution of a thousand runs, and it keeps the factors small."""
+_FIRST_PERMUTATIONS = 200
+_PROMISING_P = 0.1
+"""Inputs with a smaller p-value from the first permutations get as many as the correction needs."""
+_LARGEST = 1e100
+"""Values beyond it, or differences below its inverse, are scaled."""
+_WIDTH_RUNS = 200
+"""From about so many runs on, the width of a kernel is taken from a part of them."""
+_MAX_EXACT_PAIRS = 10_000
+"""Two groups with at most so many pairs are compared exactly."""
+MIN_RUNS = 10
+"""With fewer runs nothing is ranked."""
+_LEVEL = 0.05
+_LEADING = 3
+_HSIC_RUNS = 1000
+
 
 def spearman(x: np.ndarray, y: np.ndarray) -> float | None:
     """Rank correlation of `x` (n,) and `y` (n,); None if `x` or `y` does not vary."""
@@ -51,17 +68,6 @@ def holm_correction(p_values: np.ndarray) -> np.ndarray:
     corrected = np.empty(len(p_values))
     corrected[order] = np.minimum(steps, 1.0)
     return corrected
-
-
-_KERNEL_TOLERANCE = 1e-3
-"""Far below the resolution of a thousand runs, and it keeps the factors small."""
-_FIRST_PERMUTATIONS = 200
-_PROMISING_P = 0.1
-"""Inputs with a smaller p-value from the first permutations get as many as the correction needs."""
-_LARGEST = 1e100
-"""Values beyond it, or differences below its inverse, are scaled."""
-_WIDTH_RUNS = 200
-"""From about so many runs on, the width of a kernel is taken from a part of them."""
 
 
 def normalised_hsic(
@@ -137,10 +143,6 @@ def _permutation_p(factors: list[np.ndarray], target: np.ndarray, count: int, rn
     return np.mean(sums >= sums[:, :1] * np.float32(1.0 - 1e-5), axis=1)
 
 
-_MAX_EXACT_PAIRS = 10_000
-"""Two groups with at most so many pairs are compared exactly."""
-
-
 @dataclass(frozen=True)
 class GroupDifference:
     """How a quantity differs between two groups of runs.
@@ -192,13 +194,6 @@ def separate_failing_runs(inputs: Mapping[str, np.ndarray], failing: np.ndarray)
         for name, one, by_distance, by_auc in zip(names, found, distance_p, auc_p, strict=True)
     ]
     return tuple(sorted(corrected, key=lambda one: -one.difference.ks_distance))
-
-
-MIN_RUNS = 10
-"""With fewer runs nothing is ranked."""
-_LEVEL = 0.05
-_LEADING = 3
-_HSIC_RUNS = 1000
 
 
 @dataclass(frozen=True)

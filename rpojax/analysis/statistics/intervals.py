@@ -13,6 +13,9 @@ from scipy.stats import beta, binom, bootstrap, chi2
 
 Z_95: Final = 1.96
 """Half-width of the 95 % interval of a standard normal number, rounded as in tables."""
+RESAMPLES = 999
+_CHUNK = 50
+"""Resamples at a time, so that the arrays stay in the cache."""
 
 
 def coverage_per_axis(sigmas: float) -> float:
@@ -132,11 +135,6 @@ def deviation_interval(deviation: float, runs: int, confidence: float = 0.95) ->
     tail = (1.0 - confidence) / 2.0
     high, low = chi2.ppf([tail, 1.0 - tail], runs - 1)
     return deviation * math.sqrt((runs - 1) / low), deviation * math.sqrt((runs - 1) / high)
-
-
-RESAMPLES = 999
-_CHUNK = 50
-"""Resamples at a time, so that the arrays stay in the cache."""
 
 
 def resampled_medians(columns: np.ndarray, rng: np.random.Generator) -> np.ndarray:

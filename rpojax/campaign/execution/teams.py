@@ -31,6 +31,11 @@ from rpojax.simulation.metrics import team_metrics
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 from rpojax.simulation.team.initial_team import member_key
 
+PREFIX = "servicer_"
+"""Begin of the names of groups with an axis of servicers."""
+_LEAST_TRACES = ("range_m",)
+_GREATEST_TRACES = ("wheel_speed_fraction",)
+
 
 def numbers_of_members(file: ScenarioFile) -> list[Arrays]:
     """Numbers from which the values of each servicer are drawn."""
@@ -105,12 +110,6 @@ def _in_place_of_target(params: Params) -> Params:
     return jax.tree.map(
         np.asarray, replace(params, plant=replace(plant, target=target, target_surface=plant.servicer_surface))
     )
-
-
-PREFIX = "servicer_"
-"""Begin of the names of groups with an axis of servicers."""
-_LEAST_TRACES = ("range_m",)
-_GREATEST_TRACES = ("wheel_speed_fraction",)
 
 
 def joined_arrays(

@@ -23,6 +23,8 @@ SEAL: Final = "seal"
 """Entry of a record that holds its seal."""
 CAMPAIGN_SEAL: Final = "campaign_seal"
 """Entry of a record that holds the seal of the campaign that it belongs to."""
+FOLDER: Final = "requirements"
+_NAME: Final = re.compile(r"\d{6}\.json", re.ASCII)
 
 
 def record_digest(record: Mapping[str, Any]) -> str:
@@ -68,10 +70,6 @@ def check_belongs(path: Path, record: Mapping[str, Any], campaign_seal: str | No
 def array_binding(campaign_seal: str | None, place: str, first_run: int, runs: int = 1) -> str:
     """Text that enters the digest of arrays: campaign, place in the folder and run numbers; empty without a seal."""
     return "" if campaign_seal is None else f"{campaign_seal} {place} runs {first_run} to {first_run + runs - 1}\n"
-
-
-FOLDER: Final = "requirements"
-_NAME: Final = re.compile(r"\d{6}\.json", re.ASCII)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from rpojax.untrusted.toml_reading import parse_toml
 _STALE_S = 600.0
 """Age after which a partial file counts as stale on any machine [s]: writing one takes moments."""
 _PARTIAL = re.compile(r"\.(?P<machine>[0-9a-f]{8})-(?P<process>\d+)-\d+\.partial$")
+_SCENARIO_NAME = "scenario.toml"
 
 
 def remove_stale_files(folder: Path) -> None:
@@ -63,9 +64,6 @@ def _is_running(process: int) -> bool:
     except OSError:
         return True
     return True
-
-
-_SCENARIO_NAME = "scenario.toml"
 
 
 def create_folder(directory: Path, configuration: CampaignConfiguration, force: bool) -> None:

@@ -22,6 +22,8 @@ from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.version import __version__
 
+StageRecords = dict[str, dict[str, str | None]]
+
 
 class Provenance(TypedDict):
     """Entries of `campaign.json` on where and when it was made; the random `id` tells it from any other campaign."""
@@ -88,9 +90,6 @@ def package_versions() -> dict[str, str]:
 def device_description(count: int) -> str:
     """Number and kind of devices of this machine, as text."""
     return f"{count} x {jax.devices()[0].device_kind} ({platform.machine()})"
-
-
-StageRecords = dict[str, dict[str, str | None]]
 
 
 def replaced_stages(stages: Stages) -> StageRecords:

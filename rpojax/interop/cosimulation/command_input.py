@@ -32,6 +32,12 @@ Quaternion = Float[Array, "4"]
 Matrix = Float[Array, "3 3"]
 OdometryArrays = tuple[Vector, Quaternion, Vector, Matrix, Matrix]
 """Position, orientation (x, y, z, w), velocity along the child's axes, covariance of position and of that velocity."""
+NO_COMMAND = ExternalBurn(
+    commanded=jnp.array(False), ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0])
+)
+"""No command on burns: the plan stays."""
+CLOSED_VALVE = replace(NO_COMMAND, commanded=jnp.array(True))
+"""Command that closes the valve."""
 
 
 def orbit_estimate_from_odometry(servicer: Any, relative: Any) -> ExternalOrbitEstimate:
@@ -82,14 +88,6 @@ def _in_parent(
     q_BA = quaternion_from_orientation(xyzw)
     P = block_diagonal(P_position, rotate_covariance(to_matrix(q_BA).T, P_velocity))
     return position, rotate(conjugate(q_BA), velocity), P
-
-
-NO_COMMAND = ExternalBurn(
-    commanded=jnp.array(False), ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0])
-)
-"""No command on burns: the plan stays."""
-CLOSED_VALVE = replace(NO_COMMAND, commanded=jnp.array(True))
-"""Command that closes the valve."""
 
 
 class CommandInput:

@@ -15,6 +15,9 @@ from rpojax.interop.ros2.topics import Topic
 T = TypeVar("T")
 CommandCheck = Callable[[Any], T | RejectionReason]
 """Function that returns the content of a message, or why it is rejected."""
+_DISCOVERY_SETTLE_S = 0.5
+"""Time for which the number of subscribers must be constant before discovery counts as complete."""
+_POLL_S = 0.05
 
 
 class CommandSubscription:
@@ -86,11 +89,6 @@ class CommandSubscription:
             return RejectionReason.EARLY
         old = stamp < time_ns if exact_stamp else stamp <= self.latest_stamp_ns
         return RejectionReason.STALE if old or stamp == self.latest_stamp_ns else None
-
-
-_DISCOVERY_SETTLE_S = 0.5
-"""Time for which the number of subscribers must be constant before discovery counts as complete."""
-_POLL_S = 0.05
 
 
 class MessageExchange:

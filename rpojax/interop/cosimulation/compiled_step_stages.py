@@ -28,6 +28,8 @@ from rpojax.simulation.state import State
 from rpojax.simulation.telemetry import telemetry_of
 from rpojax.simulation.tick import Loop, Motion, Tick
 
+_TORQUE_AND_STEP = PackedLayout.of((np.zeros(3), np.int32(0)))
+
 
 @pytree
 class AttitudeValues:
@@ -143,9 +145,6 @@ class CompiledStages:
     def camera_image(self, tick: PackedTick) -> np.ndarray:
         """Image (p, p, 3) that the detector of a rendered camera gets, uint8 sRGB codes."""
         return self._camera_image(self._params, tick.tick)[0].to_numpy()
-
-
-_TORQUE_AND_STEP = PackedLayout.of((np.zeros(3), np.int32(0)))
 
 
 def _pack_torque(torque: np.ndarray, step: int) -> PackedRecord:

@@ -38,6 +38,12 @@ ATTITUDE_TARGET = Topic(
     TopicRate.TICK,
     "orientation of the servicer in `eci` during the burn of the thruster command with the same stamp",
 )
+COMMAND_TOPICS: dict[ExternalStage, tuple[Topic, ...]] = {
+    ExternalStage.ATTITUDE: (topics.WHEEL_COMMAND,),
+    ExternalStage.FORMATION: (topics.THRUSTER_COMMAND, ATTITUDE_TARGET),
+    ExternalStage.NAVIGATION: (topics.SERVICER_ESTIMATE, topics.RELATIVE_ESTIMATE),
+}
+"""Topics that external nodes publish, by stage."""
 
 
 def attitude_estimate(
@@ -85,14 +91,6 @@ def attitude_reference(
 
 def _angular_twist(values: np.ndarray) -> Any:
     return message_class("geometry_msgs/msg/Twist")(linear=vector_message(np.zeros(3)), angular=vector_message(values))
-
-
-COMMAND_TOPICS: dict[ExternalStage, tuple[Topic, ...]] = {
-    ExternalStage.ATTITUDE: (topics.WHEEL_COMMAND,),
-    ExternalStage.FORMATION: (topics.THRUSTER_COMMAND, ATTITUDE_TARGET),
-    ExternalStage.NAVIGATION: (topics.SERVICER_ESTIMATE, topics.RELATIVE_ESTIMATE),
-}
-"""Topics that external nodes publish, by stage."""
 
 
 def command_topics(external_stages: AbstractSet[ExternalStage]) -> tuple[Topic, ...]:

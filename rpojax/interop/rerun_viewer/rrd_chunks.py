@@ -21,6 +21,8 @@ from rpojax.simulation.telemetry import Telemetry
 
 TIMELINE = "sim_time"
 """Name of the only timeline: seconds since the start of the run."""
+ViewerChannels = dict[str, np.ndarray]
+"""Values of all ticks by name, ticks first."""
 
 
 class RrdChunks:
@@ -117,10 +119,6 @@ def rerun_strict_mode() -> Iterator[None]:
         yield
     finally:
         rr.set_strict_mode(before)
-
-
-ViewerChannels = dict[str, np.ndarray]
-"""Values of all ticks by name, ticks first."""
 
 
 def observe_tick(_: Stages, scenario: Scenario, params: Params, record: Telemetry) -> dict[str, Array]:

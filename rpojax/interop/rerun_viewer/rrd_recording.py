@@ -19,6 +19,7 @@ from rpojax.scenario.scenario_digest import scenario_digest
 
 ABOUT = "about"
 _BACKGROUND_COLOR = (14, 17, 24)
+APPLICATION = "rpojax"
 
 
 def blueprint(runs: Sequence[ReplayedRun[ViewerChannels]], plots: Sequence[Sequence[Plot]]) -> rrb.Blueprint:
@@ -97,9 +98,6 @@ def about_text(run: ReplayedRun[ViewerChannels]) -> rr.TextDocument:
         "center, grey the true outline.",
     ]
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)
-
-
-APPLICATION = "rpojax"
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,11 @@ _THRUST_ARROW_M = 5.0
 _IMAGE_PLANE_M = 4.0
 """Distance of the image plane from the camera in its frustum."""
 _SIGMAS = 3.0
+_REJECTED_COLOR = (255, 138, 51)
+_TRUE_OUTLINE_COLOR = (130, 138, 150)
+_EMPTY_COLOR = (18, 20, 26)
+_IMAGES_PER_CHUNK = 100
+"""Encoded images in memory at once."""
 
 
 def add_scene(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
@@ -178,13 +183,6 @@ def _add_estimate(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerCha
     chunks.add(path, time, rr.Points3D.columns(positions=estimate))
     chunks.add_static(path, rr.Points3D.from_fields(colors=[ESTIMATE_COLOR], radii=[0.15]))
     chunks.add_static(f"{HILL}/estimated_path", rr.LineStrips3D([estimate], colors=[ESTIMATE_COLOR], radii=[-0.75]))
-
-
-_REJECTED_COLOR = (255, 138, 51)
-_TRUE_OUTLINE_COLOR = (130, 138, 150)
-_EMPTY_COLOR = (18, 20, 26)
-_IMAGES_PER_CHUNK = 100
-"""Encoded images in memory at once."""
 
 
 def add_camera_view(

@@ -23,6 +23,24 @@ _PRIMITIVE_TYPES = {
     **{name: name for name in ("int8", "int16", "int32", "int64", "uint16", "uint32", "uint64")},
     **{name: name for name in ("float32", "float64")},
 }
+LOOPBACK = (
+    "<CycloneDDS><Domain>"
+    '<General><Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast></General>'
+    "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>30</MaxAutoParticipantIndex>"
+    '<Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
+    "</Domain></CycloneDDS>"
+)
+"""Settings without multicast and without any other interface."""
+_BLOCKING_NS = 100_000_000
+_RECEIVED_DEPTH = 20_000
+"""More than the 10 of ROS, so that a flood of invalid messages does not push out valid ones."""
+_LARGEST_DOMAIN_ID = 232
+_MAX_SAMPLES_PER_TAKE = 64
+_yield_processor = getattr(os, "sched_yield", lambda: None)
+_SPIN_S = 0.002
+"""Time for which a waiting thread polls before it sleeps, about the response time of a node: waking up is slow."""
+_configured_domains: dict[int, Any] = {}
+"""Domains of this process by their id."""
 
 
 def dds_type_name(name: str) -> str:
@@ -121,25 +139,6 @@ def _idl_type(descriptor: Any) -> Any:
     if kind == kinds.ARRAY:
         return types.array[_idl_type(element), size]
     return types.sequence[_idl_type(element), size] if size else types.sequence[_idl_type(element)]
-
-
-LOOPBACK = (
-    "<CycloneDDS><Domain>"
-    '<General><Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast></General>'
-    "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>30</MaxAutoParticipantIndex>"
-    '<Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
-    "</Domain></CycloneDDS>"
-)
-"""Settings without multicast and without any other interface."""
-
-_BLOCKING_NS = 100_000_000
-_RECEIVED_DEPTH = 20_000
-"""More than the 10 of ROS, so that a flood of invalid messages does not push out valid ones."""
-_LARGEST_DOMAIN_ID = 232
-_MAX_SAMPLES_PER_TAKE = 64
-_yield_processor = getattr(os, "sched_yield", lambda: None)
-_SPIN_S = 0.002
-"""Time for which a waiting thread polls before it sleeps, about the response time of a node: waking up is slow."""
 
 
 class Publisher:
@@ -272,10 +271,6 @@ class Participant:
                 self._known_mismatches.add(publication.key)
                 mismatches.append((topic, publication.type_name))
         return mismatches
-
-
-_configured_domains: dict[int, Any] = {}
-"""Domains of this process by their id."""
 
 
 def _dds_topic_name(topic: Topic) -> str:

@@ -32,6 +32,8 @@ _MODE_NAMES = {
     Mode.SEARCH: "search",
 }
 _EMPTY = np.zeros(0)
+TopicMessages = Iterable[tuple[Topic, Callable[[], Any]]]
+"""Topics, each with a function that builds its message, called only where the message is needed."""
 
 
 def nanoseconds(time_s: float) -> int:
@@ -307,10 +309,6 @@ def _status(level: str, name: str, text: str, values: Mapping[str, float | int])
         hardware_id="servicer",
         values=[key_value_class(key=key, value=repr(value)) for key, value in values.items()],
     )
-
-
-TopicMessages = Iterable[tuple[Topic, Callable[[], Any]]]
-"""Topics, each with a function that builds its message, called only where the message is needed."""
 
 
 def tick_messages(values: RosTickValues, published: Iterable[Topic] = topics.ALL_TOPICS) -> TopicMessages:

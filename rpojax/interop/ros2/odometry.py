@@ -20,6 +20,8 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 Quaternion = Float[Array, "4"]
+Vector = Float[Array, "3"]
+Matrix = Float[Array, "3 3"]
 
 
 def orientation_from_quaternion(q_BA: Quaternion) -> Quaternion:
@@ -30,10 +32,6 @@ def orientation_from_quaternion(q_BA: Quaternion) -> Quaternion:
 def quaternion_from_orientation(xyzw: Quaternion) -> Quaternion:
     """Scalar-first `q_BA` of a ROS orientation (x, y, z, w) of B in A, inverse of `orientation_from_quaternion`."""
     return jnp.concatenate([xyzw[3:], -xyzw[:3]])
-
-
-Vector = Float[Array, "3"]
-Matrix = Float[Array, "3 3"]
 
 
 @pytree

@@ -31,6 +31,8 @@ _OF_ALL = (topics.CLOCK, topics.TARGET_TRUTH)
 """Topics that are the same for all servicers."""
 _TRANSFORMS = (topics.TF, topics.TF_STATIC)
 """Topics without a namespace, to which each servicer adds its own frames."""
+ProgressCallback = Callable[[int, int], None]
+"""Called with the number of ticks written and the number of all."""
 
 
 @functools.cache
@@ -78,10 +80,6 @@ def _renamed(message: Any, name: str) -> Any:
         if hasattr(message, part):
             changes[part] = [_renamed(each, name) for each in getattr(message, part)]
     return dataclasses.replace(message, **changes) if changes else message
-
-
-ProgressCallback = Callable[[int, int], None]
-"""Called with the number of ticks written and the number of all."""
 
 
 class ImageStorage(enum.StrEnum):

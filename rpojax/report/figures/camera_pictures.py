@@ -21,15 +21,6 @@ from rpojax.report.figures.colours import FILM_AMBER, FILM_BLUE, FILM_GREEN, FIL
 History = Mapping[str, np.ndarray]
 CameraFrame = tuple[np.ndarray, History]
 """Image (p, p, 3), uint8 sRGB, and the recorded channels of its tick."""
-
-
-@dataclass(frozen=True)
-class TeamFrame:
-    """Images of the cameras of a team at one tick, by the names of its servicers."""
-
-    cameras: Mapping[str, CameraFrame]
-
-
 Edges = tuple[float, float, float, float]
 """Left, top, right, bottom [px]."""
 _GAP_PX = 4
@@ -48,6 +39,17 @@ _LEGEND = (
     ("box, rejected", FILM_AMBER, False),
     ("expected on board, with its gate", FILM_BLUE, True),
 )
+_MAX_STILLS = 12
+_COLUMNS = 4
+_SHEET_GAP_PX = 8
+_FRAMES_PER_S = 12.0
+
+
+@dataclass(frozen=True)
+class TeamFrame:
+    """Images of the cameras of a team at one tick, by the names of its servicers."""
+
+    cameras: Mapping[str, CameraFrame]
 
 
 def annotated_frame(frame: CameraFrame | TeamFrame) -> np.ndarray:
@@ -185,11 +187,6 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
 
 
-_MAX_STILLS = 12
-_COLUMNS = 4
-_SHEET_GAP_PX = 8
-
-
 def select_stills(history: History, ticks: int) -> list[int]:
     """Up to twelve of the first `ticks` ticks, spread evenly, with a burn and a rejected box among them."""
     chosen = np.unique(np.linspace(0, ticks - 1, min(_MAX_STILLS, ticks)).round().astype(int)).tolist()
@@ -271,9 +268,6 @@ def write_camera_sheet(campaign: CampaignResults, run_id: int | None) -> CameraS
     except RpojaxError as error:
         return CameraSheet(None, f"The images cannot be rendered again: {error}.")
     return CameraSheet(write_atomically(campaign.directory / "figures" / "camera.jpg", jpeg_bytes(sheet)))
-
-
-_FRAMES_PER_S = 12.0
 
 
 def write_film(frames: Iterable[CameraFrame | TeamFrame], path: Path, codec: str = "vp9") -> Path:

@@ -16,6 +16,21 @@ from rpojax.report.figures.png_export import AXIS_NAMES
 
 History = Mapping[str, np.ndarray]
 _LOOK_AWAY_MODES = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
+_HEADINGS = {
+    "bearing_and_range.png": "Bearing and range (as Figure 6 of the paper)",
+    "estimation_error.png": "Estimation error (as Figure 7 of the paper)",
+    "relative_position.png": "Relative position (as Figure 8 of the paper)",
+}
+_COMMON_CHANNELS = ("time_s", "mode", "rho_H")
+REQUIRED_CHANNELS: dict[str, tuple[str, ...]] = {
+    "bearing_and_range.png": (*_COMMON_CHANNELS, "box_bearing_H", "box_range_m", "box_present", "box_accepted"),
+    "estimation_error.png": (
+        *_COMMON_CHANNELS,
+        *(f"{name}_{part}_H" for name in ("target", "servicer", "relative") for part in ("error", "sigma")),
+    ),
+    "relative_position.png": (*_COMMON_CHANNELS, "rho_estimate_H", "rho_desired_H"),
+}
+"""Channels that each figure shows."""
 
 
 def new_figure(title: str, size_inches: tuple[float, float]) -> Figure:
@@ -173,27 +188,12 @@ def relative_position(history: History, title: str) -> Figure:
     return figure
 
 
-_HEADINGS = {
-    "bearing_and_range.png": "Bearing and range (as Figure 6 of the paper)",
-    "estimation_error.png": "Estimation error (as Figure 7 of the paper)",
-    "relative_position.png": "Relative position (as Figure 8 of the paper)",
-}
 FIGURES: dict[str, Callable[[History, str], Figure]] = {
     "bearing_and_range.png": bearing_and_range,
     "estimation_error.png": estimation_error,
     "relative_position.png": relative_position,
 }
 """File name -> function that draws the figure from a history and a title."""
-_COMMON_CHANNELS = ("time_s", "mode", "rho_H")
-REQUIRED_CHANNELS: dict[str, tuple[str, ...]] = {
-    "bearing_and_range.png": (*_COMMON_CHANNELS, "box_bearing_H", "box_range_m", "box_present", "box_accepted"),
-    "estimation_error.png": (
-        *_COMMON_CHANNELS,
-        *(f"{name}_{part}_H" for name in ("target", "servicer", "relative") for part in ("error", "sigma")),
-    ),
-    "relative_position.png": (*_COMMON_CHANNELS, "rho_estimate_H", "rho_desired_H"),
-}
-"""Channels that each figure shows."""
 
 
 def missing_channels(history: History) -> dict[str, list[str]]:

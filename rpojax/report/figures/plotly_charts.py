@@ -17,6 +17,11 @@ from rpojax.report.labels import ChannelLabel, MetricLabel
 Chart = dict[str, Any]
 """Plotly figure: `data` (traces) and `layout`."""
 EMPTY_TITLE = {"text": ""}
+MAX_POINTS = 800
+"""Most points of a line, so that the page stays small."""
+_MAX_BINS = 36
+_FARTHEST_SPANS: Final = 12.0
+"""A limit farther from the values than so many times their span is marked at the edge, so that they stay visible."""
 
 
 def rounded_values(values: np.ndarray) -> list[float | None]:
@@ -77,10 +82,6 @@ def chart_layout(x_title: str, y_title: str) -> dict[str, Any]:
     }
 
 
-MAX_POINTS = 800
-"""Most points of a line, so that the page stays small."""
-
-
 def channel_line(
     channel: ChannelLabel,
     time: list[float | None],
@@ -129,11 +130,6 @@ def _log_tick_step(traces: list[dict[str, Any]]) -> str | int:
     """Tick step of plotly: 1, 2, 5 in each decade if few decades are shown, else one tick per decade."""
     shown = [value for trace in traces for value in trace["y"] if value is not None]
     return "D2" if shown and max(shown) < 3e3 * min(shown) else 1
-
-
-_MAX_BINS = 36
-_FARTHEST_SPANS: Final = 12.0
-"""A limit farther from the values than so many times their span is marked at the edge, so that they stay visible."""
 
 
 def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Limit] = ()) -> Chart:

@@ -43,6 +43,18 @@ from rpojax.scenario.plugins import plugin_registry
 
 _CHANCE = 0.05
 """Share of metrics without a change whose 95 % interval excludes it nevertheless."""
+COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SHADE)
+_FILLS: Final = (
+    "rgba(0, 114, 178, 0.15)",
+    "rgba(213, 94, 0, 0.15)",
+    "rgba(0, 158, 115, 0.15)",
+    "rgba(204, 121, 167, 0.15)",
+    "rgba(230, 159, 0, 0.15)",
+    "rgba(138, 151, 168, 0.15)",
+)
+_MAX_POINTS: Final = 300
+MAX_CAMPAIGNS: Final = len(COLOURS)
+_LETTERS: Final = "ABCDEF"
 
 
 @dataclass(frozen=True)
@@ -149,18 +161,6 @@ def interval_text(estimate: IntervalEstimate) -> str:
     return format_number(None) if ends is None else f"{signed(ends[0])} to {signed(ends[1])}"
 
 
-COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SHADE)
-_FILLS: Final = (
-    "rgba(0, 114, 178, 0.15)",
-    "rgba(213, 94, 0, 0.15)",
-    "rgba(0, 158, 115, 0.15)",
-    "rgba(204, 121, 167, 0.15)",
-    "rgba(230, 159, 0, 0.15)",
-    "rgba(138, 151, 168, 0.15)",
-)
-_MAX_POINTS: Final = 300
-
-
 def histogram_overlay(
     name: str, campaigns: Sequence[CampaignResults], names: Sequence[str], limits: Sequence[Limit]
 ) -> Chart | None:
@@ -222,10 +222,6 @@ def _envelope(channel: ChannelLabel, campaign: CampaignResults, name: str, numbe
         time, chart_values(channel, low), chart_values(channel, high), f"{name}, 5\N{EN DASH}95 %", _FILLS[number]
     )
     return [*band, channel_line(channel, time, middle, f"{name}, median", COLOURS[number], 1.8)]
-
-
-MAX_CAMPAIGNS: Final = len(COLOURS)
-_LETTERS: Final = "ABCDEF"
 
 
 def write_comparison(

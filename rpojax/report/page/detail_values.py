@@ -14,6 +14,8 @@ from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.report.page.run_series import path_scene, run_series, series_channels
 from rpojax.report.page.run_timeline import time_marks, timeline
 
+_SELECTION_METRIC = "formation_error_rms_m"
+
 
 @dataclass(frozen=True)
 class WorstRun:
@@ -124,9 +126,6 @@ def _duration(campaign: CampaignResults, histories: Mapping[int, Mapping[str, An
     recorded = campaign.info.get("scenario", {}).get("duration_s")
     longest = max((float(history["time_s"][-1]) for history in histories.values()), default=1.0)
     return float(recorded) if recorded else max(longest, 1.0)
-
-
-_SELECTION_METRIC = "formation_error_rms_m"
 
 
 def choose_run(campaign: CampaignResults, run_id: int | None = None) -> int | None:

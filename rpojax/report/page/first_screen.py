@@ -14,6 +14,12 @@ from rpojax.report.sections.failure_section import detail_counts, outcomes_text
 from rpojax.report.sections.requirement_verdict_section import violation_kinds
 
 Colour = Literal["good", "alert", "open"]
+_WITHOUT_VERDICT = (Verdict.NO_RUNS, Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
+_FIGURES: Final = 3
+_MAX_STEPS: Final = 6
+_NEES_COMPONENTS: Final = 6
+_INCONSISTENT: Final = 1.3
+"""Ratio of the mean relative NEES to its expectation from which the filter is called overconfident."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +98,6 @@ def _of_runs(content: Mapping[str, Any]) -> list[VerdictTile]:
         why = "they end before limits.arrive_by_s: no failure, and no success"
         found.append(VerdictTile("Runs not judged", f"{runs['not_judged']} of {ended}", why, "open", "failures"))
     return found
-
-
-_WITHOUT_VERDICT = (Verdict.NO_RUNS, Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
 
 
 def outcome_sentence(content: Mapping[str, Any]) -> str:
@@ -190,9 +193,6 @@ def _margin(entry: Mapping[str, Any]) -> str:
     return f"weakest margin {size} ({name}{where})"
 
 
-_FIGURES: Final = 3
-
-
 @dataclass(frozen=True)
 class LeadingFigure:
     """A chart of the page by its name, with its title."""
@@ -240,12 +240,6 @@ def _envelope(channel: str) -> LeadingFigure:
 def _histogram_title(name: str) -> str:
     label = metric_label(name)
     return f"{heading(label)}, weakest requirement" if name else ""
-
-
-_MAX_STEPS: Final = 6
-_NEES_COMPONENTS: Final = 6
-_INCONSISTENT: Final = 1.3
-"""Ratio of the mean relative NEES to its expectation from which the filter is called overconfident."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ _LEAST_M_S: Final = 1e-7
 """Smaller changes in a tick are rounding of the channel."""
 _LONGEST_GAP: Final = 2
 """Ticks without thrust that do not end a burn."""
+_NOT_JUDGED: Final = "The run is not judged: it ends before limits.arrive_by_s, from which on it must be on station"
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,6 @@ def burn_rows(burns: Sequence[Burn]) -> list[list[str]]:
         ]
         for number, burn in enumerate(burns, start=1)
     ]
-
-
-_NOT_JUDGED: Final = "The run is not judged: it ends before limits.arrive_by_s, from which on it must be on station"
 
 
 def run_sentence(campaign: CampaignResults, content: Mapping[str, Any]) -> str:

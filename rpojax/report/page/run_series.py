@@ -13,6 +13,12 @@ from rpojax.report.labels import ChannelLabel
 History = Mapping[str, np.ndarray]
 MAX_SAMPLES: Final = 400
 """Most samples of a channel on the page."""
+_MAX_POINTS: Final = 240
+"""Most points of a path."""
+_MAX_RUNS: Final = 24
+_ANY_FACET_SIZE_M: Final = 1e3
+HistoryReader = Callable[[int], Mapping[str, np.ndarray]]
+"""Reads the history of a run."""
 
 
 def formation_error(history: History) -> np.ndarray:
@@ -107,16 +113,6 @@ def series_channels() -> list[dict[str, Any]]:
 
 def _stride(ticks: int) -> int:
     return max(1, -(-ticks // MAX_SAMPLES))
-
-
-_MAX_POINTS: Final = 240
-"""Most points of a path."""
-_MAX_RUNS: Final = 24
-_ANY_FACET_SIZE_M: Final = 1e3
-
-
-HistoryReader = Callable[[int], Mapping[str, np.ndarray]]
-"""Reads the history of a run."""
 
 
 def path_scene(

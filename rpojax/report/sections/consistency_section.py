@@ -31,22 +31,6 @@ from rpojax.report.labels import (
 from rpojax.report.metric_statistics import mean_confidence_interval
 
 _INTERVAL_FILL = "rgba(0, 158, 115, 0.25)"
-
-
-def average_nees_chart(channel: ChannelLabel, time_s: np.ndarray, nees: AverageNees, with_interval: bool) -> Chart:
-    """Chart of NEES averaged over runs against time [s], with its expectation and optionally its 95 % interval."""
-    shown = np.flatnonzero(np.isfinite(nees.mean))
-    shown = shown[:: max(1, -(-len(shown) // MAX_POINTS))]
-    time = rounded_values(time_s[shown])
-    traces: list[dict[str, Any]] = []
-    if with_interval:
-        low, high = rounded_values(nees.low[shown]), rounded_values(nees.high[shown])
-        traces += band_traces(time, low, high, "95 % of a consistent filter", _INTERVAL_FILL)
-    traces.append(channel_line(channel, time, nees.mean[shown], "average over runs", BLUE, 1.8))
-    chart = {"data": traces, "layout": time_layout(channel, traces)}
-    return add_reference_lines(chart, channel.unit, [(float(nees.components), "expected")])
-
-
 _NEES_CHANNELS = (
     (ChannelLabel("nees", "Average NEES of 12 position and velocity components", "", logarithmic=True), 12),
     (ChannelLabel("nees_relative", "Average NEES of the 6 components of the relative state", "", logarithmic=True), 6),
@@ -74,6 +58,20 @@ _INTERPRETATIONS = {
         "errors leave 3 sigma more often than normal ones: the filter is too sure of itself, or its errors have tails",
     ),
 }
+
+
+def average_nees_chart(channel: ChannelLabel, time_s: np.ndarray, nees: AverageNees, with_interval: bool) -> Chart:
+    """Chart of NEES averaged over runs against time [s], with its expectation and optionally its 95 % interval."""
+    shown = np.flatnonzero(np.isfinite(nees.mean))
+    shown = shown[:: max(1, -(-len(shown) // MAX_POINTS))]
+    time = rounded_values(time_s[shown])
+    traces: list[dict[str, Any]] = []
+    if with_interval:
+        low, high = rounded_values(nees.low[shown]), rounded_values(nees.high[shown])
+        traces += band_traces(time, low, high, "95 % of a consistent filter", _INTERVAL_FILL)
+    traces.append(channel_line(channel, time, nees.mean[shown], "average over runs", BLUE, 1.8))
+    chart = {"data": traces, "layout": time_layout(channel, traces)}
+    return add_reference_lines(chart, channel.unit, [(float(nees.components), "expected")])
 
 
 @dataclass(frozen=True)

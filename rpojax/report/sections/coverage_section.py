@@ -30,6 +30,8 @@ _VIEWS: Final = {
 """For the side from which the target is seen, the axes of T that point right and up; opposite sides in one column."""
 _WIDTH_INCHES: Final = 8.5
 _COLOURS: Final = "viridis"
+FIGURE_NAME: Final = "surface_coverage.png"
+_LEAST_SEEN: Final = 10
 
 
 def surface_picture(
@@ -81,10 +83,6 @@ def _draw_view(axes: Axes, pieces: np.ndarray, colours: np.ndarray, right: np.nd
     for set_label, axis in ((axes.set_xlabel, right), (axes.set_ylabel, up)):
         letter = "xyz"[int(np.argmax(np.abs(axis)))]
         set_label(f"{'-' if axis.sum() < 0.0 else ''}{letter} [m]", fontsize=8, color=MUTED)
-
-
-FIGURE_NAME: Final = "surface_coverage.png"
-_LEAST_SEEN: Final = 10
 
 
 def content(campaign: CampaignResults) -> dict[str, Any] | None:

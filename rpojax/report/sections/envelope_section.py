@@ -28,6 +28,7 @@ _RUNS_FOR_5_95 = 20
 _RUNS_FOR_1_99 = 100
 _OUTER_FILL = "rgba(0, 114, 178, 0.13)"
 _INNER_FILL = "rgba(0, 114, 178, 0.26)"
+_NEES_COMPONENTS = 12
 
 
 def worst_run(channel: ChannelLabel, values: np.ndarray, ended: np.ndarray) -> int | None:
@@ -96,9 +97,6 @@ def _percentile_band(
     ends = ("smallest", "largest") if whole else tuple(f"{percent:.0f} %" for percent in percents)
     drawn = band_traces(time, chart_values(channel, low), chart_values(channel, high), name, fill)
     return [{**edge, "hovertemplate": hover_template(channel, end)} for edge, end in zip(drawn, ends, strict=True)]
-
-
-_NEES_COMPONENTS = 12
 
 
 def envelope_charts(

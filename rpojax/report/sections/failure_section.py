@@ -26,6 +26,14 @@ _SIGNS = (
 """Metrics that tell why a run ended as it did: camera, gate, filter, control and thrust, and what came of it."""
 _MAX_INPUTS = 5
 _MAX_FAILURES = 50
+TABLE_COLUMNS = (
+    ("formation_error_rms_m", 50.0),
+    ("formation_error_rms_m", 95.0),
+    ("min_range_m", 0.0),
+    ("sigma3_coverage", 50.0),
+    ("longest_unseen_s", 50.0),
+)
+"""Metric and percentile of each column of the table."""
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
@@ -175,16 +183,6 @@ def event_table(events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         if raised:
             parts.append(f"{kind.reason}: raised in {len(raised)} runs, cleared in {len(raised - kept)}")
     return {"rows": rows, "more": max(0, len(events) - _MAX_FAILURES), "sentence": "; ".join(parts) + "."}
-
-
-TABLE_COLUMNS = (
-    ("formation_error_rms_m", 50.0),
-    ("formation_error_rms_m", 95.0),
-    ("min_range_m", 0.0),
-    ("sigma3_coverage", 50.0),
-    ("longest_unseen_s", 50.0),
-)
-"""Metric and percentile of each column of the table."""
 
 
 def fault_rows(campaign: CampaignResults) -> list[dict[str, Any]]:

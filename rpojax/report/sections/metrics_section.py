@@ -21,6 +21,11 @@ from rpojax.report.labels import (
 from rpojax.report.sections import consistency_section
 from rpojax.report.sections.failure_section import outcomes_text
 
+_NEES_TILES = (("NEES / 6, relative", "nees_relative_mean", 6), ("NEES / 12", "nees_mean", 12))
+"""Title, metric and number of components of each tile of NEES; the half that comes from GPS dilutes the second."""
+_NOMINAL_COVERAGE = 0.9973
+_PLACES = ("worst", "2nd", "3rd", "4th", "5th")
+
 
 @dataclass(frozen=True)
 class MetricRow:
@@ -97,11 +102,6 @@ def _worst_row(name: str, values: np.ndarray) -> int | None:
     return int(rows[0]) if len(rows) > 1 and values[rows[0]] != values[rows[-1]] else None
 
 
-_NEES_TILES = (("NEES / 6, relative", "nees_relative_mean", 6), ("NEES / 12", "nees_mean", 12))
-"""Title, metric and number of components of each tile of NEES; the half that comes from GPS dilutes the second."""
-_NOMINAL_COVERAGE = 0.9973
-
-
 @dataclass(frozen=True)
 class Tile:
     """One headline number; `alert` marks one that needs attention."""
@@ -162,9 +162,6 @@ def _failure_tile(runs: Mapping[str, Any], independent: bool) -> Tile:
     if failed:
         note = f"{outcomes_text(runs['outcomes'])}; {note}"
     return Tile("Failed runs", str(failed), f"of {total}", note, alert=failed > 0)
-
-
-_PLACES = ("worst", "2nd", "3rd", "4th", "5th")
 
 
 def worst_runs(campaign: CampaignResults) -> list[dict[str, Any]]:

@@ -16,6 +16,24 @@ from rpojax.simulation.outcomes.outcome_kinds import Outcome
 _RANGES: Final = ("least_range_m", "final_range_m", FINAL_DRIFT_RANGE)
 """Of a run that has aborted: least range from then on, range at the end, least one in 24 h of drift after the end."""
 _LISTED: Final = 5
+_FIGURES: Final = (
+    ("delta_v_m_s", "Delta-v [m/s]", 1.0),
+    ("formation_error_rms_m", "Formation error, RMS [m]", 1.0),
+    ("nees_relative_mean", "NEES / 6, relative", 1.0 / 6.0),
+    ("min_range_m", "Least range [m]", 1.0),
+    ("max_range_m", "Greatest range [m]", 1.0),
+)
+"""Name, heading and factor of each figure of the time in a phase."""
+_ENDS: Final = (
+    (Transition.CONDITIONS_MET.name.lower(), "conditions met"),
+    (Transition.TIMEOUT.name.lower(), "timeout"),
+    (Transition.HOLD_COMMAND.name.lower(), "command to hold"),
+    (Transition.RESUME_COMMAND.name.lower(), "command to resume"),
+    (Transition.ABORT.name.lower(), "abort"),
+    ("end_of_run", "end of the run"),
+    ("failure", "failure of the run"),
+)
+"""Ends of a stay in a phase, in JSON and on the page."""
 
 
 def abort_content(campaign: CampaignResults, visits: PhaseVisits) -> dict[str, Any]:
@@ -135,26 +153,6 @@ def _aborted_runs(campaign: CampaignResults, visits: PhaseVisits) -> list[dict[s
         }
         for row in np.flatnonzero(reasons > 0)
     ]
-
-
-_FIGURES: Final = (
-    ("delta_v_m_s", "Delta-v [m/s]", 1.0),
-    ("formation_error_rms_m", "Formation error, RMS [m]", 1.0),
-    ("nees_relative_mean", "NEES / 6, relative", 1.0 / 6.0),
-    ("min_range_m", "Least range [m]", 1.0),
-    ("max_range_m", "Greatest range [m]", 1.0),
-)
-"""Name, heading and factor of each figure of the time in a phase."""
-_ENDS: Final = (
-    (Transition.CONDITIONS_MET.name.lower(), "conditions met"),
-    (Transition.TIMEOUT.name.lower(), "timeout"),
-    (Transition.HOLD_COMMAND.name.lower(), "command to hold"),
-    (Transition.RESUME_COMMAND.name.lower(), "command to resume"),
-    (Transition.ABORT.name.lower(), "abort"),
-    ("end_of_run", "end of the run"),
-    ("failure", "failure of the run"),
-)
-"""Ends of a stay in a phase, in JSON and on the page."""
 
 
 def content(campaign: CampaignResults) -> dict[str, Any] | None:

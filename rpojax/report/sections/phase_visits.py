@@ -17,6 +17,16 @@ from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 Numbers = NDArray[np.integer]
 Times = NDArray[np.floating]
+_SHARE: Final = ChannelLabel("phase_share", "Runs in each phase", "%")
+_COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, YELLOW)
+_KEYS: Final = {
+    Condition.TIME: "time_s",
+    Condition.ARRIVAL: "arrival_box_m",
+    Condition.RANGE_SIGMA: "range_sigma_m",
+    Condition.GROUND_GO: "ground_go_s",
+}
+"""Key of `until` of each condition."""
+_HOLD: Final = BUILT_IN_PHASES[0]
 
 
 @dataclass(frozen=True)
@@ -73,10 +83,6 @@ def phase_visits(stored: Mapping[str, np.ndarray]) -> PhaseVisits:
     )
 
 
-_SHARE: Final = ChannelLabel("phase_share", "Runs in each phase", "%")
-_COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, YELLOW)
-
-
 def share_chart(campaign: CampaignResults) -> Chart | None:
     """Shares of all runs [%], stacked in the order of the phases; None without phases.
 
@@ -118,16 +124,6 @@ def _area(name: str, colour: str, time_s: np.ndarray, share: np.ndarray) -> dict
         "fillcolor": colour,
         "hovertemplate": f"{name}: %{{y:.3g}} %<extra></extra>",
     }
-
-
-_KEYS: Final = {
-    Condition.TIME: "time_s",
-    Condition.ARRIVAL: "arrival_box_m",
-    Condition.RANGE_SIGMA: "range_sigma_m",
-    Condition.GROUND_GO: "ground_go_s",
-}
-"""Key of `until` of each condition."""
-_HOLD: Final = BUILT_IN_PHASES[0]
 
 
 def unfinished_details(campaign: CampaignResults) -> dict[int, str]:

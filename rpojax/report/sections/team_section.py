@@ -32,6 +32,31 @@ from rpojax.report.sections.failure_section import outcomes_text
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_kinds import REASONS, Outcome, count_outcomes
 
+REQUIRED_CHANNELS: Final = ("rho_H",)
+_COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY_BLUE, YELLOW, INK)
+_WIDTH_INCHES: Final = 10.8
+_ALONG, _ACROSS, _RADIAL = 1, 2, 0
+FIGURE_NAME: Final = "relative_orbits.png"
+_DASH: Final = format_number(None)
+_RELATIVE_COMPONENTS: Final = 6
+_CONSISTENCY: Final = (
+    ("nees_relative_mean", "mean", "Relative NEES / 6, mean", 1.0 / _RELATIVE_COMPONENTS),
+    ("sigma3_coverage", "mean", "3-sigma coverage, mean", 1.0),
+    ("nav_range_error_rms_m", "p50", "Range error, RMS, median [m]", 1.0),
+    ("nav_relative_position_error_rms_m", "p50", "Relative position error, RMS, median [m]", 1.0),
+)
+"""Metric, statistic over runs, heading and factor."""
+_SEEN: Final = (
+    ("visible_fraction", None),
+    ("longest_unseen_s", team.UNSEEN),
+    (surface_coverage.SEEN_FRACTION, surface_coverage.SEEN_FRACTION),
+    (surface_coverage.TIME_TO_90_PERCENT, surface_coverage.TIME_TO_90_PERCENT),
+)
+"""Metric of each servicer, and of all together."""
+_NEVER_S: Final = 1e9
+"""Interval between bursts from which on there are none: the default of the scenario."""
+_SEPARATIONS: Final = (team.SEPARATION, team.PASSIVE_SEPARATION)
+
 
 def of_servicer(campaign: CampaignResults, number: int) -> CampaignResults:
     """Results of the servicer `number` of a team, without what only teams have: events, surface maps, histories."""
@@ -84,12 +109,6 @@ def _with_own_goal(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 def _of_one(campaign: CampaignResults, group: str, number: int) -> dict[str, np.ndarray]:
     return {name: values[:, number] for name, values in campaign.servicers(group).items()}
-
-
-REQUIRED_CHANNELS: Final = ("rho_H",)
-_COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY_BLUE, YELLOW, INK)
-_WIDTH_INCHES: Final = 10.8
-_ALONG, _ACROSS, _RADIAL = 1, 2, 0
 
 
 def relative_orbits(
@@ -145,9 +164,6 @@ def _style(axes: Axes, across: int, reach: np.ndarray) -> None:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(MUTED)
-
-
-FIGURE_NAME: Final = "relative_orbits.png"
 
 
 def content(campaign: CampaignResults) -> dict[str, Any] | None:
@@ -214,27 +230,6 @@ def _accepted_boxes(history: Mapping[str, np.ndarray]) -> np.ndarray | None:
         return None
     alive = np.isfinite(history["range_m"]).all(axis=1)
     return np.asarray(history["box_accepted"] & ~history["box_outlier"], dtype=bool)[alive]
-
-
-_DASH: Final = format_number(None)
-_RELATIVE_COMPONENTS: Final = 6
-_CONSISTENCY: Final = (
-    ("nees_relative_mean", "mean", "Relative NEES / 6, mean", 1.0 / _RELATIVE_COMPONENTS),
-    ("sigma3_coverage", "mean", "3-sigma coverage, mean", 1.0),
-    ("nav_range_error_rms_m", "p50", "Range error, RMS, median [m]", 1.0),
-    ("nav_relative_position_error_rms_m", "p50", "Relative position error, RMS, median [m]", 1.0),
-)
-"""Metric, statistic over runs, heading and factor."""
-_SEEN: Final = (
-    ("visible_fraction", None),
-    ("longest_unseen_s", team.UNSEEN),
-    (surface_coverage.SEEN_FRACTION, surface_coverage.SEEN_FRACTION),
-    (surface_coverage.TIME_TO_90_PERCENT, surface_coverage.TIME_TO_90_PERCENT),
-)
-"""Metric of each servicer, and of all together."""
-_NEVER_S: Final = 1e9
-"""Interval between bursts from which on there are none: the default of the scenario."""
-_SEPARATIONS: Final = (team.SEPARATION, team.PASSIVE_SEPARATION)
 
 
 def tables(content: Mapping[str, Any]) -> dict[str, Any] | None:

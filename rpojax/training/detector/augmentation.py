@@ -12,6 +12,10 @@ from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 Rng = np.random.Generator
 
 _MIN_VISIBLE_FRACTION = 0.4
+NOISE_SIDE_PX = 512
+"""Side of the square of standard normal numbers from which noise is cropped."""
+MAX_BOXES = 8
+_MIN_SIDE_PX = 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,10 +144,6 @@ def two_crops(rng: Rng, view: LabelledImage) -> list[LabelledImage]:
     return [_half_size(view), _in_window(dataclasses.replace(view, pixels=crop), corner, 1.0, half)]
 
 
-NOISE_SIDE_PX = 512
-"""Side of the square of standard normal numbers from which noise is cropped."""
-
-
 def augment_appearance(rng: Rng, image: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Codes (p, p, 3) in 0..1 float32 after random changes of tone, glare, blur, noise, colour and compression."""
     import cv2
@@ -195,10 +195,6 @@ def _glare(rng: Rng, size: int) -> np.ndarray:
 def _noise_crop(rng: Rng, noise: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     row, column = rng.integers(0, NOISE_SIDE_PX - shape[0], 2)
     return noise[row : row + shape[0], column : column + shape[1]]
-
-
-MAX_BOXES = 8
-_MIN_SIDE_PX = 4.0
 
 
 @pytree

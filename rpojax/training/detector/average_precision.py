@@ -10,6 +10,17 @@ from rpojax.vision.intersection_over_union import intersection_area, pairwise_io
 
 IOU_THRESHOLDS = np.linspace(0.5, 0.95, 10)
 _RECALLS = np.linspace(0.0, 1.0, 101)
+_RING_FRACTION = 0.25
+_MIN_RING_PX = 2
+IsOutside = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Flags (n,) of boxes (n, 4) in an image (p, p, 3)."""
+_QUANTILE = 1.959964
+"""Of the standard normal at 97.5 %."""
+_REPLICATES = 200
+Interval = tuple[float, float]
+_NEAR_GAP_FRACTION = 0.3
+"""Largest gap of two near spacecraft by the mean of their sides along it."""
+_LEAST_IOU = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,13 +118,6 @@ def _match(iou: np.ndarray, ignored: np.ndarray, threshold: float) -> np.ndarray
     return found
 
 
-_RING_FRACTION = 0.25
-_MIN_RING_PX = 2
-
-IsOutside = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Flags (n,) of boxes (n, 4) in an image (p, p, 3)."""
-
-
 def outside_size_range(min_px: float, max_px: float = np.inf) -> IsOutside:
     """Flags boxes whose long side is below `min_px`, or `max_px` or more."""
 
@@ -157,13 +161,6 @@ def box_contrast(image: np.ndarray, box: np.ndarray) -> float:
     return float(np.abs(inner.mean(axis=0) - around).max())
 
 
-_QUANTILE = 1.959964
-"""Of the standard normal at 97.5 %."""
-_REPLICATES = 200
-
-Interval = tuple[float, float]
-
-
 def wilson_interval(hits: int, total: int) -> Interval | None:
     """Interval of a fraction of hits (Wilson, 1927); None of nothing."""
     if total == 0:
@@ -187,11 +184,6 @@ def bootstrap_interval(statistic: Callable[[np.ndarray], float], images: int, se
         return None
     low, high = np.quantile(draws, [0.025, 0.975])
     return round(float(low), 4), round(float(high), 4)
-
-
-_NEAR_GAP_FRACTION = 0.3
-"""Largest gap of two near spacecraft by the mean of their sides along it."""
-_LEAST_IOU = 0.5
 
 
 def pair_recalls(

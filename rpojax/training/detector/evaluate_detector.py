@@ -47,6 +47,16 @@ _FORMS: Final[dict[str, tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.n
     ),
 }
 """Four words of a label from its edges (4, n) left, top, right, bottom, and edges from the words."""
+MIN_SIDE_PX = 16.0
+"""Least long side of a box that counts in the overall metrics."""
+SIZE_BINS_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
+CONTRAST_BINS = (0.0, 10.0, 25.0, 60.0, 1e9)
+BOXES_PER_IMAGE = 8
+_BATCH = 50
+_LARGE_ENOUGH = outside_size_range(MIN_SIDE_PX)
+EMPTY_SHARE = 0.01
+"""Fraction of empty images whose best box is to reach the threshold."""
+_LEAST_IMAGES = 100
 
 
 def implausible_labels(
@@ -135,15 +145,6 @@ def _fitted_meanings(box: np.ndarray, target: np.ndarray) -> Iterator[tuple[str,
     )
     shift = np.median((target[:2] + target[2:]) / 2 - middle, axis=1)
     yield f"they were moved by {shift[0]:.3g}, {shift[1]:.3g} px", box + np.tile(shift, 2)[:, None]
-
-
-MIN_SIDE_PX = 16.0
-"""Least long side of a box that counts in the overall metrics."""
-SIZE_BINS_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
-CONTRAST_BINS = (0.0, 10.0, 25.0, 60.0, 1e9)
-BOXES_PER_IMAGE = 8
-_BATCH = 50
-_LARGE_ENOUGH = outside_size_range(MIN_SIDE_PX)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -302,11 +303,6 @@ def _without_empty_frames(values: dict[str, Any]) -> dict[str, Any]:
 
 def _rounded(value: Any) -> float | None:
     return round(float(value), 4) if np.isfinite(value) else None
-
-
-EMPTY_SHARE = 0.01
-"""Fraction of empty images whose best box is to reach the threshold."""
-_LEAST_IMAGES = 100
 
 
 def calibrate_score(params: DetectorParams, data: DetectionDataset) -> DetectorParams:

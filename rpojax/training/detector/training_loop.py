@@ -42,6 +42,18 @@ from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 _COEFFICIENTS = (3.4445, -4.7750, 2.0315)
 """Of the odd polynomial of a Newton-Schulz step; five steps take singular values in 0.01..1 to near one."""
 _ITERATIONS = 5
+Params = dict[str, Any]
+"""Arrays of one network by layer and name."""
+_OUTPUT_PREFIX = "out"
+_MAX_THREADS = 8
+_AVERAGE_DECAY = 0.999
+_MOMENTUM = 0.9
+_KERNEL_RATE_FACTOR = 10.0
+"""Learning rate of kernels by that of the other arrays."""
+Loss = Callable[[Params, Any, jax.Array, Batch], jax.Array]
+"""Of a network's parameters, frozen parameters, a random key and a batch."""
+Evaluate = Callable[[Params], dict[str, Any]]
+"""Metrics of a network's parameters on the validation images."""
 
 
 def scale_by_muon(momentum: float) -> optax.GradientTransformation:
@@ -70,11 +82,6 @@ def orthogonalize(kernel: Array) -> Array:
         square = values @ values.T
         values = first * values + (second * square + third * square @ square) @ values
     return (values.T if tall else values).reshape(kernel.shape)
-
-
-Params = dict[str, Any]
-"""Arrays of one network by layer and name."""
-_OUTPUT_PREFIX = "out"
 
 
 def is_output(layer: str) -> bool:
@@ -109,9 +116,6 @@ def _standardized_kernel(values: dict[str, jax.Array]) -> jax.Array:
         return kernel
     centered = kernel - jnp.mean(kernel, axis=(0, 1, 2), keepdims=True)
     return centered / _channel_norm(kernel)[None, None, None, :] * values["gain"][None, None, None, :]
-
-
-_MAX_THREADS = 8
 
 
 class BatchPrefetcher:
@@ -168,17 +172,6 @@ def image_indices(count: int, options: NetworkTrainingOptions, steps_per_epoch: 
     epoch, place = divmod(step, steps_per_epoch)
     order = np.random.default_rng([options.seed, 0, epoch]).permutation(count)
     return order[place * options.batch : (place + 1) * options.batch]
-
-
-_AVERAGE_DECAY = 0.999
-_MOMENTUM = 0.9
-_KERNEL_RATE_FACTOR = 10.0
-"""Learning rate of kernels by that of the other arrays."""
-
-Loss = Callable[[Params, Any, jax.Array, Batch], jax.Array]
-"""Of a network's parameters, frozen parameters, a random key and a batch."""
-Evaluate = Callable[[Params], dict[str, Any]]
-"""Metrics of a network's parameters on the validation images."""
 
 
 @dataclasses.dataclass(frozen=True)

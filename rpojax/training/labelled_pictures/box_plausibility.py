@@ -10,16 +10,6 @@ import numpy as np
 from rpojax.vision.imaging.image_files import few_bits
 from rpojax.vision.intersection_over_union import intersection_over_union
 
-
-class BoxForm(Enum):
-    """What labels say of a box."""
-
-    SIZES = "left, top, width and height [px], as in COCO"
-    CORNERS = "left, top, right and bottom [px], as in SPARK"
-    CENTRES = "centre, width and height in fractions of the picture, as in YOLO"
-    POSES = "the pose of the spacecraft, whose points are projected, as in SPEED+"
-
-
 _LEAST_SIDE_PX: Final = 2.0
 _SLACK: Final = 0.02
 """Share of a picture by which a box may reach beyond it: labels are rounded, and of pictures that were cropped."""
@@ -36,6 +26,18 @@ _LEAST_COVERED: Final = 26
 """Code of a mask from which on a spacecraft covers a pixel by a tenth, and a box surrounds it."""
 _LEAST_BOXES: Final = 20
 """Fewer boxes may lie in one part of their pictures by chance, such as those of one sequence."""
+_FRACTIONS: Final = "are they fractions of the picture?"
+_SCALED: Final = "were the pictures scaled after labelling?"
+_EXCHANGED: Final = "are x and y, or width and height, exchanged?"
+
+
+class BoxForm(Enum):
+    """What labels say of a box."""
+
+    SIZES = "left, top, width and height [px], as in COCO"
+    CORNERS = "left, top, right and bottom [px], as in SPARK"
+    CENTRES = "centre, width and height in fractions of the picture, as in YOLO"
+    POSES = "the pose of the spacecraft, whose points are projected, as in SPEED+"
 
 
 def implausible_boxes(
@@ -153,7 +155,6 @@ def _dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, .
     )
 
 
-_FRACTIONS: Final = "are they fractions of the picture?"
 _SMALL: Final = {
     BoxForm.SIZES: _FRACTIONS,
     BoxForm.CORNERS: _FRACTIONS,
@@ -161,8 +162,6 @@ _SMALL: Final = {
     BoxForm.POSES: "is the position in metres, and the camera's matrix in pixels?",
 }
 """Likely causes of boxes below a pixel or two."""
-_SCALED: Final = "were the pictures scaled after labelling?"
-_EXCHANGED: Final = "are x and y, or width and height, exchanged?"
 
 
 def _of_sizes(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:

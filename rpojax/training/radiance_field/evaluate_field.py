@@ -17,6 +17,7 @@ from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sp
 
 _EDGE_ALPHA = 0.1
 """Least alpha of a pixel at the edge of a silhouette."""
+_COVERED_ALPHA = 0.02
 
 
 def srgb_codes(linear: np.ndarray) -> np.ndarray:
@@ -61,9 +62,6 @@ def mask_iou(a: np.ndarray, b: np.ndarray) -> float:
     """Intersection over union of two masks; 0 where both are empty."""
     union = int((a | b).sum())
     return float((a & b).sum()) / union if union else 0.0
-
-
-_COVERED_ALPHA = 0.02
 
 
 @dataclasses.dataclass(frozen=True)

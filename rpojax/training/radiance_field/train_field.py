@@ -27,6 +27,15 @@ from rpojax.vision.radiance_field.target_field import RadianceField, render_rays
 
 _MARGIN_PX = 3
 """Distance from the silhouette up to which empty pixels are used."""
+_ALPHA_WEIGHT = 0.5
+_NEIGHBOUR_PAIRS = 8192
+_SMOOTHNESS = 1e-2
+_STEPS_PER_CHUNK = 50
+_STEPS_PER_CHECK = 250
+_LEARNING_RATES = {"raw_density": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "head": 2e-3}
+_ADAM = optax.scale_by_adam(b2=0.99, eps=1e-10)
+_VALIDATION_VIEWS = 12
+_VALIDATION_RAYS = 16_384
 
 
 class TrainingRays(NamedTuple):
@@ -67,11 +76,6 @@ def subsample(rays: TrainingRays, count: int) -> TrainingRays:
     """About `count` of the rays, evenly spaced."""
     step = max(1, len(rays.view) // count)
     return TrainingRays(rays.position, rays.sun, *(values[::step] for values in rays[2:]))
-
-
-_ALPHA_WEIGHT = 0.5
-_NEIGHBOUR_PAIRS = 8192
-_SMOOTHNESS = 1e-2
 
 
 def field_loss(
@@ -126,14 +130,6 @@ def trained_weights(field: RadianceField) -> dict[str, Any]:
     """Trained arrays of a field by name."""
     names = ("raw_density", "features", "network") if isinstance(field, GridField) else ("trunk", "head")
     return {name: getattr(field, name) for name in names}
-
-
-_STEPS_PER_CHUNK = 50
-_STEPS_PER_CHECK = 250
-_LEARNING_RATES = {"raw_density": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "head": 2e-3}
-_ADAM = optax.scale_by_adam(b2=0.99, eps=1e-10)
-_VALIDATION_VIEWS = 12
-_VALIDATION_RAYS = 16_384
 
 
 @dataclasses.dataclass(frozen=True)

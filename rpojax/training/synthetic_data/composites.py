@@ -25,6 +25,11 @@ Layer = tuple[np.ndarray, np.ndarray]
 _CUT_FRACTION = 0.1
 _GAP_RANGE = (-0.5, 0.5)
 """Gap of two near spacecraft by the size of the smaller one; below 0 their boxes overlap."""
+SIZE_PX = 128
+_TARGET_FRACTION = 0.25
+_MAX_PAIR_IOU = 0.5
+_MIN_SHOWN_FRACTION = 0.35
+"""Least part of a spacecraft that another one leaves free."""
 
 
 def random_layer(rng: Rng, sprite: Sprite, size_px: int, kind: str, is_target: bool) -> Layer:
@@ -112,13 +117,6 @@ def _resample(pixels: np.ndarray, scale: float, corner: list[float], size_px: in
     matrix = np.array([[ratio[1], 0.0, shift[0]], [0.0, ratio[0], shift[1]]])
     canvas = cv2.warpAffine(np.asarray(small), matrix, (fine * size_px, fine * size_px), flags=cv2.INTER_LINEAR)
     return np.asarray(cv2.resize(canvas, (size_px, size_px), interpolation=cv2.INTER_AREA))
-
-
-SIZE_PX = 128
-_TARGET_FRACTION = 0.25
-_MAX_PAIR_IOU = 0.5
-_MIN_SHOWN_FRACTION = 0.35
-"""Least part of a spacecraft that another one leaves free."""
 
 
 @dataclasses.dataclass(frozen=True)

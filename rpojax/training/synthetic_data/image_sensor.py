@@ -6,6 +6,8 @@ import numpy as np
 
 from rpojax.vision.imaging.srgb import linear_to_srgb_numpy
 
+Rng = np.random.Generator
+
 
 @dataclasses.dataclass(frozen=True)
 class ImageSensor:
@@ -27,9 +29,6 @@ def expose_image(rng: np.random.Generator, image: np.ndarray, sensor: ImageSenso
     blurred = np.maximum(cv2.GaussianBlur(image, (0, 0), float(rng.uniform(0.2, 0.9))), 0.0)
     noisy = blurred + sensor.noise_sigma(blurred) * rng.normal(size=image.shape)
     return np.round(255.0 * linear_to_srgb_numpy(noisy)).astype(np.uint8)
-
-
-Rng = np.random.Generator
 
 
 def add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:

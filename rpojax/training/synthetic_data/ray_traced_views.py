@@ -19,6 +19,10 @@ from rpojax.vision.pinhole import pixel_directions
 _SUN_IRRADIANCE = 2.2
 _WEAK_EARTH_SHINE = 0.25
 _NEAR_CLIP_M = 0.01
+_FORMAT = 2
+VIEWS_PER_BLOCK = 32
+OnProgress = Callable[[int, int], None]
+OnFirstBlock = Callable[[np.ndarray, np.ndarray], None]
 
 
 class RayTracer:
@@ -151,9 +155,6 @@ def _shape(mitsuba: Any, part: MeshPart, name: str) -> Any:
     return mesh
 
 
-_FORMAT = 2
-
-
 class ViewCache:
     """Blocks of finished views of one mesh and one sampling, in a folder."""
 
@@ -194,12 +195,6 @@ class ViewCache:
         except OSError as error:
             text = f"{path}: cannot be written ({error.strerror}), expected a folder for views"
             raise RpojaxError(text) from None
-
-
-VIEWS_PER_BLOCK = 32
-
-OnProgress = Callable[[int, int], None]
-OnFirstBlock = Callable[[np.ndarray, np.ndarray], None]
 
 
 @dataclasses.dataclass(frozen=True)

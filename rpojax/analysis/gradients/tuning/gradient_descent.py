@@ -44,6 +44,16 @@ CLIP_RATIO: Final = 10.0
 """Longest gradient of a run over the median of all that are not zero."""
 DIFFERENCE_HALF_WIDTH: Final = 0.4
 """Step of the differences to either side, in coordinates: a third less and a half more of a number."""
+_AVERAGED_FRACTION: Final = 0.25
+"""Fraction of the steps whose mean is the result."""
+_FINAL_RATE: Final = 0.05
+"""Size of the last step over that of the first."""
+_ADAM_B2: Final = 0.95
+_RESTART_STEPS: Final = 20
+"""After so many steps, up to the middle of the descent, Adam is restarted: far from the optimum gradients are a
+thousand times longer, and while its second moments remember them, less sensitive numbers do not move."""
+_METHOD: Final = [_AVERAGED_FRACTION, _FINAL_RATE, _ADAM_B2, _RESTART_STEPS, "undefined counts as the worst"]
+"""What must be the same for a descent to be resumed."""
 
 
 @dataclass(frozen=True)
@@ -219,18 +229,6 @@ def save_state(progress_file: Path, identity: dict[str, Any], state: DescentStat
         "steps": [asdict(step) for step in state.steps],
     }
     atomic_files.write_json(progress_file, content)
-
-
-_AVERAGED_FRACTION: Final = 0.25
-"""Fraction of the steps whose mean is the result."""
-_FINAL_RATE: Final = 0.05
-"""Size of the last step over that of the first."""
-_ADAM_B2: Final = 0.95
-_RESTART_STEPS: Final = 20
-"""After so many steps, up to the middle of the descent, Adam is restarted: far from the optimum gradients are a
-thousand times longer, and while its second moments remember them, less sensitive numbers do not move."""
-_METHOD: Final = [_AVERAGED_FRACTION, _FINAL_RATE, _ADAM_B2, _RESTART_STEPS, "undefined counts as the worst"]
-"""What must be the same for a descent to be resumed."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,15 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.key_uses import Situation, unused_keys
 from rpojax.sensors.additional.registry import present_sensors
 
+_WEIGHTS: Final = ("formation.position_weight", "formation.velocity_weight", "formation.delta_v_weight")
+NONSMOOTH: Final = ("gate", "formation", "schedule", "navigation.edge_noise_px", "navigation.scale_sigma")
+"""Groups and keys that act through decisions: whether a box is accepted, whether and when there is a burn.
+
+The noise and scale of a box decide which boxes pass the gate: derivatives see a third of the effect of these two.
+"""
+_DEFAULT_S = 2000.0
+"""Simulated time of a run of a mission of one phase, such as station keeping [s]."""
+
 
 @dataclass(frozen=True)
 class LogCoordinate:
@@ -72,7 +81,6 @@ def _lead_time_coordinate(file: ScenarioFile) -> LogitCoordinate:
     return LogitCoordinate(half, file.rates.formation_period_s - half)
 
 
-_WEIGHTS: Final = ("formation.position_weight", "formation.velocity_weight", "formation.delta_v_weight")
 GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordinate]]]] = {
     "navigation": {
         "navigation.gps_noise_m": LogCoordinate(),
@@ -106,11 +114,6 @@ GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordina
 }
 """Keys by group, with their coordinates or functions that make them from a scenario."""
 
-NONSMOOTH: Final = ("gate", "formation", "schedule", "navigation.edge_noise_px", "navigation.scale_sigma")
-"""Groups and keys that act through decisions: whether a box is accepted, whether and when there is a burn.
-
-The noise and scale of a box decide which boxes pass the gate: derivatives see a third of the effect of these two.
-"""
 
 TUNABLE: Final = {key: coordinate for group in GROUPS.values() for key, coordinate in group.items()}
 
@@ -228,10 +231,6 @@ def _expected(coordinate: Coordinate) -> str:
     if isinstance(coordinate, LogitCoordinate):
         return f"a start between {coordinate.low:g} and {coordinate.high:g}"
     return "a positive start: it is tuned in its logarithm"
-
-
-_DEFAULT_S = 2000.0
-"""Simulated time of a run of a mission of one phase, such as station keeping [s]."""
 
 
 def scenario_at_horizon(file: ScenarioFile, settings: TuningSettings) -> ScenarioFile:

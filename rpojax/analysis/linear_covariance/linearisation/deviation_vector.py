@@ -32,6 +32,9 @@ _STATES = (
 )
 PENDING_BURN = "pending"
 """A decided burn that is still to come: deviation of its velocity change (3) and of its size (1)."""
+HANDOVER, GPS_BIAS, GYRO_BIAS = "hand-over estimate", "GPS bias", "gyro bias"
+STAR_TRACKER, GYRO, GPS, BOX = "star tracker noise", "gyro noise", "GPS noise", "box edge noise"
+OUTLINE, BURN, DECISION = "target outline", "burn execution", "burn decision"
 
 
 @dataclass(frozen=True)
@@ -103,11 +106,6 @@ def make_layout(state: State, params: Params, constants: tuple[Path, ...]) -> De
             start = stop
     slices[PENDING_BURN] = slice(start, start + 4)
     return DeviationLayout(states, constants, slices, start + 4)
-
-
-HANDOVER, GPS_BIAS, GYRO_BIAS = "hand-over estimate", "GPS bias", "gyro bias"
-STAR_TRACKER, GYRO, GPS, BOX = "star tracker noise", "gyro noise", "GPS noise", "box edge noise"
-OUTLINE, BURN, DECISION = "target outline", "burn execution", "burn decision"
 
 
 def source_names(columns: Mapping[str, np.ndarray]) -> list[str]:

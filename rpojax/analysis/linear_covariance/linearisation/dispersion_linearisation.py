@@ -35,6 +35,7 @@ _AT_START = ("initial", "orbit")
 """Sections of initial conditions, without effect on the rest of a run."""
 _WIDEST_DEG = 10.0
 """Widest dispersion of an orbit's angle with a useful derivative: it turns everything [deg]."""
+_POSITION, _VELOCITY = "initial.relative_position_m", "initial.relative_velocity_m_s"
 
 
 @dataclass(frozen=True)
@@ -132,9 +133,6 @@ def _add_change(file: ScenarioFile, changes: dict[str, np.ndarray], where: Param
         rows[where.index] = change
         change = rows
     changes[where.key] = changes[where.key] + change if where.key in changes else change
-
-
-_POSITION, _VELOCITY = "initial.relative_position_m", "initial.relative_velocity_m_s"
 
 
 @dataclass(frozen=True)

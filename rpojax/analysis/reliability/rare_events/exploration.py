@@ -24,6 +24,13 @@ _MIN_FIRST_FAILURES = 5
 _FIRST_STEP, _PARTS = 0.6, 4
 _EFFECTIVE_SHARE = 0.5
 """Effective sample size after a change of scale, over the number of points."""
+FIRST_SHARE = 0.08
+"""Share of the budget for the first plain samples."""
+_LEVEL_SHARE, _SUBSET_SHARE = 0.05, 0.35
+_SCALE_SHARE, _ANNEALING_SHARE = 0.03, 0.25
+_MIN_LEVEL, _MIN_SCALE = 20, 12
+_OUTER_SHARE = 0.3
+"""Factor on the weight of failures that only annealing found while it was wider than the nominal distribution."""
 
 
 @dataclass(frozen=True)
@@ -130,15 +137,6 @@ def _systematic_rows(rng: np.random.Generator, shares: np.ndarray, count: int) -
     """Rows (count,) chosen in proportion to `shares` by systematic resampling."""
     places = (rng.random() + np.arange(count)) / count
     return np.minimum(np.searchsorted(np.cumsum(shares), places), len(shares) - 1)
-
-
-FIRST_SHARE = 0.08
-"""Share of the budget for the first plain samples."""
-_LEVEL_SHARE, _SUBSET_SHARE = 0.05, 0.35
-_SCALE_SHARE, _ANNEALING_SHARE = 0.03, 0.25
-_MIN_LEVEL, _MIN_SCALE = 20, 12
-_OUTER_SHARE = 0.3
-"""Factor on the weight of failures that only annealing found while it was wider than the nominal distribution."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 KEY_LIMIT = 2**32
+_MANY = 0.05
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,6 @@ class LatentSpace:
         """Independent points of the nominal distribution, or of one whose normal numbers are `scale` times wider."""
         return self.with_fresh_noise(rng, scale * rng.standard_normal((count, self.dimension)), in_blocks)
 
-
-_MANY = 0.05
 
 LimitFunction = Callable[[LatentPoints], np.ndarray]
 """Margins (n,) of points: failure at or below zero, NaN where undefined."""

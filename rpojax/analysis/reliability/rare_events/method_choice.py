@@ -23,6 +23,22 @@ from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 MIN_FAILURES = 10
 """Failures below which the interval is too wide to rest a decision on."""
 _BATCH = 4096
+_PLAIN_VARIATION = 0.06
+"""Coefficient of variation that plain sampling must reach with the whole budget to be chosen."""
+_ROUND_SHARE = 0.07
+_POOR_VARIATION = 0.35
+"""Expected coefficient of variation of importance sampling above which subset simulation is asked, too."""
+_MIN_ROUND_EFFECTIVE = 12.0
+"""Effective failures of the last round below which its weights say nothing about themselves."""
+_SURPRISE = 3.0
+"""Standard deviations by which two estimates must differ to contradict each other."""
+_SUBSET_CAUTION = 1.3
+"""Factor on the coefficient of variation of subset simulation for the dependence of its levels."""
+_ANNEALING_VARIATION = 0.7
+_UNCOVERED = 0.1
+_ASKED = "asked for"
+"""Reason of a method that the user names."""
+Samples = tuple[LatentPoints, np.ndarray]
 
 
 def plain_estimate(
@@ -57,26 +73,6 @@ def from_margins(margins: np.ndarray, calls: LimitStateCalls, reason: str) -> Pr
         effective_sample_size=float(failures),
         levels=(LevelRecord("plain samples", runs, probability),),
     )
-
-
-_PLAIN_VARIATION = 0.06
-"""Coefficient of variation that plain sampling must reach with the whole budget to be chosen."""
-_ROUND_SHARE = 0.07
-_POOR_VARIATION = 0.35
-"""Expected coefficient of variation of importance sampling above which subset simulation is asked, too."""
-_MIN_ROUND_EFFECTIVE = 12.0
-"""Effective failures of the last round below which its weights say nothing about themselves."""
-_SURPRISE = 3.0
-"""Standard deviations by which two estimates must differ to contradict each other."""
-_SUBSET_CAUTION = 1.3
-"""Factor on the coefficient of variation of subset simulation for the dependence of its levels."""
-
-_ANNEALING_VARIATION = 0.7
-_UNCOVERED = 0.1
-_ASKED = "asked for"
-"""Reason of a method that the user names."""
-
-Samples = tuple[LatentPoints, np.ndarray]
 
 
 def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodChoice) -> ProbabilityEstimate:

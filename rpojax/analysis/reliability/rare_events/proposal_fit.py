@@ -24,6 +24,25 @@ _PRIOR_VARIANCE, _PRIOR_VARIANCE_MANY = 0.1, 0.5
 """Variance of the prior of covariances, in up to `_FEW` dimensions and in more, where most directions are nominal."""
 _FEW = 3
 _LOG_2PI = float(np.log(2.0 * np.pi))
+_SMALL_DIMENSION = 6
+"""Dimension up to which the subspace is the whole space."""
+_WHOLE_SPACE_DIMENSION = 20
+"""Dimension up to which the whole space is a candidate."""
+_MAX_SUBSPACE = 10
+_COMPONENTS = (1, 2, 3, 4, 6, 8, 12)
+_POINTS_PER_NUMBER = 3.0
+"""Failures for each number of a component's mean and scale."""
+_PATIENCE = 2
+"""Numbers of components in a row that are no better before the search ends."""
+_MAX_POINTS = 1200
+_FOLDS = 2
+_MIN_FOLD = 4
+"""Failures of a fold below which one Gaussian, or in many dimensions the radial law, is taken without comparison."""
+_INDEPENDENT = 0.1
+"""Part of a direction outside of a subspace above which it is added to it."""
+_WIDENED = 1.25
+"""Factor on fitted variances: the proposal is to have heavier tails than the failures."""
+_FITTED_SHARE, _WIDE_SHARE, _RADIAL_SHARE, _NOMINAL_SHARE = 0.65, 0.2, 0.1, 0.05
 
 
 @dataclass(frozen=True)
@@ -95,27 +114,6 @@ def _maximise(y: np.ndarray, weights: np.ndarray, shares: np.ndarray, effective:
         scatter = effective * offset.T @ (offset * joint[:, k].reshape(-1, 1))
         covariances[k] = (scatter + prior * variance * np.eye(size)) / (effective * total + prior)
     return GaussianMixture(totals / totals.sum(), means, covariances)
-
-
-_SMALL_DIMENSION = 6
-"""Dimension up to which the subspace is the whole space."""
-_WHOLE_SPACE_DIMENSION = 20
-"""Dimension up to which the whole space is a candidate."""
-_MAX_SUBSPACE = 10
-_COMPONENTS = (1, 2, 3, 4, 6, 8, 12)
-_POINTS_PER_NUMBER = 3.0
-"""Failures for each number of a component's mean and scale."""
-_PATIENCE = 2
-"""Numbers of components in a row that are no better before the search ends."""
-_MAX_POINTS = 1200
-_FOLDS = 2
-_MIN_FOLD = 4
-"""Failures of a fold below which one Gaussian, or in many dimensions the radial law, is taken without comparison."""
-_INDEPENDENT = 0.1
-"""Part of a direction outside of a subspace above which it is added to it."""
-_WIDENED = 1.25
-"""Factor on fitted variances: the proposal is to have heavier tails than the failures."""
-_FITTED_SHARE, _WIDE_SHARE, _RADIAL_SHARE, _NOMINAL_SHARE = 0.65, 0.2, 0.1, 0.05
 
 
 @dataclass(frozen=True)

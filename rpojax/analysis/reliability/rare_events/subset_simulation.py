@@ -18,6 +18,13 @@ from rpojax.analysis.reliability.rare_events.probability_estimate import LevelRe
 _TARGET_ACCEPTANCE = 0.44
 _KEY_MOVE_SHARE = 0.5
 """Share of the moves that redraw noise keys, where there are any, and leave the normal numbers."""
+LEVEL_PROBABILITY = 0.1
+MIN_PROBABILITY = 1e-14
+"""Probability below which no further level is begun."""
+_FLAT_SHARE = 0.5
+"""Share of points at or below the threshold of a level above which margins are too equal to rank them."""
+_MIN_ACCEPTANCE = 0.1
+_FIRST_STEP = 0.8
 
 
 @dataclass
@@ -76,15 +83,6 @@ class ChainMoves:
 def spread(x: np.ndarray) -> np.ndarray:
     """Standard deviations (k,) of points (n, k), never zero."""
     return np.maximum(np.std(x, axis=0), 1e-2) if len(x) > 1 else np.ones(x.shape[1])
-
-
-LEVEL_PROBABILITY = 0.1
-MIN_PROBABILITY = 1e-14
-"""Probability below which no further level is begun."""
-_FLAT_SHARE = 0.5
-"""Share of points at or below the threshold of a level above which margins are too equal to rank them."""
-_MIN_ACCEPTANCE = 0.1
-_FIRST_STEP = 0.8
 
 
 @dataclass(frozen=True)

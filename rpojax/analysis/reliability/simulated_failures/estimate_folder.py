@@ -25,6 +25,8 @@ from rpojax.untrusted.file_reading import FileKind
 CONFIGURATION_NAME, RESULT_NAME, BATCHES_NAME = "estimate.json", "probability.json", "evaluations"
 _MOST_POINTS = 4096
 """Points of one file."""
+_TYPES: dict[str, type] = {"scenario": dict, "failure": dict, "budget": int, "method": str, "seed": int}
+_METHODS = get_args(get_type_hints(EstimateSettings)["method"])
 
 
 class EstimateFolder:
@@ -149,10 +151,6 @@ def _digest_of_points(points: LatentPoints) -> str:
     digest = hashlib.sha256(np.ascontiguousarray(points.x, dtype="<f8").tobytes())
     digest.update(np.ascontiguousarray(points.keys, dtype="<u4").tobytes())
     return digest.hexdigest()
-
-
-_TYPES: dict[str, type] = {"scenario": dict, "failure": dict, "budget": int, "method": str, "seed": int}
-_METHODS = get_args(get_type_hints(EstimateSettings)["method"])
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,16 @@ from rpojax.simulation.metrics import mission_goal, recorded_metrics
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
+Arrays = Mapping[str, np.ndarray]
+LEAST = 1e-9
+"""Size of a margin that only tells failure from success."""
+_RANKED_BY: Final = {
+    "passive_unsafe_fraction": "passive_range_24_h_m",
+    "boxes_rejected": "nav_relative_position_error_rms_m",
+    "outage_count": "outage_longest_s",
+}
+"""Metrics that are equal for most runs, and continuous ones that come near failure with them."""
+
 
 @dataclass(frozen=True)
 class Failure:
@@ -123,18 +133,6 @@ def _check_metric(file: ScenarioFile, name: str) -> None:
         return
     known = [each for each, metric in metric_catalogue.METRICS.items() if metric.source in ("records", "drifts")]
     raise RpojaxError.of_argument("metric", f"found {name!r}, expected one of {', '.join([*known, *own])}")
-
-
-Arrays = Mapping[str, np.ndarray]
-
-LEAST = 1e-9
-"""Size of a margin that only tells failure from success."""
-_RANKED_BY: Final = {
-    "passive_unsafe_fraction": "passive_range_24_h_m",
-    "boxes_rejected": "nav_relative_position_error_rms_m",
-    "outage_count": "outage_longest_s",
-}
-"""Metrics that are equal for most runs, and continuous ones that come near failure with them."""
 
 
 @dataclass(frozen=True)

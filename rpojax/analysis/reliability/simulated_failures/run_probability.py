@@ -34,6 +34,8 @@ from rpojax.scenario.team.members import refuse_team
 
 MOST = 10
 _RUN_ID_MASK = np.uint32(2**31 - 1)
+_REPEATS = 256
+"""Runs with which failures of chains are repeated, so that a run command can show them."""
 
 
 @dataclass(frozen=True)
@@ -142,10 +144,6 @@ def write_scenarios(
             }
         )
     return entries
-
-
-_REPEATS = 256
-"""Runs with which failures of chains are repeated, so that a run command can show them."""
 
 
 def run_probability(

@@ -21,6 +21,13 @@ _MAX_CHUNK_RUNS = 64
 """Largest number of runs in an inner chunk of a shard, which can be read without the rest of the block."""
 NOT_RECORDED = -1
 """Fill value of integers, for runs that were never written."""
+CHANNEL_UNITS = {
+    **dict.fromkeys(("rho_H", "rho_estimate_H", "rho_desired_H", "r_ST_N", "r_TN_N"), "m"),
+    **dict.fromkeys(("relative_error_H", "servicer_error_H", "target_error_H"), "m"),
+    **dict.fromkeys(("relative_sigma_H", "servicer_sigma_H", "target_sigma_H"), "m"),
+    "v_ST_N": "m/s",
+}
+"""Units of the channels of histories whose names do not end with them."""
 
 
 @dataclass(frozen=True)
@@ -149,15 +156,6 @@ def digest(arrays: Mapping[str, np.ndarray], binding: str = "") -> str:
         total.update(f"{name} {values.dtype.str} {values.shape}\n".encode())
         total.update(values.tobytes())
     return total.hexdigest()
-
-
-CHANNEL_UNITS = {
-    **dict.fromkeys(("rho_H", "rho_estimate_H", "rho_desired_H", "r_ST_N", "r_TN_N"), "m"),
-    **dict.fromkeys(("relative_error_H", "servicer_error_H", "target_error_H"), "m"),
-    **dict.fromkeys(("relative_sigma_H", "servicer_sigma_H", "target_sigma_H"), "m"),
-    "v_ST_N": "m/s",
-}
-"""Units of the channels of histories whose names do not end with them."""
 
 
 def array_units(group: str, name: str) -> str:

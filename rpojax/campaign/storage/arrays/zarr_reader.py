@@ -25,6 +25,8 @@ _BYTES_OF_ANY_ARRAY: Final = 64_000_000
 """Arrays of at most so many bytes may be of any shape."""
 _BYTES_PER_STORED_BYTE: Final = 20_000
 """Best ratio of compression, of values that are all equal."""
+_OPTIONAL_GROUPS = ("drawn", "used", "events", "coverage", "phases")
+"""Groups that need not exist: without numbers that vary, coverage or phases, and in folders of older versions."""
 
 
 @dataclass(frozen=True)
@@ -167,10 +169,6 @@ def _values(path: Path, array: Any, rows: slice) -> np.ndarray:
 def _unreadable(path: Path, error: Exception) -> ResultError:
     reason = " ".join(str(error).split()) or type(error).__name__
     return ResultError(f"{path}: found {reason:.200}, expected readable arrays")
-
-
-_OPTIONAL_GROUPS = ("drawn", "used", "events", "coverage", "phases")
-"""Groups that need not exist: without numbers that vary, coverage or phases, and in folders of older versions."""
 
 
 def read_group(

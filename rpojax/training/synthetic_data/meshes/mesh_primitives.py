@@ -6,6 +6,10 @@ import numpy as np
 
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
 
+Rng = np.random.Generator
+WHITE = Material(color=(0.8, 0.8, 0.78), roughness=0.6)
+DARK = Material(color=(0.04, 0.04, 0.045), roughness=0.6)
+
 
 @dataclasses.dataclass(frozen=True)
 class Solid:
@@ -160,12 +164,6 @@ def as_mesh(name: str, solids: Solids) -> TargetMesh:
         parts.append(MeshPart(whole.vertices, whole.faces, material))
     center = TargetMesh(name, tuple(parts)).bounds.mean(axis=0)
     return TargetMesh(name, tuple(dataclasses.replace(part, vertices=part.vertices - center) for part in parts))
-
-
-Rng = np.random.Generator
-
-WHITE = Material(color=(0.8, 0.8, 0.78), roughness=0.6)
-DARK = Material(color=(0.04, 0.04, 0.045), roughness=0.6)
 
 
 def random_bus_material(rng: Rng) -> Material:

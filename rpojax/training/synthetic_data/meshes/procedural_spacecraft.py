@@ -24,6 +24,7 @@ from rpojax.training.synthetic_data.meshes.packaged_target import FOIL
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, TargetMesh
 
 Rng = np.random.Generator
+_FAMILY_PROBABILITIES = np.array([0.16, 0.09, 0.11, 0.14, 0.1, 0.08, 0.1, 0.05, 0.06, 0.05, 0.06])
 
 
 def random_spacecraft(seed: list[int]) -> TargetMesh:
@@ -286,4 +287,3 @@ _FAMILIES: dict[str, Callable[[Rng], Solids]] = {
     "probe": _probe,
     "laboratory": _modular_station,
 }
-_FAMILY_PROBABILITIES = np.array([0.16, 0.09, 0.11, 0.14, 0.1, 0.08, 0.1, 0.05, 0.06, 0.05, 0.06])

@@ -30,6 +30,7 @@ _SKIES = 12
 _LIMB_SHARE = 0.4
 _FIRST_SEED = 1000
 """Of the skies; scenarios have small seeds."""
+BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city", "flight")
 
 
 def paint_flight_backdrop(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
@@ -58,9 +59,6 @@ def _render(
     sky: Sky, intrinsics: Intrinsics, R_KN: jax.Array, position: jax.Array, sun: jax.Array, size_px: int
 ) -> jax.Array:
     return background(sky, intrinsics, size_px, size_px, R_KN, position, sun, jnp.zeros((), jnp.float32))
-
-
-BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city", "flight")
 
 
 def paint_backdrop(rng: Rng, kind: str, earth: EarthTextures, size_px: int) -> np.ndarray:

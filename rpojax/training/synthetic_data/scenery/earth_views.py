@@ -12,6 +12,8 @@ Rng = np.random.Generator
 TRAINING_LONGITUDES_DEG = (-180.0, 75.0)
 VALIDATION_LONGITUDES_DEG = (75.0, 180.0)
 TILE_PX = 1024
+_SUNLIT_RADIANCE = 0.7
+"""Linear radiance of a white ground under the zenith Sun."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,10 +92,6 @@ def noise_patch(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     tile = earth.noise[int(rng.integers(2))]
     row, column = rng.integers(0, TILE_PX - size_px, 2)
     return tile[row : row + size_px, column : column + size_px]
-
-
-_SUNLIT_RADIANCE = 0.7
-"""Linear radiance of a white ground under the zenith Sun."""
 
 
 @dataclasses.dataclass(frozen=True)

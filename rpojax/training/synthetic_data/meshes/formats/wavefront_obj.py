@@ -39,6 +39,9 @@ _VALUES_OF_OPTIONS = {
 """Most values of each option of a picture; those of three may have fewer numbers."""
 _HARMLESS_OPTIONS = frozenset({"-blendu", "-blendv", "-bm"})
 """Options about bumps and how far colours blend at the rim of a picture."""
+_HARMLESS = frozenset({"vn", "vp", "g", "o", "s", "mg", "bevel", "c_interp", "d_interp", "lod"})
+"""Statements that change no flat-shaded triangle; `vp` alone is no surface."""
+_CODES = 255.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -200,11 +203,6 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-_HARMLESS = frozenset({"vn", "vp", "g", "o", "s", "mg", "bevel", "c_interp", "d_interp", "lod"})
-"""Statements that change no flat-shaded triangle; `vp` alone is no surface."""
-_CODES = 255.0
 
 
 @dataclasses.dataclass
