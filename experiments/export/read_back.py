@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     campaign = rpojax.Campaign(arguments.campaign)
-    run = run_replay.replay(campaign, arguments.run_id, spacecraft_states.observe_tick)
+    run = run_replay.replay_servicers(campaign, arguments.run_id, spacecraft_states.observe_tick)[0]
     states = spacecraft_states.replayed_states([run], campaign)
     found: dict[str, Any] = {"ticks": run.ticks}
     for kind in ccsds_messages.MESSAGE_KINDS:

@@ -169,11 +169,6 @@ def test_progress_begins_with_compilation_and_never_decreases(mission: ScenarioF
     assert {entry.failed for entry in reported} == {0}
 
 
-def test_no_more_devices_than_blocks_are_used() -> None:
-    assert run_and_resume._devices_for_blocks(["a", "b", "c"], 2) == ["a", "b"]
-    assert run_and_resume._devices_for_blocks(["a"], 5) == ["a"]
-
-
 def test_refused_requests_leave_no_files(mission: ScenarioFile, tmp_path: Path) -> None:
     with pytest.raises(RpojaxError, match="runs: found 0"):
         run_campaign(mission, 0, tmp_path / "runs")

@@ -51,7 +51,7 @@ def observed_run(
     campaign: Campaign, observe_both: TickObserver
 ) -> ReplayedRun[tuple[RosTickValues, ViewerChannels, BothStates]]:
     """Replay of a run of that campaign."""
-    return run_replay.replay(campaign, RUN, observe_both)
+    return run_replay.replay_servicers(campaign, RUN, observe_both)[0]
 
 
 @pytest.fixture(scope="session")

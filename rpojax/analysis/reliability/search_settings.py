@@ -1,7 +1,7 @@
-"""Settings of a search for the worst case, for the command line and for Python. Free of jax and numpy."""
+"""Options of searches for worst cases and of estimates of probabilities. Free of jax and numpy."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import Fixed, arg
 
@@ -40,3 +40,46 @@ class SearchSettings:
     screening_points: Fixed[int] = 16
     budget: Annotated[float, arg(metavar="N", help="Greatest cost of the search, in runs.")] = 400.0
     max_distance: Fixed[float] = 6.0
+
+
+Bound = Literal["at most", "at least"]
+
+
+@dataclass(frozen=True)
+class FailureChoice:
+    """Which runs count as failures: those that break a requirement or a limit of a metric, or end with an outcome.
+
+    Attributes:
+        requirement: metric of one of the scenario's requirements
+        metric: another metric, in place of `requirement`
+        limit: of `metric`, in its unit
+        bound: side of `limit` on which the metric must stay
+        outcome: outcome of a run, in place of a metric
+    """
+
+    requirement: Annotated[
+        str | None,
+        arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric or --outcome."),
+    ] = None
+    metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit.")] = None
+    limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None
+    bound: Annotated[
+        str | None, arg(metavar="SIDE", help="'at most' or 'at least'; by default as the metric is worse.")
+    ] = None
+    outcome: Annotated[str | None, arg(metavar="OUTCOME", help="Outcome of a run, such as keep_out.")] = None
+
+
+@dataclass(frozen=True)
+class EstimateSettings:
+    """How a probability is estimated.
+
+    Attributes:
+        budget: most runs to simulate
+        method: 'auto', 'subset', 'importance', 'line' or 'plain'
+    """
+
+    budget: Annotated[int, arg(metavar="N", help="Most runs to simulate.")] = 10_000
+    method: Annotated[
+        Literal["auto", "subset", "importance", "line", "plain"],
+        arg(metavar="METHOD", help="auto, subset, importance, line or plain."),
+    ] = "auto"

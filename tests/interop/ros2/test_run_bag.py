@@ -49,7 +49,7 @@ def rendered_campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 @pytest.fixture(scope="module")
 def replayed(rendered_campaign: Campaign) -> ReplayedRun[RosTickValues]:
     """Replay of the same run."""
-    return run_replay.replay(rendered_campaign, RUN, message_values.observe_tick)
+    return run_replay.replay_servicers(rendered_campaign, RUN, message_values.observe_tick)[0]
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat, ValidationError
 
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.campaign.storage import atomic_files, safe_paths
 from rpojax.errors import OutputError, ResultError
 from rpojax.scenario.loading import scenario_loader

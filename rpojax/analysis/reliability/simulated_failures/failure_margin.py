@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.reliability.simulated_failures.estimate_options import Bound, FailureChoice
+from rpojax.analysis.reliability.search_settings import Bound, FailureChoice
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs

@@ -16,9 +16,9 @@ from rpojax.analysis.reliability.rare_events import method_choice
 from rpojax.analysis.reliability.rare_events.estimate_probability import MIN_BUDGET
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction, LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import ProbabilityEstimate
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures import failure_margin
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder, read_result
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure, choose_failure
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
 from rpojax.campaign import preflight

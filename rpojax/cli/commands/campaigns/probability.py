@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
 from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status

@@ -158,7 +158,7 @@ def train(
     from rpojax.scenario.plugins.command_lines import command_line
     from rpojax.training.detector import evaluate_detector, train_detector
     from rpojax.training.detector.evaluate_detector import calibrate_score
-    from rpojax.training.detector.initial_weights import initial_weights
+    from rpojax.training.detector.train_detector import initial_weights
     from rpojax.training.labelled_pictures.box_plausibility import pictures_in_both
     from rpojax.training.labelled_pictures.dataset_faults import noticed
     from rpojax.training.synthetic_data.detection_dataset import concatenate

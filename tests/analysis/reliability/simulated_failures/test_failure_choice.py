@@ -8,8 +8,8 @@ import pytest
 from isolated_plugins import forgotten_plugins
 
 import rpojax
+from rpojax.analysis.reliability.search_settings import FailureChoice
 from rpojax.analysis.reliability.simulated_failures import run_probability
-from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice
 from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure
 from rpojax.errors import RpojaxError
 from rpojax.scenario.dispersed_numbers.standard_normal_space import make_space

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures import run_probability
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder, read_estimate
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure
 from rpojax.cli import main
 from rpojax.errors import ResultError
