@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.metrics.metric_catalogue import METRICS, find
 
 
@@ -48,6 +49,9 @@ FURTHER_CHANNEL_LABELS = (
     ChannelLabel("wheel_speed_fraction", "Speed of the fastest wheel over its limit", ""),
 )
 """Channels that are drawn where a requirement limits them."""
+
+LOOK_AWAY_MODES = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
+"""Modes in which the camera is turned away for a burn."""
 
 
 def heading(label: MetricLabel | ChannelLabel) -> str:

@@ -13,9 +13,9 @@ from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.report.figures import png_export
 from rpojax.report.figures.colours import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
 from rpojax.report.figures.png_export import AXIS_NAMES
+from rpojax.report.labels import LOOK_AWAY_MODES
 
 History = Mapping[str, np.ndarray]
-_LOOK_AWAY_MODES = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
 _HEADINGS = {
     "bearing_and_range.png": "Bearing and range (as Figure 6 of the paper)",
     "estimation_error.png": "Estimation error (as Figure 7 of the paper)",
@@ -44,7 +44,7 @@ def new_figure(title: str, size_inches: tuple[float, float]) -> Figure:
 def style_axes(axes: Axes, history: History, label: str, last: bool) -> None:
     """Sets limits, label and grid of axes over time, and shades look-aways and searches."""
     _shade_intervals(
-        axes, history, np.isin(history["mode"], _LOOK_AWAY_MODES), SHADE, "look-away (turn, burn, turn back)"
+        axes, history, np.isin(history["mode"], LOOK_AWAY_MODES), SHADE, "look-away (turn, burn, turn back)"
     )
     _shade_intervals(axes, history, history["mode"] == Mode.SEARCH, ORANGE, "search")
     axes.set_xlim(history["time_s"][0], history["time_s"][-1])

@@ -46,6 +46,12 @@ def verdict_tiles(content: Mapping[str, Any]) -> list[VerdictTile]:
     return sorted(found, key=lambda tile: order.index(tile.css_class))
 
 
+def nearest_drift(safety: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Least range in the longest horizon of free drift that has one, with its run."""
+    drifts = [drift["least_range"] for drift in safety["free_drift"] if drift["least_range"] is not None]
+    return drifts[-1] if drifts else safety["least_passive_range"]
+
+
 def passive_safety_count(safety: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]] | None:
     """Longest horizon of free drift, and the proportion of runs that could enter the keep-out sphere within it."""
     known = [
@@ -64,9 +70,7 @@ def _passive_safety(safety: Mapping[str, Any]) -> list[VerdictTile]:
     if found is None:
         return []
     horizon, proportion = found
-    least = safety["least_passive_range"]
-    drifts = [drift["least_range"] for drift in safety["free_drift"] if drift["least_range"] is not None]
-    least = drifts[-1] if drifts else least
+    least = nearest_drift(safety)
     count, runs = proportion["count"], proportion["runs"]
     note = f"keep-out sphere in free drift within {horizon}"
     if least is not None:
@@ -294,13 +298,11 @@ def _passive_safety_step(campaign: CampaignResults, content: Mapping[str, Any]) 
     found, steps = passive_safety_count(safety), []
     if found is not None and found[1]["count"]:
         horizon, proportion = found
-        drifts = [drift["least_range"] for drift in safety["free_drift"] if drift["least_range"] is not None]
-        nearest = drifts[-1] if drifts else safety["least_passive_range"]
         text = (
             f"After a loss of thrust {proportion['count']} of {proportion['runs']} runs could drift into the keep-out "
             f"sphere within {horizon}: accept the risk, or choose a passively safe orbit such as safety_ellipse."
         )
-        steps.append(NextStep(text, "safety", _nearest_command(campaign, nearest)))
+        steps.append(NextStep(text, "safety", _nearest_command(campaign, nearest_drift(safety))))
     stuck = safety["stuck_on"]
     if (below := stuck["below_keep_out"]) is not None and below["count"]:
         text = (

@@ -5,7 +5,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.report.figures.colours import BLUE, GREEN, INK, ORANGE, PURPLE, SHADE, VERMILLION
 from rpojax.report.figures.plotly_charts import (
     Chart,
@@ -18,14 +17,13 @@ from rpojax.report.figures.plotly_charts import (
 )
 from rpojax.report.figures.png_export import AXIS_NAMES
 from rpojax.report.figures.requirement_limits import Limit
-from rpojax.report.labels import ChannelLabel, heading
+from rpojax.report.labels import LOOK_AWAY_MODES, ChannelLabel, heading
 from rpojax.report.page import run_series
 from rpojax.report.page.run_series import History, thinned_peaks, thinned_time
 
 _BAND: Final = "rgba(0, 158, 115, 0.2)"
 _AXIS_COLOURS: Final = (BLUE, ORANGE, PURPLE)
 _MAX_BOXES: Final = 700
-_AWAY: Final = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
 
 
 def run_charts(history: History, limits: Mapping[str, Sequence[Limit]]) -> dict[str, tuple[str, Chart]]:
@@ -86,8 +84,7 @@ def _error_chart(
 ) -> Chart:
     """Error with its bound; the axis fits what comes after the first tenth of the run."""
     time = thinned_time(history["time_s"])
-    largest, least = thinned_peaks(error, False), thinned_peaks(error, True)
-    signed = np.where(np.abs(largest) >= np.abs(least), largest, least)
+    signed = _signed_peaks(error)
     width = rounded_values(thinned_peaks(bound, True))
     below = [None if value is None else -value for value in width]
     traces = band_traces(time, below, width, "3 sigma of the filter", _BAND)
@@ -106,9 +103,7 @@ def _wheel_chart(history: History, limits: Mapping[str, Sequence[Limit]], away: 
     time, speeds = thinned_time(history["time_s"]), np.asarray(history["wheel_speed_fraction"], dtype=np.float64)
     traces = []
     for wheel, colour in enumerate(_AXIS_COLOURS[: speeds.shape[1]]):
-        largest, least = thinned_peaks(speeds[:, wheel], False), thinned_peaks(speeds[:, wheel], True)
-        signed = np.where(np.abs(largest) >= np.abs(least), largest, least)
-        traces.append(channel_line(label, time, signed, f"wheel {wheel + 1}", colour, 1.4))
+        traces.append(channel_line(label, time, _signed_peaks(speeds[:, wheel]), f"wheel {wheel + 1}", colour, 1.4))
     return _with_shapes(
         {"data": traces, "layout": time_layout(label, traces)}, limits.get("wheel_speed_fraction", []), away
     )
@@ -117,9 +112,11 @@ def _wheel_chart(history: History, limits: Mapping[str, Sequence[Limit]], away: 
 def _box_range_chart(history: History) -> Chart:
     label = ChannelLabel("box_range_m", "Range", "m", logarithmic=True)
     accepted, rejected = _boxes(history)
+    values = np.asarray(history["box_range_m"], dtype=np.float64)
+    values, hover = np.where(values > 0.0, values, np.nan), "NAME: %{y:.4g} at %{x} s"
     traces = [
-        _points(history, "box_range_m", rejected, "rejected boxes", VERMILLION),
-        _points(history, "box_range_m", accepted, "accepted boxes", GREEN),
+        _points(history["time_s"][rejected], values[rejected], accepted=False, opacity=0.7, hover=hover),
+        _points(history["time_s"][accepted], values[accepted], accepted=True, opacity=0.7, hover=hover),
         channel_line(
             label, thinned_time(history["time_s"]), thinned_peaks(history["range_m"], True), "true range", INK, 1.4
         ),
@@ -132,8 +129,8 @@ def _box_place_chart(history: History, image_px: tuple[int, int] | None) -> Char
     box = np.asarray(history["box_px"], dtype=np.float64)
     centre = box[:, :2] + 0.5 * box[:, 2:]
     traces = [
-        _place_points(centre[rows], "rejected boxes" if bad else "accepted boxes", VERMILLION if bad else GREEN)
-        for rows, bad in ((rejected, True), (accepted, False))
+        _points(*centre[rows].T, accepted=good, opacity=0.6, hover="%{x}, %{y} px")
+        for rows, good in ((rejected, False), (accepted, True))
     ]
     layout = chart_layout("to the right [px]", "downwards [px]")
     if image_px is not None:
@@ -164,36 +161,31 @@ def _boxes(history: History) -> tuple[np.ndarray, np.ndarray]:
     return first, second
 
 
-def _points(history: History, channel: str, ticks: np.ndarray, name: str, colour: str) -> dict[str, Any]:
-    values = np.asarray(history[channel], dtype=np.float64)[ticks]
+def _points(x: np.ndarray, y: np.ndarray, *, accepted: bool, opacity: float, hover: str) -> dict[str, Any]:
+    """Points of accepted or of rejected boxes."""
+    name, colour = ("accepted boxes", GREEN) if accepted else ("rejected boxes", VERMILLION)
     return {
         "type": "scatter",
         "mode": "markers",
-        "x": rounded_values(history["time_s"][ticks]),
-        "y": rounded_values(np.where(values > 0.0, values, np.nan)),
+        "x": rounded_values(x),
+        "y": rounded_values(y),
         "name": name,
-        "marker": {"size": 3.5, "color": colour, "opacity": 0.7},
-        "hovertemplate": f"{name}: %{{y:.4g}} at %{{x}} s",
+        "marker": {"size": 3.5, "color": colour, "opacity": opacity},
+        "hovertemplate": hover.replace("NAME", name),
     }
 
 
-def _place_points(places: np.ndarray, name: str, colour: str) -> dict[str, Any]:
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "x": rounded_values(places[:, 0]),
-        "y": rounded_values(places[:, 1]),
-        "name": name,
-        "marker": {"size": 3.5, "color": colour, "opacity": 0.6},
-        "hovertemplate": "%{x}, %{y} px",
-    }
+def _signed_peaks(values: np.ndarray) -> np.ndarray:
+    """Thinned values of greatest size, with their signs."""
+    largest, least = thinned_peaks(values, False), thinned_peaks(values, True)
+    return np.where(np.abs(largest) >= np.abs(least), largest, least)
 
 
 def _away_shapes(history: History) -> list[dict[str, Any]]:
     """Shaded spans in which the camera is turned away for a burn."""
     if "mode" not in history:
         return []
-    away = np.isin(history["mode"], _AWAY).astype(int)
+    away = np.isin(history["mode"], LOOK_AWAY_MODES).astype(int)
     edges = np.flatnonzero(np.diff(away, prepend=0, append=0))
     time = np.append(history["time_s"], history["time_s"][-1])
     return [

@@ -18,6 +18,7 @@ from rpojax.report.page.run_series import formation_error, path_scene
 from rpojax.report.page.template_values import RunDetail, run_detail_values
 from rpojax.report.sections import identity_section
 from rpojax.report.sections.requirement_verdict_section import limit_text
+from rpojax.report.sections.safety_section import worst_value_texts
 
 _LEAST_M_S: Final = 1e-7
 """Smaller changes in a tick are rounding of the channel."""
@@ -118,12 +119,12 @@ def safety_rows(safety: Mapping[str, Any]) -> list[tuple[str, str, bool]]:
     of_sphere = "" if not isinstance(sphere, float) else f" of {with_unit(format_number(sphere), 'm')}"
     drifts = [(f"free drift within {drift['horizon'].replace('_', ' ')}", drift) for drift in safety["free_drift"]]
     drifts.append(("24 h after a burn that did not end", safety["stuck_on"]))
-    rows = [("Smallest range", _range_text(safety["least_range"]), False)]
+    rows = [("Smallest range", worst_value_texts(safety["least_range"], "m")[0], False)]
     if sphere is not None:
         entered = safety["entries"]["count"] > 0
         rows.append((f"Entered the keep-out sphere{of_sphere}", "yes" if entered else "no", entered))
     for words, drift in drifts:
-        rows.append((f"Smallest range in {words}", _range_text(drift["least_range"]), False))
+        rows.append((f"Smallest range in {words}", worst_value_texts(drift["least_range"], "m")[0], False))
         if (below := drift["below_keep_out"]) is not None and below["runs"]:
             could = below["count"] > 0
             rows.append((f"Could enter the keep-out sphere in {words}", "yes" if could else "no", could))
@@ -135,15 +136,8 @@ def safety_rows(safety: Mapping[str, Any]) -> list[tuple[str, str, bool]]:
         ("Longest look-away in a burn period", "longest_look_away"),
         ("Longest time unseen", "longest_unseen"),
     ):
-        found = safety[key]
-        rows.append((title, "" if found is None else with_unit(format_number(found["value"]), "s"), False))
+        rows.append((title, worst_value_texts(safety[key], "s")[0], False))
     return [row for row in rows if row[1]]
-
-
-def _range_text(found: Mapping[str, Any] | None) -> str:
-    if found is None:
-        return ""
-    return ("at most " if found.get("at_most") else "") + with_unit(format_number(found["value"]), "m")
 
 
 def drawn_rows(campaign: CampaignResults) -> list[tuple[str, str]]:

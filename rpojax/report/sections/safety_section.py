@@ -66,11 +66,11 @@ def rows(safety: Mapping[str, Any]) -> list[SafetyRow]:
     keep_out = safety["keep_out_m"]
     sphere = "" if keep_out is None else f" of {_radius_text(keep_out)}"
     lines = [
-        SafetyRow("Smallest range of any run", *_worst_value_texts(safety["least_range"], "m")),
+        SafetyRow("Smallest range of any run", *worst_value_texts(safety["least_range"], "m")),
         _proportion_row(f"Runs that entered the keep-out sphere{sphere}", safety["entries"]),
         *_drift_rows(safety, sphere),
-        SafetyRow("Longest look-away in a burn period", *_worst_value_texts(safety["longest_look_away"], "s")),
-        SafetyRow(metric_label("longest_unseen_s").title, *_worst_value_texts(safety["longest_unseen"], "s")),
+        SafetyRow("Longest look-away in a burn period", *worst_value_texts(safety["longest_look_away"], "s")),
+        SafetyRow(metric_label("longest_unseen_s").title, *worst_value_texts(safety["longest_unseen"], "s")),
     ]
     return [line for line in lines if line.value]
 
@@ -88,7 +88,7 @@ def _drift_rows(safety: Mapping[str, Any], sphere: str) -> list[SafetyRow]:
     drifts.append(("within 24 h after a burn that did not end", safety["stuck_on"]))
     lines = []
     for when, drift in drifts:
-        lines.append(SafetyRow(f"Smallest range of free drift {when}", *_worst_value_texts(drift["least_range"], "m")))
+        lines.append(SafetyRow(f"Smallest range of free drift {when}", *worst_value_texts(drift["least_range"], "m")))
         title = f"Runs that could drift into the keep-out sphere{sphere} {when}"
         lines.append(_proportion_row(title, drift["below_keep_out"]))
     share = safety["unsafe_share"]
@@ -167,7 +167,8 @@ def _proportion(campaign: CampaignResults, events: np.ndarray, known: np.ndarray
     }
 
 
-def _worst_value_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
+def worst_value_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
+    """Value with its unit and run; empty texts without one."""
     if found is None:
         return "", ""
     bound = "at most " if found.get("at_most") else ""
