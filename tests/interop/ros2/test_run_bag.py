@@ -99,7 +99,7 @@ def test_the_command_stores_raw_images_by_default(
 ) -> None:
     from rpojax.cli import main
 
-    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: replayed)
+    monkeypatch.setattr(run_replay, "replay_servicers", lambda *_, **__: (replayed,))
     assert (
         main.main(
             ["export-bag", str(rendered_campaign.directory), "--run-id", str(RUN), "--out", str(tmp_path / "bag")]

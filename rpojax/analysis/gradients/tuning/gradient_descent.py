@@ -316,6 +316,11 @@ def _averaged_steps(steps: int) -> int:
     return max(1, round(_AVERAGED_FRACTION * steps))
 
 
+def _restarts(number: int, steps: int) -> bool:
+    """Whether Adam is restarted before step `number` of `steps`, counted from 0."""
+    return number % _RESTART_STEPS == 0 and number <= steps // 2
+
+
 def _step(
     evaluator: RolloutEvaluator,
     objective: Objective,
@@ -340,7 +345,7 @@ def _step(
     if not np.isfinite(found.gradient).all():
         raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower rate")
     adam = optimizer.init(state.coordinates)
-    if number % _RESTART_STEPS or number > settings.steps // 2:
+    if not _restarts(number, settings.steps):
         adam = jax.tree.unflatten(jax.tree.structure(adam), state.optimizer_leaves)
     rate = optax.cosine_decay_schedule(settings.rate, settings.steps, _FINAL_RATE)
     with jax.numpy_dtype_promotion("standard"):  # optax mixes types
