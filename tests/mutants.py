@@ -17,9 +17,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -232,6 +234,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--limit", type=float, default=60.0, help="processor time for each [s]")
+    parser.add_argument("--jobs", type=int, default=1, help="faults tried at a time")
     options = parser.parse_args()
     if options.planted:
         records = [json.loads(line)["mutant"] for line in options.planted.read_text().splitlines()]
@@ -239,15 +242,21 @@ def main() -> None:
     else:
         planted = chosen(options.count, options.seed)
     done = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
-    for mutant in planted:
-        if any(Mutant(**each["mutant"]) == mutant for each in done):
-            continue
+    writing = threading.Lock()
+
+    def judge(mutant: Mutant) -> None:
         begin = time.perf_counter()
         found, test = outcome(mutant, options.limit)
-        done.append({"mutant": asdict(mutant), "outcome": found, "test": test})
-        with options.out.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[-1]) + "\n")
-        print(f"{found:7} {mutant.kind:14} {mutant.file}:{mutant.line} {time.perf_counter() - begin:.0f} s", flush=True)
+        with writing:
+            done.append({"mutant": asdict(mutant), "outcome": found, "test": test})
+            with options.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(done[-1]) + "\n")
+            seconds = time.perf_counter() - begin
+            print(f"{found:7} {mutant.kind:14} {mutant.file}:{mutant.line} {seconds:.0f} s", flush=True)
+
+    judged_before = [Mutant(**each["mutant"]) for each in done]
+    with ThreadPoolExecutor(options.jobs) as pool:
+        list(pool.map(judge, [mutant for mutant in planted if mutant not in judged_before]))
     judged = [each for each in done if each["outcome"] != "gone"]
     share = sum(each["outcome"] == "found" for each in judged) / max(len(judged), 1)
     print(f"{100.0 * share:.0f} % of {len(judged)} found")

@@ -31,7 +31,7 @@ from rpojax.simulation.team.member_axes import TeamParams
 from rpojax.simulation.team.team_state import TeamState
 
 # One program instead of two hundred small ones, each of which would be compiled.
-_init = jax.jit(initial_state.init, static_argnums=0)
+_init = jax.jit(initial_state.init, static_argnums=0, static_argnames="stages")
 
 
 def nominal_parameters(file: ScenarioFile) -> tuple[Scenario, Params]:
@@ -66,22 +66,33 @@ def dispersed_parameters(
 
 
 def initialise_run(
-    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None, servicer: int | None = None
+    file: ScenarioFile,
+    seed: int = 0,
+    run_id: int = 0,
+    run_range: RunRange | None = None,
+    servicer: int | None = None,
+    stages: Stages | None = None,
 ) -> tuple[Scenario, Params, State]:
     """Static settings, dispersed Params and initial state of one run of a campaign, or of one servicer of a team.
 
-    GPS errors that the servicers of a team have in common are not in that state.
+    The stages of the flight software are by default the packaged ones, whatever the scenario's plugin replaces: they
+    matter for a memory of their own alone. GPS errors that the servicers of a team have in common are not in that
+    state.
     """
     scenario, dispersed, key = dispersed_parameters(file, seed, run_id, run_range, servicer)
-    return scenario, dispersed, _init(scenario, dispersed, key)
+    return scenario, dispersed, _init(scenario, dispersed, key, stages=stages)
 
 
 def initialise_team_run(
-    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None
+    file: ScenarioFile,
+    seed: int = 0,
+    run_id: int = 0,
+    run_range: RunRange | None = None,
+    stages: Stages | None = None,
 ) -> tuple[Scenario, TeamParams, TeamState]:
     """Static settings, dispersed parameters and initial state of one run of a campaign of a team.
 
-    `run_range` is the range of runs of the campaign, by default this run alone.
+    `run_range` is the range of runs of the campaign, by default this run alone; `stages` as in `initialise_run`.
     """
     scenario = static_settings(file, allow_team=True)
     key = run_key(seed, run_id)
@@ -91,7 +102,9 @@ def initialise_team_run(
     team = member_axes.with_values(
         member_axes.stack_members(member_params(file)), values, dispersion_keys.common_keys(file)
     )
-    init = jax.jit(lambda leaves, key: initial_team.init(scenario, dataclasses.replace(team, leaves=leaves), key))
+    init = jax.jit(
+        lambda leaves, key: initial_team.init(scenario, dataclasses.replace(team, leaves=leaves), key, stages)
+    )
     return scenario, team, init(team.leaves, key)
 
 
@@ -115,10 +128,9 @@ def simulate(
         progress: show in a terminal that it is under way
     """
     with stage("compiling and simulating a run", quiet=not progress, announce=False):
-        scenario, dispersed, state = initialise_run(file, seed, run_id, run_range)
-        channels = jax.tree.map(
-            np.asarray, _simulate_ticks(scenario, plugin_registry.stages_of(file, stages), dispersed, state)
-        )
+        chosen = plugin_registry.stages_of(file, stages)
+        scenario, dispersed, state = initialise_run(file, seed, run_id, run_range, stages=chosen)
+        channels = jax.tree.map(np.asarray, _simulate_ticks(scenario, chosen, dispersed, state))
     return {
         "time_s": np.arange(scenario.ticks) * scenario.tick_s,
         "rho_desired_H": np.asarray(dispersed.flight.formation.desired_position),

@@ -2,7 +2,7 @@
 
 import difflib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
@@ -39,13 +39,20 @@ def _bound_names(function: Any) -> set[str]:
     return {*function.keywords, *_bound_names(function.func)} if isinstance(function, partial) else set()
 
 
-def check(where: str, function: Any, model: Callable[..., Any]) -> None:
-    """Refuses a function that needs an argument which its `model` does not have; `where` names it in the error.
+def declares(function: Any, name: str) -> bool:
+    """Whether a function has an argument of that name, be it one of many that it could do without."""
+    return name in inspect.signature(function).parameters and name not in _bound_names(function)
+
+
+def check(where: str, function: Any, model: Callable[..., Any], extra: Sequence[str] = ()) -> None:
+    """Refuses a function that needs an argument which neither its `model` has nor is `extra`.
+
+    `where` names it in the error.
 
     Raises:
         RpojaxError: it cannot be called, or has an argument of another or a misspelt name, or one by position.
     """
-    known = [name for name in inspect.signature(model).parameters if name != "self"]
+    known = [*(name for name in inspect.signature(model).parameters if name != "self"), *extra]
     expected = f"a function of some of {', '.join(known)}"
     try:
         parameters = inspect.signature(function).parameters.values()

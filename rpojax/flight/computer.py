@@ -48,6 +48,7 @@ Scalar = Float[Array, ""]
 
 
 def initial(
+    stages: Stages,
     params: FlightParams,
     camera: CameraFormat,
     period: float,
@@ -87,6 +88,7 @@ def initial(
         else mission_decision.initial_state(mission, params, orbit, first_decision, phase_rate),
         phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
         rejected_s={name: jnp.zeros_like(n) for name in params.sensors},
+        own=stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=camera),
     )
 
 
@@ -103,8 +105,9 @@ def navigate(
 
     Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    attitude = stages.call(
+    attitude, own = stages.call_with_memory(
         "attitude_update",
+        memory.own,
         tuning=params.attitude_filter,
         estimate=memory.attitude,
         star_tracker_q_BN=measurements.star_tracker_q_BN,
@@ -121,8 +124,9 @@ def navigate(
         for name, rows, count in settings.sensors
     }
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
-    orbit, gate, innovation = stages.call(
+    (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
+        own,
         tuning=params.navigation,
         gated=settings.gated,
         focal_px=params.vehicle.focal_px,
@@ -133,12 +137,14 @@ def navigate(
         box=box,
         additional=measurements.additional,
         sensors=sensors,
+        picture=measurements.picture,
+        window=memory.camera,
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
     health = _updated_health(params, memory, orbit, gate, innovation, box.interval, time)
     after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
-    return replace(after, rejected_s=rejected_s), innovation
+    return replace(after, rejected_s=rejected_s, own=own), innovation
 
 
 def _recovered(
@@ -258,6 +264,7 @@ def control_attitude(
     """Wheel torque commands [N m] at `time` [s], `age` [s] after the last guidance tick."""
     return stages.call(
         "wheel_torque",
+        memory.own,
         control=params.attitude_control,
         vehicle=params.vehicle,
         allocation=memory.wheel_allocation,
@@ -305,24 +312,27 @@ def predict(
     if thrust_ratio is not None:
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, thrust_ratio, dt)
         thrust_estimate = select(burning, estimated, thrust_estimate)
+    orbit, own = stages.call_with_memory(
+        "orbit_predict",
+        memory.own,
+        tuning=params.navigation,
+        zonal_degree=zonal_degree,
+        estimate=memory.orbit,
+        delta_v_N=thrust_estimate.ratio * delta_v_N,
+        burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
+        burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
+        third_body_acceleration_N=third_body_acceleration_N,
+        time=end - dt,
+        dt=dt,
+    )
     return replace(
         memory,
         thrust_estimate=thrust_estimate,
         thruster_failed_at=jnp.where(
             burning & (thrust_estimate.ratio < _FAILED_THRUST_RATIO), end, memory.thruster_failed_at
         ),
-        orbit=stages.call(
-            "orbit_predict",
-            tuning=params.navigation,
-            zonal_degree=zonal_degree,
-            estimate=memory.orbit,
-            delta_v_N=thrust_estimate.ratio * delta_v_N,
-            burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
-            burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
-            third_body_acceleration_N=third_body_acceleration_N,
-            time=end - dt,
-            dt=dt,
-        ),
+        orbit=orbit,
+        own=own,
         attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
     )
 
@@ -333,6 +343,7 @@ def command_camera(
     """Memory with the command for an exposure at `time` [s], to which the estimates have been propagated."""
     command = stages.call(
         "detector_window",
+        memory.own,
         camera=camera,
         vehicle=params.vehicle,
         target_size=params.navigation.target_size,

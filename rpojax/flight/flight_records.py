@@ -1,6 +1,7 @@
 """Records of the flight software: its tuning, its memory between ticks, and its measurements."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from jaxtyping import Array
 
@@ -64,6 +65,7 @@ class FlightMemory:
             None without phases
         rejected_s: () for how long an additional sensor has been rejected while nothing else measured the target [s],
             by name; from `recovery_after` on the estimate is widened in this tick
+        own: memory of replaced stages, empty without one
     """
 
     orbit: OrbitEstimate
@@ -83,6 +85,7 @@ class FlightMemory:
     mission: MissionState | None = None
     phase_gains: tuple[Array, ...] | None = None
     rejected_s: dict[str, Array] = field(default_factory=dict)
+    own: Any = ()
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,7 @@ class Measurements:
         star_tracker_present: () bool
         box: bounding box
         additional: measurements of additional sensors by name
+        picture: (p, p, 3) that the detector got, None where no stage asks for it
     """
 
     gps: GpsMeasurement
@@ -115,3 +119,4 @@ class Measurements:
     star_tracker_present: Array
     box: BoxMeasurement
     additional: dict[str, Array] = field(default_factory=dict)
+    picture: Array | None = None

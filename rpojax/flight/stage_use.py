@@ -70,7 +70,9 @@ RUNS: Final = Mode("runs and campaigns, and their `resume` and `rerun`")
 REPLAYS: Final = Mode("exports and recordings that simulate a run again")
 DERIVATIVES: Final = Mode("derivatives of runs (`gradient`, `sensitivity`, `tune`, `worst-case`)")
 RARE_EVENTS: Final = Mode("rare events (`probability`)")
-LINEAR_COVARIANCE: Final = Mode("a linear covariance (`lincov`)")
+LINEAR_COVARIANCE: Final = Mode(
+    "a linear covariance (`lincov`)", {"own_memory": "which carries the errors of the packaged filter's states alone"}
+)
 BENCH_LOOP: Final = Mode("a benchmark of the closed loop (`bench --only loop`)")
 BENCH_KERNELS: Final = Mode(
     "a benchmark of kernels (`bench --only kernels`)", _filters("where the packaged orbit filter is measured")
@@ -106,6 +108,17 @@ def kinds_of(camera_model: str, mission: MissionSettings | None, team: TeamSetti
         return [*kinds, ALONE]
     chooses = mission is not None and mission.phasing != "fixed"
     return [*kinds, SHARING[team.link.sharing], CHOSEN_PHASES if chooses else FIXED_PHASES]
+
+
+def check_picture(stages: Stages, camera_model: str) -> None:
+    """Refuses an update of the filter that asks for a picture where the camera gives none.
+
+    Raises:
+        RpojaxError: naming the stage and the camera.
+    """
+    if stages.takes_picture and camera_model != "rendered":
+        expected = f'one without it, for `camera.model = "{camera_model}"` gives none'
+        raise RpojaxError(f"stages.orbit_update: found one with the argument `picture`, expected {expected}")
 
 
 def check_believed(stages: Stages, sensors: Iterable[str]) -> None:

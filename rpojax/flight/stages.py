@@ -17,6 +17,7 @@ from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.errors import RpojaxError
 from rpojax.flight.control import attitude_control, formation_law
 from rpojax.flight.control.attitude_control import AttitudeCommand, AttitudeControlTuning
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import detector_window
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
@@ -41,6 +42,23 @@ from rpojax.flight.vehicle_model import VehicleModel
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
+
+
+class InitialMemory(Protocol):
+    """Memory of one's own, which the stages that declare an argument `own` get and the filter's stages change."""
+
+    def __call__(
+        self, *, params: FlightParams, estimate: OrbitEstimate, attitude: AttitudeEstimate, camera: CameraFormat
+    ) -> Any:
+        """Arrays or records of them (a pytree) at the start of a run.
+
+        Args:
+            params: tuning of the flight software, and its vehicle model
+            estimate: of both orbits at the hand-over
+            attitude: estimate of the attitude then
+            camera: sizes of the camera's images
+        """
+        ...
 
 
 class AttitudeUpdate(Protocol):
@@ -85,6 +103,8 @@ class OrbitUpdate(Protocol):
         box: BoxMeasurement,
         additional: Mapping[str, Array],
         sensors: Mapping[str, SensorRows],
+        picture: Float[Array, "p p 3"] | None,
+        window: CameraCommand,
         time: Scalar,
     ) -> tuple[OrbitEstimate, GateState, Innovation]:
         """Estimate after GPS and box, state of the outlier gate, and diagnostics.
@@ -100,6 +120,8 @@ class OrbitUpdate(Protocol):
             box: bounding box, if present
             additional: measurements of additional sensors by name
             sensors: rows of those that the filter is to believe, by name, as functions of the relative estimate
+            picture: (p, p, 3) that the detector got, sRGB codes in 0..1; with a `rendered` camera, and asked for alone
+            window: place of the picture in the frame
             time: () since the start of the run [s]
         """
         ...
@@ -265,6 +287,11 @@ AnyFunction = Callable[..., Any]
 """A function that declares some of the arguments of its protocol."""
 
 
+def no_memory() -> tuple[()]:
+    """Memory of one's own of the packaged stages: none."""
+    return ()
+
+
 @dataclass(frozen=True)
 class Stages:
     """Replaceable stages of the flight software.
@@ -279,6 +306,7 @@ class Stages:
         team_phasing: phase of the relative orbit in a team
         wheel_torque: attitude control
         detector_window: window of the next exposure
+        own_memory: memory of one's own, for the other stages
 
     Raises:
         RpojaxError: a function declares an argument that its stage does not have.
@@ -309,11 +337,13 @@ class Stages:
     detector_window: WindowSelection | AnyFunction = field(
         default=detector_window.select_window, metadata={"protocol": WindowSelection}
     )
+    own_memory: InitialMemory | AnyFunction = field(default=no_memory, metadata={"protocol": InitialMemory})
 
     def __post_init__(self) -> None:
         for each in fields(self):
             function = getattr(self, each.name)
-            named_arguments.check(f"stages.{each.name}", function, each.metadata["protocol"].__call__)
+            extra = () if each.name in ("own_memory", "reference") else ("own",)
+            named_arguments.check(f"stages.{each.name}", function, each.metadata["protocol"].__call__, extra)
             if getattr(function, "__hash__", None) is None:
                 kind = type(function).__name__
                 raise RpojaxError(f"stages.{each.name}: found a {kind} without a hash, expected a frozen one")
@@ -323,8 +353,19 @@ class Stages:
         """Names of the stages that are not the packaged ones."""
         return tuple(each.name for each in fields(self) if getattr(self, each.name) is not each.default)
 
-    def call(self, stage: str, **arguments: Any) -> Any:
+    @property
+    def takes_picture(self) -> bool:
+        """Whether the update of the orbit filter asks for the camera's picture."""
+        return named_arguments.declares(self.orbit_update, "picture")
+
+    def initial_memory(self, **arguments: Any) -> Any:
+        """Memory of one's own at the start of a run, as arrays; the arguments are those of `InitialMemory`."""
+        return jax.tree.map(jnp.asarray, self._result("own_memory", arguments))
+
+    def call(self, stage: str, own: Any = None, **arguments: Any) -> Any:
         """Result of the named stage, whose function gets those of the arguments that it declares.
+
+        A stage that declares `own` reads the memory of one's own.
 
         Raises:
             RpojaxError: a replaced stage returns other arrays than the packaged one, or uses Python on traced values.
@@ -332,15 +373,43 @@ class Stages:
         function, packaged = getattr(self, stage), getattr(Stages, stage)
         if function is packaged:
             return named_arguments.call(function, **arguments)
+        result = self._result(stage, arguments, own)
+        self._check(stage, result, arguments)
+        return result
+
+    def call_with_memory(self, stage: str, own: Any, **arguments: Any) -> tuple[Any, Any]:
+        """Result of the named stage, and the memory of one's own, which it returns beside it if it declares `own`.
+
+        Raises:
+            RpojaxError: as of `call`, or the memory that is returned has another structure than before.
+        """
+        if not named_arguments.declares(getattr(self, stage), "own"):
+            return self.call(stage, **arguments), own
+        pair = self._result(stage, arguments, own)
+        if not (isinstance(pair, tuple) and len(pair) == 2):
+            expected = "the stage's result and `own`, for it declares the argument `own`"
+            raise RpojaxError(f"stages.{stage}: found a result of type {_type_name(pair)}, expected {expected}")
+        result, after = pair
+        self._check(stage, result, arguments)
+        _check_result(f"stages.{stage}, `own`", after, jax.eval_shape(lambda: own))
+        return result, after
+
+    def _check(self, stage: str, result: Any, arguments: dict[str, Any]) -> None:
+        packaged = getattr(Stages, stage)
+        expected = jax.eval_shape(lambda: named_arguments.call(packaged, **arguments))
+        _check_result(f"stages.{stage}", result, expected)
+
+    def _result(self, stage: str, arguments: dict[str, Any], own: Any = None) -> Any:
+        """What a function returns; it gets `own` only if it declares it by name."""
+        function = getattr(self, stage)
+        if named_arguments.declares(function, "own"):
+            arguments = arguments | {"own": own}
         try:
-            result = named_arguments.call(function, **arguments)
+            return named_arguments.call(function, **arguments)
         except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):
             raise RpojaxError(
                 f"stages.{stage}: found Python's `if`, `float` or NumPy on a traced value, expected jax.numpy alone"
             ) from None
-        expected = jax.eval_shape(lambda: named_arguments.call(packaged, **arguments))
-        _check_result(f"stages.{stage}", result, expected)
-        return result
 
 
 def _check_result(where: str, result: Any, expected: Any) -> None:

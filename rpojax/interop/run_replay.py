@@ -135,11 +135,11 @@ def replay_servicers(
     chosen, options = plugin_registry.stages_of(file, stages), campaign.configuration.options
     arguments = (in_double, options.seed, run_id, options.design_range)
     if file.servicers:
-        scenario, team, state = single_run.initialise_team_run(*arguments)
+        scenario, team, state = single_run.initialise_team_run(*arguments, stages=chosen)
         simulate = _team_segments(scenario, chosen, observe_tick, team)
         params = [jax.tree.map(np.asarray, team.member(number)) for number in range(team.count)]
     else:
-        scenario, own, state = single_run.initialise_run(*arguments)
+        scenario, own, state = single_run.initialise_run(*arguments, stages=chosen)
         simulate, params = partial(_simulate_segment, scenario, chosen, observe_tick, own), [own]
     state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
     end = int(running.reshape(len(running), -1).all(axis=1).sum())

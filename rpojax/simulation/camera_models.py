@@ -34,8 +34,8 @@ def expose(
     noise: TickNoise,
     key: Array,
     tick: Array,
-) -> CameraFrame:
-    """One frame by the camera model of the scenario.
+) -> tuple[CameraFrame, Array | None]:
+    """One frame by the camera model of the scenario, and the picture (p, p, 3) of a rendered camera.
 
     Args:
         scenario: static settings
@@ -59,7 +59,8 @@ def expose(
     size = (scenario.width_px, scenario.height_px)
     normals, uniforms = noise.camera, noise.uniforms
     if scenario.camera_model == "geometric":
-        return geometric_camera.measure(camera, *size, hull_K, observable, health.camera, normals[:4], uniforms[:6])
+        lit = (observable, health.camera)
+        return geometric_camera.measure(camera, *size, hull_K, *lit, normals[:4], uniforms[:6]), None
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
     outline = jnp.where(in_front, box_projection.projected_box(_lens(scenario, params), hull_K), 0.0)
     scene = _scene(scenario, params, truth, sky, tick)
@@ -67,13 +68,15 @@ def expose(
     if scenario.camera_model == "statistical":
         assert params.statistics is not None
         assert box_edge_errors is not None
-        return statistical_camera.measure(
+        frame = statistical_camera.measure(
             params.statistics, scene, outline, in_front, size, *light_and_health, box_edge_errors, normals, uniforms
         )
+        return frame, None
     assert params.networks is not None
     view = commanded_window(scenario, params, command)
     picture = _render_window(scenario, params, view, scene, key)
-    return rendered_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
+    frame = rendered_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
+    return frame, picture
 
 
 def camera_format(scenario: Scenario) -> CameraFormat:

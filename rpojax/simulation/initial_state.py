@@ -13,6 +13,7 @@ from rpojax.flight import computer
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.navigation import combined_orbit_filter, relative_state, servicer_orbit_ekf
 from rpojax.flight.navigation.relative_state import SLOW_STATES, VIEW_STATES
+from rpojax.flight.stages import Stages
 from rpojax.physics import plant_state
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
@@ -37,8 +38,9 @@ def init(
     key: Array,
     noise: InitialNoise | None = None,
     first_decision: Scalar | None = None,
+    stages: Stages | None = None,
 ) -> State:
-    """Initial state: truth from the parameters, orbit estimate with hand-over errors.
+    """Truth from the parameters, and an orbit estimate with hand-over errors.
 
     These have the covariance that the filter is told, unless the scenario has another one for the truth.
 
@@ -48,18 +50,18 @@ def init(
         key: random key of the run
         noise: random numbers, by default those of the key
         first_decision: () when the mission's first phase begins [s], by default at once
+        stages: replaceable stages of the flight software, by default its own
     """
-    streams = random_keys(key)
+    streams, start = random_keys(key), params.initial
     noise = noise or draw_initial_noise(scenario, streams)
-    navigation = params.flight.navigation
-    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=params.initial.relative_position.dtype)
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=start.relative_position.dtype)
     truth = plant_state.initial_truth(
-        params.plant, params.orbit, params.initial.relative_position, params.initial.relative_velocity, identity
+        params.plant, params.orbit, start.relative_position, start.relative_velocity, identity
     )
     sensors = _sensor_errors(params, noise)
     error = _handover_error(params, truth, noise.handover)
     orbit = combined_orbit_filter.initial(
-        navigation,
+        params.flight.navigation,
         truth.r_TN_N + truth.r_ST_N + error[0:3],
         truth.v_TN_N + truth.v_ST_N + error[3:6],
         -truth.r_ST_N + error[6:9],
@@ -70,10 +72,10 @@ def init(
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
     star_q = star_tracker.measure(params.star_tracker, q_BN, noise.star_tracker)
     gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, noise.gyro, scenario.step_s)
-    zero = jnp.zeros((), dtype=q_BN.dtype)
     return State(
         truth=truth,
         flight=computer.initial(
+            stages or Stages(),
             params.flight,
             camera_format(scenario),
             scenario.formation_period_s,
@@ -85,10 +87,10 @@ def init(
             params.team.phase_rate,
         ),
         sensor_errors=sensors,
-        burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)),
+        burn_error=BurnError(magnitude=jnp.zeros_like(q_BN[0]), direction=jnp.zeros(3)),
         keys=streams,
         tick=jnp.zeros((), dtype=jnp.int32),
-        failed_at=zero + jnp.inf,
+        failed_at=jnp.full_like(q_BN[0], jnp.inf),
         failure=jnp.zeros((), dtype=jnp.int32),
     )
 

@@ -64,7 +64,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     )
     health = _fed(params, state.truth, health)
     with jax.named_scope("sense"):
-        measurements, frame = measure(scenario, params, state, noise, sky, health, time)
+        measurements, frame = measure(loop, state, noise, sky, health, time)
     return Tick(
         state=state,
         time=time,

@@ -47,6 +47,7 @@ class Loop:
         stage_use.check(self.stages, kinds)
         believed = [name for name, _, _ in self.scenario.filter_settings.sensors]
         stage_use.check_believed(self.stages, believed)
+        stage_use.check_picture(self.stages, self.scenario.camera_model)
 
 
 @pytree

@@ -18,14 +18,14 @@ from rpojax.sensors.gps import Gps
 from rpojax.simulation import camera_models
 from rpojax.simulation.noise import TickNoise, camera_key
 from rpojax.simulation.state import SensorErrors, State
+from rpojax.simulation.tick import Loop
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
 def measure(
-    scenario: Scenario,
-    params: Params,
+    loop: Loop,
     state: State,
     noise: TickNoise,
     sky: SunMoonPositions,
@@ -33,8 +33,8 @@ def measure(
     time: Scalar,
 ) -> tuple[Measurements, CameraFrame]:
     """Inputs of the flight software at the beginning of a tick, at `time` [s], and the camera frame."""
-    truth = state.truth
-    frame = camera_models.expose(
+    scenario, params, truth = loop.scenario, loop.params, state.truth
+    frame, picture = camera_models.expose(
         scenario,
         params,
         truth,
@@ -53,6 +53,7 @@ def measure(
         & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
         box=camera_models.box_measurement(scenario, params, frame),
         additional=_measure_additional(scenario, params, noise, SensedScene(truth=truth, sky=sky, time=time)),
+        picture=picture if loop.stages.takes_picture else None,
     )
     return measurements, frame
 

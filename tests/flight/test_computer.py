@@ -29,7 +29,7 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasu
 from rpojax.flight.stages import Stages
 
 expected_delta_v = jax.jit(computer.expected_delta_v)
-initial = jax.jit(computer.initial, static_argnums=(1, 2))
+initial = jax.jit(computer.initial, static_argnums=(0, 2, 3))
 navigate = jax.jit(computer.navigate, static_argnums=(0, 2))
 guide = jax.jit(computer.guide, static_argnums=5)
 predict = jax.jit(computer.predict, static_argnums=(0, 2, 9))
@@ -39,7 +39,7 @@ CAMERA = CameraFormat(width_px=128, height_px=128, input_px=128)
 
 def start(flight: FlightParams, period: float, *initial_values: object) -> FlightMemory:
     """Initial memory, with a small camera."""
-    return initial(flight, CAMERA, period, *initial_values)
+    return initial(Stages(), flight, CAMERA, period, *initial_values)
 
 
 @partial(jax.jit, static_argnums=0)

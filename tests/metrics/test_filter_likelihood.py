@@ -42,6 +42,17 @@ def test_the_innovation_surprise_is_minus_the_log_density_a_row(truncated: bool)
     assert surprise(False, False, truncated) == (0.0, 0.0)
 
 
+def test_rows_of_additional_sensors_count_like_those_of_gps() -> None:
+    innovation, variance = np.append(INNOVATION, [0.7, -3.0, 9.0]), np.append(VARIANCE, [0.5, 2.0, 1.0])
+    used = jnp.array([False] * 6 + [True, True, False])
+    found = BY_NAME["innovation_surprise"].value(
+        jnp, innovation, variance, used, jnp.asarray(False), jnp.asarray(False), IMAGE_AREA
+    )
+    assert isinstance(found, WeightedValue)
+    expected = -stats.norm.logpdf([0.7, -3.0], scale=np.sqrt([0.5, 2.0])).sum() / 2.0
+    np.testing.assert_allclose((float(found.value), float(found.weight)), (expected, 2.0), rtol=1e-6)
+
+
 def test_a_box_far_off_surprises_no_more_than_a_false_one() -> None:
     far = np.where(np.arange(6) >= 3, 100.0, INNOVATION)
     expected = -(np.log(0.05) - np.log(IMAGE_AREA) + FALSE_SIZE) / 3.0

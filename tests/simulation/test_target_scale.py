@@ -36,11 +36,7 @@ def expose(
     errors, at = start.sensor_errors.box_edge_errors, start.tick
     sky, noise = sun_and_moon_at(scaled.epoch, jnp.zeros(())), draw_tick_noise(static, start.keys, at)
     health, key = equipment_faults.healthy(), camera_key(start.keys, at)
-    frame = camera_models.expose(static, scaled, truth, command, errors, sky, health, noise, key, at)
-    if static.camera_model != "rendered":
-        return frame, None
-    window = camera_models.commanded_window(static, scaled, command)
-    return frame, camera_models.render_picture(static, scaled, window, truth, sky, key, at)
+    return camera_models.expose(static, scaled, truth, command, errors, sky, health, noise, key, at)
 
 
 def frame_and_picture(model: str, scale: float, farther: float) -> tuple[CameraFrame, np.ndarray | None]:

@@ -240,7 +240,8 @@ class RolloutEvaluator:
         values = jax.vmap(self._input_function)(inputs, keys)
 
         def begin(values: Values, key: Array) -> State:
-            return initial_state.init(self.scenario, dispersed_values.apply_to_params(nominal, values), key)
+            params = dispersed_values.apply_to_params(nominal, values)
+            return initial_state.init(self.scenario, params, key, stages=self._stages)
 
         def tick(values: Values, state: State, sums: RunningSums) -> tuple[State, RunningSums]:
             params = dispersed_values.apply_to_params(nominal, values)
@@ -291,6 +292,8 @@ class RolloutEvaluator:
     def _state_bytes(self) -> int:
         """Size of the carry of a run from tick to tick [B]."""
         key = jax.ShapeDtypeStruct((2,), np.uint32)
-        state = jax.eval_shape(lambda key: initial_state.init(self.scenario, self._nominal, key), key)
+        state = jax.eval_shape(
+            lambda key: initial_state.init(self.scenario, self._nominal, key, stages=self._stages), key
+        )
         sums = jax.eval_shape(lambda: running_metrics.initial_sums(self._metrics))
         return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))

@@ -59,7 +59,7 @@ class ServicerRun:
         drawn = dispersed_values.draw(self.file, run_key, assigned, numbers=numbers)
         dispersed = dispersed_values.apply_to_params(nominal, drawn)
         used = dispersed_values.read_back(dispersed, dispersion_keys.varied_keys(self.file))
-        state = initial_state.init(self.scenario, dispersed, run_key)
+        state = initial_state.init(self.scenario, dispersed, run_key, stages=self.stages)
         return drawn, used, single_precision.round_state_to_single(state) if single else state
 
     def tick(self, nominal: Params, values: Values, state: State) -> tuple[State, Channels]:
@@ -109,7 +109,7 @@ class TeamRun:
         drawn = draw_of_members(self.file, run_key, assigned, numbers)
         dispersed = self._dispersed(nominal, drawn)
         used = dispersed_values.read_back(dispersed.leaves, dispersion_keys.varied_keys(self.file))
-        state = initial_team.init(self.scenario, dispersed, run_key)
+        state = initial_team.init(self.scenario, dispersed, run_key, self.stages)
         if single:
             servicers = single_precision.round_state_to_single(state.servicers)
             state = dataclasses.replace(single_precision.round_to_single(state), servicers=servicers)

@@ -79,7 +79,9 @@ def _formation_command(
     wanted_N = apply_transposed(at_burn.R_CN, impulse + formation_law.lqr_feedback(memory.gain, deviation))
     limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, q_look, dt)
     governed = reference_governor.govern(memory.gain, deviation, impulse, limit)
-    return stages.call("formation_law", gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time)
+    return stages.call(
+        "formation_law", memory.own, gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time
+    )
 
 
 def _safe_delta_v(

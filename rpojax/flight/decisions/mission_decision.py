@@ -123,7 +123,9 @@ def manage_mission(
         thruster_works=burn_decision.thruster_works(params, memory, time),
         enters_keep_out=least < 1.0,
     )
-    return stages.call("mission_manager", settings=settings, tuning=tuning, state=state, situation=situation)
+    return stages.call(
+        "mission_manager", memory.own, settings=settings, tuning=tuning, state=state, situation=situation
+    )
 
 
 _SAMPLES_BEFORE_ABORT = 6

@@ -172,7 +172,7 @@ def _with_phase_of_team(
         pointing.sun_N,
         time,
     )
-    wanted = stages.call("team_phasing", settings=settings, tuning=team.tuning, team=situation)
+    wanted = stages.call("team_phasing", memory.own, settings=settings, tuning=team.tuning, team=situation)
     return replace(state, team=team_mission.shifted(state.team, wanted, situation.present, time))
 
 
@@ -284,5 +284,7 @@ def _planned_delta_v(
     wanted_N = apply_transposed(predicted.R_CN, goal.impulse + formation_law.lqr_feedback(gain, deviation))
     limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, pointing.q_BN, tick_s)
     governed = reference_governor.govern(gain, deviation, goal.impulse, limit)
-    command_H = stages.call("formation_law", gain=gain, deviation=governed, estimate=memory.orbit, time=time)
+    command_H = stages.call(
+        "formation_law", memory.own, gain=gain, deviation=governed, estimate=memory.orbit, time=time
+    )
     return goal.impulse + command_H

@@ -127,7 +127,7 @@ class _LiveRun:
 
     def __init__(self, file: ScenarioFile, stages: Stages, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
-        self.scenario, self._params, start = single_run.initialise_run(file, seed, run_id)
+        self.scenario, self._params, start = single_run.initialise_run(file, seed, run_id, stages=stages)
         own = dispersed_values.read_back(self._params, dispersion_keys.varied_keys(file))
         self._varied = {key: np.asarray(value)[None] for key, value in own.items()}
         self._takes_burns = ExternalStage.FORMATION in settings.external_stages

@@ -21,8 +21,9 @@ def qualified_name(function: Any) -> str:
     function depends on: then another function in the file does not make this one another.
     """
     named = function if hasattr(function, "__qualname__") else type(function)
-    is_told = named.__module__.startswith(PLUGIN_MODULE) and inspect.isfunction(function) and _is_told(function, set())
-    return f"{'plugin' if is_told else named.__module__}.{named.__qualname__}"
+    module = named.__module__ or "__main__"  # code that was executed from a text may have none
+    is_told = module.startswith(PLUGIN_MODULE) and inspect.isfunction(function) and _is_told(function, set())
+    return f"{'plugin' if is_told else module}.{named.__qualname__}"
 
 
 def _is_told(function: FunctionType, seen: set[int]) -> bool:

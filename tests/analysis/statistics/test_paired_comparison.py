@@ -82,6 +82,13 @@ def test_interval_of_the_difference_covers_as_often_as_it_says() -> None:
     assert shares[0] < 1.0
 
 
+def test_a_campaign_of_twice_the_values_has_a_ratio_of_two_with_both_ends() -> None:
+    values = np.random.default_rng(2).normal(5.0, 1.0, 40)
+    [change] = compare_paired_runs(runs(np.arange(40), values), runs(np.arange(40), 2.0 * values), [], True).metrics
+    assert change.ratio.value == pytest.approx(2.0)
+    assert change.ratio.interval_95 == pytest.approx((2.0, 2.0))
+
+
 def test_wider_levels_and_other_seeds() -> None:
     rng = np.random.default_rng(5)
     first, second = runs(np.arange(200), rng.normal(size=200)), runs(np.arange(200), rng.normal(size=200))

@@ -93,6 +93,8 @@ def test_ranks_that_enclose_a_99th_percentile_and_how_often_they_do() -> None:
     assert coverage == pytest.approx(0.97609, abs=5e-6)
     assert quantile_interval_ranks(100, 0.99) == (97, None)
     assert quantile_interval_ranks(3, 0.5) == (None, None)
+    # The smallest and the largest of six enclose the median with 1 - 2 / 64.
+    assert quantile_interval_ranks(6, 0.5) == (1, 6)
 
 
 def test_rank_is_the_smallest_that_reaches_the_confidence() -> None:
