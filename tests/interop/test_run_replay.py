@@ -56,8 +56,8 @@ def test_a_failed_run_ends_with_the_tick_of_its_failure(
     entered = 1 + int(np.argmax(distance[1:] < radius))
     initialise_run = single_run.initialise_run
 
-    def with_larger_keep_out(*run: Any) -> tuple[Scenario, Params, State]:
-        scenario, params, state = initialise_run(*run)
+    def with_larger_keep_out(*run: Any, **options: Any) -> tuple[Scenario, Params, State]:
+        scenario, params, state = initialise_run(*run, **options)
         limits = replace(params.limits, keep_out=jnp.full_like(params.limits.keep_out, radius))
         return scenario, replace(params, limits=limits), state
 
