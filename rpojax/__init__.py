@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from rpojax.analysis.reliability.rare_events.estimate_probability import estimate_probability
     from rpojax.analysis.reliability.worst_case import worst_case
     from rpojax.analysis.statistics.campaign_comparison import compare
+    from rpojax.campaign.options.campaign_options import Shard
     from rpojax.campaign.options.history_retention import Retention
-    from rpojax.campaign.options.job_shard import Shard
     from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
     from rpojax.campaign.single_run import initialise_run, nominal_parameters, simulate
     from rpojax.campaign.storage.campaign_folder import Campaign
@@ -53,7 +53,7 @@ _MODULE_OF = {
     "RunRange": "dispersions.designs.run_range",
     "Scenario": "scenario.static_settings",
     "ScenarioFile": "scenario.schema",
-    "Shard": "campaign.options.job_shard",
+    "Shard": "campaign.options.campaign_options",
     "Stages": "flight.stages",
     "State": "simulation.state",
     "Telemetry": "simulation.telemetry",

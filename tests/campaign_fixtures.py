@@ -11,8 +11,8 @@ import zarr
 from shared_compilation import shared_programs
 
 from rpojax.campaign.run_and_resume import run_campaign
+from rpojax.campaign.storage import campaign_seal
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.seal import record_seal
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
@@ -54,6 +54,6 @@ def edit_info() -> Callable[..., None]:
 
     def edit(directory: Path, **entries: Any) -> None:
         path = directory / "campaign.json"
-        path.write_text(json.dumps(record_seal.sealed(json.loads(path.read_text()) | entries)))
+        path.write_text(json.dumps(campaign_seal.sealed(json.loads(path.read_text()) | entries)))
 
     return edit

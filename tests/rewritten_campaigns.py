@@ -7,7 +7,7 @@ from typing import Any
 from rpojax.campaign.storage import campaign_configuration
 from rpojax.campaign.storage.arrays import zarr_encoding, zarr_reader
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.seal.record_seal import array_binding, sealed
+from rpojax.campaign.storage.campaign_seal import array_binding, sealed
 
 
 def rewrite_campaign(directory: Path, **entries: Any) -> None:

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.report.figures.camera import camera_overlay
+from rpojax.report.figures import camera_pictures
 
 IMAGE_SIDE = 128
 TEXT_HEIGHT = 51
 """Height of the text above an image [px]."""
 
 
-def camera_frame(**changes: Any) -> camera_overlay.CameraFrame:
+def camera_frame(**changes: Any) -> camera_pictures.CameraFrame:
     """Black image of the middle of a frame of 512 px, binned by two, and the channels of its tick."""
     telemetry = {
         "time_s": 12.0,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.campaign.execution.teams.team_recording import joined_history
+from rpojax.campaign.execution.teams import joined_history
 from rpojax.campaign.storage.campaign_folder import of_servicer
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent

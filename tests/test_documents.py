@@ -18,7 +18,7 @@ from markdown_blocks import code_blocks
 
 import rpojax
 from rpojax import Stages
-from rpojax.analysis.statistics.intervals.order_statistics import runs_for_bound
+from rpojax.analysis.statistics.intervals import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_kinds import Design

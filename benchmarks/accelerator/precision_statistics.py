@@ -43,11 +43,11 @@ def measure(sizes: Sizes) -> Iterator[dict[str, Any]]:
 
 def simulate(precision: str, runs: int, duration_s: float) -> dict[str, np.ndarray]:
     """Metrics of runs of the nominal mission, and `failed`."""
-    from rpojax.analysis.gradients.tuning import tuning_validation
+    from rpojax.analysis.gradients.tuning import tune
     from rpojax.scenario.loading import scenario_loader
 
     file = scenario_loader.load("inspection", [f"duration_s={duration_s}", f"precision={precision}"])
-    found = tuning_validation.simulate_runs(file, _SEED, runs)
+    found = tune.simulate_runs(file, _SEED, runs)
     return {**found.metrics, "failed": found.failed}
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from benchmarks.accelerator import memory
 from benchmarks.accelerator.sizes import Sizes
 from rpojax.training.detector import proposal_loss
-from rpojax.training.detector.batch_prefetch import BatchPrefetcher
-from rpojax.training.detector.training_loop import train_network
+from rpojax.training.detector.training_loop import BatchPrefetcher, train_network
 from rpojax.training.detector.training_options import NetworkTrainingOptions
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector.two_stage_detector import initialize

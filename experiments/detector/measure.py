@@ -15,15 +15,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.benchmark.multi_device_program import compile_for_devices
-from rpojax.training.detector.evaluation import evaluate_detector
-from rpojax.training.detector.evaluation.box_ranges import long_side
-from rpojax.training.detector.evaluation.pair_recall import pair_kind
-from rpojax.training.radiance_field import evaluate_field, image_quality
+from rpojax.training.detector import evaluate_detector
+from rpojax.training.detector.average_precision import long_side, pair_kind
+from rpojax.training.radiance_field import evaluate_field
 from rpojax.training.synthetic_data import random_views, ray_traced_views
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, read_dataset
 from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
 from rpojax.training.synthetic_data.meshes import packaged_target
-from rpojax.training.synthetic_data.scenery import backdrops, earth_textures
+from rpojax.training.synthetic_data.scenery import backdrops, earth_views
 from rpojax.training.synthetic_data.visible_box import visible_box
 from rpojax.vision.detector import proposal_network
 from rpojax.vision.detector.detector_file import load_detector
@@ -157,7 +156,7 @@ def _dataset_before(
         linear, cover, real = (np.roll(v[index], shift, axis=(0, 1)) for v in (color, alpha, truth))
         back = np.zeros_like(linear) if background_name == "black" else _random_sky_background(rng, sky, intrinsics)
         image = linear + back * (1.0 - cover[..., None])
-        box = visible_box(image, back, real) if visible else image_quality.silhouette_box(real)
+        box = visible_box(image, back, real) if visible else evaluate_field.silhouette_box(real)
         images.append(expose_image(rng, image, ImageSensor(2e4, 10.0)))
         boxes.append(np.zeros((0, 4)) if box is None else np.array(box).reshape(1, 4))
     return DetectionDataset(np.stack(images), tuple(boxes), (background_name,) * len(images))
@@ -226,7 +225,7 @@ def _time_of(call: Callable[[], Any]) -> dict[str, float]:
 def _photographs(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
     """Photographs at several scales, shrunk in front of backgrounds, and empty backgrounds."""
     known = json.loads((arguments.folder / "boxes.json").read_text())["images"]
-    earth = earth_textures.load_earth_textures(held_out=True)
+    earth = earth_views.load_earth_textures(held_out=True)
     rows, shrunk = [], []
     for name, entry in known.items():
         image = image_files.read_image(arguments.folder / name)
@@ -288,7 +287,7 @@ def _mean(values: list[Any]) -> float:
 
 
 def _detect_shrunk(
-    params: DetectorParams, image: np.ndarray, box: ScoredBox, side: int, kind: str, earth: earth_textures.EarthTextures
+    params: DetectorParams, image: np.ndarray, box: ScoredBox, side: int, kind: str, earth: earth_views.EarthTextures
 ) -> tuple[bool, int]:
     """Whether the spacecraft of a photograph is found at a size in a 128 px frame, and the number of false boxes.
 
@@ -327,7 +326,7 @@ def _before_backdrop(
     box: ScoredBox,
     scale: float,
     kind: str,
-    earth: earth_textures.EarthTextures,
+    earth: earth_views.EarthTextures,
 ) -> np.ndarray:
     """The box of a photograph over a backdrop, with an alpha from its brightness."""
     y, x = np.mgrid[:SIZE_PX, :SIZE_PX] + 0.5
@@ -338,7 +337,7 @@ def _before_backdrop(
     return placed * matte[..., None] + back * (1.0 - matte[..., None])
 
 
-def _boxes_per_empty_frame(params: DetectorParams, kind: str, earth: earth_textures.EarthTextures) -> float:
+def _boxes_per_empty_frame(params: DetectorParams, kind: str, earth: earth_views.EarthTextures) -> float:
     counts = []
     for index in range(150):
         rng = np.random.default_rng([11, index])

@@ -15,8 +15,7 @@ from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
 import rpojax
-from rpojax.interop import czml_document, run_replay, spacecraft_states
-from rpojax.interop.ccsds import message_export
+from rpojax.interop import ccsds_messages, czml_document, run_replay, spacecraft_states
 from rpojax.interop.spacecraft_states import SpacecraftStates
 
 TABLES = ("metrics", "draws", "traces", "history")
@@ -30,11 +29,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
     campaign = rpojax.Campaign(arguments.campaign)
-    run = run_replay.replay(campaign, arguments.run_id, spacecraft_states.observe_tick)
+    run = run_replay.replay_servicers(campaign, arguments.run_id, spacecraft_states.observe_tick)[0]
     states = spacecraft_states.replayed_states([run], campaign)
     found: dict[str, Any] = {"ticks": run.ticks}
-    for kind in message_export.MESSAGE_KINDS:
-        paths = message_export.write_messages(states, kind, arguments.out / f"run.{kind}")
+    for kind in ccsds_messages.MESSAGE_KINDS:
+        paths = ccsds_messages.write_messages(states, kind, arguments.out / f"run.{kind}")
         for path, each in zip(paths, states, strict=True):
             found[path.name] = MESSAGES[kind](path, each) | {"bytes": path.stat().st_size}
     scene = arguments.out / "run.czml"

@@ -4,8 +4,8 @@ import rpojax
 
 rpojax.prepare_process()
 
-from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice  # noqa: E402
-from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure  # noqa: E402
+from rpojax.analysis.reliability.search_settings import FailureChoice  # noqa: E402
+from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure  # noqa: E402
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins  # noqa: E402
 from rpojax.scenario.dispersed_numbers import standard_normal_space  # noqa: E402
 from rpojax.scenario.loading import scenario_loader  # noqa: E402

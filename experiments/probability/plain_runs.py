@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from mission_margins import mission_margins
 
-from rpojax.analysis.reliability.rare_events.probability_estimate import binomial_interval
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 
 BATCH = 10_240
 
@@ -30,7 +30,7 @@ def main() -> None:
         failed = margins(margins.latent.sample(rng, count)) <= 0.0
         found = {"runs": found["runs"] + count, "failures": found["failures"] + int(failed.sum())}
         found["probability"] = found["failures"] / found["runs"]
-        found["interval_95"] = binomial_interval(found["failures"], found["runs"])
+        found["interval_95"] = clopper_pearson_interval(found["failures"], found["runs"])
         options.out.write_text(json.dumps({"scenario": options.scenario, "seed": options.seed, **found}) + "\n")
     print(options.out.read_text().strip())
 

@@ -14,7 +14,7 @@ import numpy as np
 from mission_margins import mission_margins
 
 from rpojax.analysis.reliability.rare_events import method_choice
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.latent_points import LimitStateCalls
 from rpojax.scenario.scenario_digest import scenario_digest
 
 

@@ -26,7 +26,7 @@ import numpy as np
 import optax
 
 from rpojax.core import quaternion
-from rpojax.training.radiance_field import evaluate_field, image_quality, train_field
+from rpojax.training.radiance_field import evaluate_field, train_field
 from rpojax.training.synthetic_data import random_views, ray_traced_views
 from rpojax.training.synthetic_data.meshes import packaged_target
 from rpojax.vision.pinhole import pinhole_intrinsics
@@ -56,7 +56,7 @@ def quality(field: RadianceField) -> None:
     views = fresh_views()
     found = evaluate_field.field_metrics(evaluate_field.render_views(field, views), views)
     rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
-    boxes = np.array([image_quality.silhouette_box(alpha) for alpha in views.alpha])
+    boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
     width = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean() / views.alpha.shape[1]
     print(f"target's long side: {width:.0%} of the frame, mean over views")
     print("| metric | required | all pixels together | mean over views |\n|---|---|---|---|")
@@ -71,7 +71,7 @@ def ranges(field: RadianceField) -> None:
     for range_m in (10.0, 20.0, 30.0, 35.0, 50.0, 80.0):
         views = fresh_views(40, 128, range_m=range_m, field_of_view_deg=10.0)
         rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
-        boxes = np.array([image_quality.silhouette_box(alpha) for alpha in views.alpha])
+        boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
         long_px = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean()
         iou = rows["box_iou"]
         print(
@@ -336,11 +336,11 @@ def strips(field: RadianceField) -> None:
     chosen = np.arange(0, 64, 8)
     views = select_views(views, chosen)
     rendered = evaluate_field.render_views(field, views)
-    error = np.abs(image_quality.srgb_codes(rendered.rgb) - image_quality.srgb_codes(views.rgb))
+    error = np.abs(evaluate_field.srgb_codes(rendered.rgb) - evaluate_field.srgb_codes(views.rgb))
     save(HERE / "strip.png", sheet(views.rgb, rendered.rgb, error), 1)
     far = select_views(fresh_views(40, 128, range_m=30.0, field_of_view_deg=10.0), np.arange(0, 40, 5))
     rendered = evaluate_field.render_views(field, far)
-    error = np.abs(image_quality.srgb_codes(rendered.rgb) - image_quality.srgb_codes(far.rgb))
+    error = np.abs(evaluate_field.srgb_codes(rendered.rgb) - evaluate_field.srgb_codes(far.rgb))
     save(HERE / "strip_30m.png", sheet(far.rgb, rendered.rgb, error), 1)
 
 
@@ -352,7 +352,7 @@ def select_views(views: ray_traced_views.Views, chosen: np.ndarray) -> ray_trace
 
 def sheet(*rows: np.ndarray) -> np.ndarray:
     """Rows of images as one (h, w, 3) array of codes."""
-    return np.concatenate([np.concatenate(list(image_quality.srgb_codes(row)), axis=1) for row in rows], axis=0)
+    return np.concatenate([np.concatenate(list(evaluate_field.srgb_codes(row)), axis=1) for row in rows], axis=0)
 
 
 def save(path: Path, picture: np.ndarray, scale: int) -> None:

@@ -21,11 +21,10 @@ from rosbags.interfaces import Nodetype
 from rpojax.interop.cosimulation import live_topics
 from rpojax.interop.ros2 import message_builders
 from rpojax.interop.ros2.dds_participant import LOOPBACK, Participant
-from rpojax.interop.ros2.frame_ids import ECI, SERVICER
 from rpojax.interop.ros2.message_types import message_class, serialize, typestore
 from rpojax.interop.ros2.message_values import DetectorImage
 from rpojax.interop.ros2.odometry import Odometry
-from rpojax.interop.ros2.topics import Topic, TopicRate, TopicSource
+from rpojax.interop.ros2.topics import ECI, SERVICER, Topic, TopicRate, TopicSource
 
 HERE = Path(__file__).parent
 DOMAIN = 57

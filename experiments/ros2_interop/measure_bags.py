@@ -84,7 +84,7 @@ def main() -> int:
     options = parser.parse_args()
     found = Campaign(options.campaign) if options.campaign else empty_campaign(options.out / "runs", options.duration_s)
 
-    run, took = timed(lambda: run_replay.replay(found, options.run_id, message_values.observe_tick))
+    run, took = timed(lambda: run_replay.replay_servicers(found, options.run_id, message_values.observe_tick)[0])
     agreement = run_replay.compare_with_campaign(run, found)
     print(f"{run.ticks} ticks replayed in {took}, compiling included; {agreement}", flush=True)
     rendered = run.file.camera.model == "rendered"

@@ -20,12 +20,10 @@ MISSIONS = {
 
 def compare(name: str, duration_s: int, runs: int, seed: int) -> str:
     """Row of the table for a scenario."""
-    from rpojax.analysis.gradients.tuning import tuning_validation
+    from rpojax.analysis.gradients.tuning import tune
 
     double, single = (
-        tuning_validation.simulate_runs(
-            rpojax.load(name, [f"duration_s={duration_s}", f"precision={kind}"]), seed, runs
-        )
+        tune.simulate_runs(rpojax.load(name, [f"duration_s={duration_s}", f"precision={kind}"]), seed, runs)
         for kind in ("double", "single")
     )
     mean_differences, run_differences = {}, {}

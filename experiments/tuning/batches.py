@@ -44,12 +44,12 @@ def gradients(mode: str, runs: int, horizon_s: float, devices: int, per_device: 
 
     import rpojax
     from rpojax.analysis.gradients import rollout_evaluator
-    from rpojax.analysis.gradients.tuning import gradient_estimator, tunable_parameters
+    from rpojax.analysis.gradients.tuning import gradient_descent, tunable_parameters
     from rpojax.analysis.gradients.tuning.tuning_objective import Objective
     from rpojax.simulation.noise import run_keys
 
     rollout_evaluator.share_runs = lambda *_: (jax.devices()[:devices], per_device)
-    gradient_estimator.FORWARD_MODE_MAX_INPUTS = {"forward": 2, "reverse": 0}[mode]
+    gradient_descent.FORWARD_MODE_MAX_INPUTS = {"forward": 2, "reverse": 0}[mode]
     file = rpojax.load("inspection", [f"duration_s={horizon_s}"])
     chosen, objective = tunable_parameters.select_parameters(file, PARAMETERS), Objective(file)
     evaluator = rollout_evaluator.RolloutEvaluator(
@@ -61,8 +61,8 @@ def gradients(mode: str, runs: int, horizon_s: float, devices: int, per_device: 
         cotangent=objective.gradient,
     )
     keys = run_keys(0, np.arange(runs))
-    found, of_runs = gradient_estimator.run_gradients(evaluator, objective, chosen.initial, keys)
-    total, excluded, _ = gradient_estimator.clipped_sum(of_runs)
+    found, of_runs = gradient_descent.run_gradients(evaluator, objective, chosen.initial, keys)
+    total, excluded, _ = gradient_descent.clipped_sum(of_runs)
     assert excluded == 0
     return {"metrics": found.metrics, "runs": of_runs, "gradient": total, "norm": np.array(np.linalg.norm(total))}
 

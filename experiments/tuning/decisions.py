@@ -29,7 +29,7 @@ def main() -> None:
     set_loop_fusion_flag(rendered=False)
     import rpojax
     from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
-    from rpojax.analysis.gradients.tuning import gradient_estimator, tunable_parameters
+    from rpojax.analysis.gradients.tuning import gradient_descent, tunable_parameters
     from rpojax.analysis.gradients.tuning.tuning_objective import Objective
     from rpojax.simulation.noise import run_keys
 
@@ -54,7 +54,7 @@ def main() -> None:
         weights[:, column] = np.exp(-here[:, column])
         found = evaluator.gradient(np.tile(chosen.initial, (options.runs, 1)), keys, weights).gradient
         assert found is not None
-        clipped, _, clipped_runs = gradient_estimator.clipped_sum(found / options.runs)
+        clipped, _, clipped_runs = gradient_descent.clipped_sum(found / options.runs)
         print(f"\n`{metric}`, {clipped_runs} of {options.runs} gradients clipped\n")
         spans = " | ".join(f"differences over {span:g}" for span in SPANS)
         print(f"| number | mean derivative | clipped | median | {spans} |\n|---|---|---|---|{'---|' * len(SPANS)}")

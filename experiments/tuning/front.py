@@ -79,14 +79,14 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
 def validate_all(options: argparse.Namespace, points: list[dict]) -> dict:
     """Means over unseen full runs, and ratios to the packaged gains with intervals from resampled runs."""
     import rpojax
-    from rpojax.analysis.gradients.tuning import tune, tuning_validation
+    from rpojax.analysis.gradients.tuning import tune
 
     packaged = rpojax.load(options.scenario)
     seed = 777_000 + options.seed
-    first = tuning_validation.simulate_runs(packaged, seed, options.judge)
+    first = tune.simulate_runs(packaged, seed, options.judge)
     rows = [{"price": None, "values": {}, **ratios(first, first)}]
     for point in points:
-        runs = tuning_validation.simulate_runs(tune.tuned_scenario(packaged, point["values"]), seed, options.judge)
+        runs = tune.simulate_runs(tune.tuned_scenario(packaged, point["values"]), seed, options.judge)
         rows.append({"price": point["price"], "values": point["values"], **ratios(first, runs)})
         print(f"validated price {point['price']:g}", flush=True)
     return {"runs": options.judge, "seed": seed, "points": rows}
@@ -94,9 +94,9 @@ def validate_all(options: argparse.Namespace, points: list[dict]) -> dict:
 
 def ratios(first: "RunMetrics", other: "RunMetrics") -> dict:
     """Formation error and velocity change of runs, and their ratios to those of the same runs with packaged gains."""
-    from rpojax.analysis.gradients.tuning import tuning_validation
+    from rpojax.analysis.gradients.tuning import tune
 
-    means = tuning_validation.compare_means(first, other)
+    means = tune.compare_means(first, other)
     found: dict = {"failed": int(other.failed.sum())}
     for name in ("formation_error_rms_m", "delta_v_m_s"):
         found[name] = means[name].second

@@ -76,7 +76,7 @@ def table(options: argparse.Namespace) -> int:
     import numpy as np
 
     import rpojax
-    from rpojax.analysis.gradients.tuning import tuning_validation
+    from rpojax.analysis.gradients.tuning import tune
 
     cases = {"packaged": rpojax.load("inspection")}
     for name in [*FACTORS, "packaged"]:
@@ -88,7 +88,7 @@ def table(options: argparse.Namespace) -> int:
     print(f"| filter | failed | {' | '.join(SHOWN)} | holds |\n|---|---|{'---|' * 5}")
     found, status = {}, 0
     for name, file in cases.items():
-        runs = tuning_validation.simulate_runs(file, seed, options.judge)
+        runs = tune.simulate_runs(file, seed, options.judge)
         means = {metric: float(np.nanmean(runs.metrics[metric])) for metric in SHOWN}
         found[name] = {"failed": int(runs.failed.sum()), **means}
         close = means[SHOWN[2]] <= ERROR_RATIO * found["packaged"][SHOWN[2]]

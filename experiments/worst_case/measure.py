@@ -18,10 +18,14 @@ import numpy as np
 import rpojax
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability import worst_case
-from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.analysis.reliability.search_settings import SearchSettings
-from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, make_evaluator, measure_costs
-from rpojax.analysis.reliability.worst_case_record import WorstCase
+from rpojax.analysis.reliability.simulated_limit_state import (
+    EvaluationCosts,
+    MetricLimit,
+    make_evaluator,
+    measure_costs,
+)
+from rpojax.analysis.reliability.worst_case import WorstCase
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.metrics.metric_catalogue import METRICS as CATALOGUE
 from rpojax.metrics.metric_catalogue import UNITS

@@ -49,7 +49,7 @@ class Design:
         return {name: values[rows] for name, values in self.assigned.items()}
 
     def sha256(self) -> str:
-        """Digest of what is assigned, as `campaign.json` records it."""
+        """Digest of the assigned values, as `campaign.json` records it."""
         digest = hashlib.sha256()
         for name, values in sorted(self.assigned.items()):
             digest.update(name.encode() + b"\0" + np.ascontiguousarray(values, dtype="<f8").tobytes())

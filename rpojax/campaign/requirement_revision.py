@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from rpojax.campaign.storage import campaign_seal
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.seal import requirement_changes
 from rpojax.errors import ResultError, RpojaxError, ScenarioError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.untrusted.file_reading import FileKind
@@ -40,5 +40,5 @@ def change_requirements(campaign: Campaign, file: Path, reason: str) -> Campaign
             expected = "a metric that the campaign recorded"
             raise ScenarioError(f"requirements.{index}.metric", requirement.metric_name, expected)
     listed = [each.model_dump(mode="json") for each in changed.requirements]
-    requirement_changes.record_change(campaign.directory, seal, campaign.requirement_changes, listed, reason)
+    campaign_seal.record_change(campaign.directory, seal, campaign.requirement_changes, listed, reason)
     return Campaign(campaign.directory)

@@ -1,6 +1,7 @@
 """Rerun of one run of a campaign as a campaign of its own, equal to the last bit at the recorded block size."""
 
 import os
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,13 +11,17 @@ import numpy as np
 
 from rpojax.campaign import run_and_resume
 from rpojax.campaign.execution import campaign_engine
-from rpojax.campaign.execution.local_executor import LocalExecutor
+from rpojax.campaign.execution.executor import LocalExecutor
 from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage import folder_creation, provenance
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress import ProgressCallback
+from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.schema import ScenarioFile
 
 
 @dataclass(frozen=True)
@@ -100,3 +105,34 @@ def _metric_differences(
 ) -> dict[str, tuple[float, float]]:
     pairs = {name: (value, float(repeated[name][0])) for name, value in recorded.items() if name in repeated}
     return {name: pair for name, pair in pairs.items() if not np.array_equal(*pair, equal_nan=True)}
+
+
+def replay_history(
+    file: ScenarioFile,
+    configuration: CampaignConfiguration,
+    run_id: int,
+    on_progress: ProgressCallback | None = None,
+) -> dict[str, np.ndarray]:
+    """Full history of a run, simulated again alone.
+
+    A batch of another size rounds differently, so decisions at a threshold may differ from the run of the campaign,
+    with a probability that grows with time.
+
+    Raises:
+        RpojaxError: stages of the flight software were replaced.
+    """
+    if (stages := configuration.stages) and plugin_registry.plugin_of(file) is None:
+        raise RpojaxError(f"run {run_id}: found replaced stages {sorted(stages)}, expected a run with a kept history")
+    with tempfile.TemporaryDirectory() as folder:
+        campaign = run_campaign(
+            file,
+            1,
+            Path(folder) / "run",
+            configuration.options.seed,
+            first_run=run_id,
+            block_size=1,
+            run_range=configuration.options.design_range,
+            progress=False,
+            on_progress=on_progress,
+        )
+        return campaign.history(run_id)

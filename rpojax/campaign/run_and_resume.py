@@ -6,39 +6,62 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-from rpojax.campaign import (
-    experiment_design,
-    preflight,
-    replaced_stage_provenance,
-    resource_estimates,
-)
-from rpojax.campaign.execution import (
-    block_runner,
-    campaign_engine,
-    custom_metric_checks,
-    selected_histories,
-)
+import jax
+import jax.numpy as jnp
+
+from rpojax.campaign import experiment_design, preflight, resource_estimates
+from rpojax.campaign.execution import block_runner, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size, fitted_block_size
-from rpojax.campaign.execution.executor import Executor
-from rpojax.campaign.execution.local_executor import LocalExecutor
+from rpojax.campaign.execution.executor import Executor, LocalExecutor
 from rpojax.campaign.options import history_retention
-from rpojax.campaign.options.campaign_options import DEFAULT_HISTORIES, CampaignOptions, FurtherOptions
+from rpojax.campaign.options.campaign_options import (
+    ALL_BLOCKS,
+    DEFAULT_HISTORIES,
+    CampaignOptions,
+    FurtherOptions,
+    Shard,
+)
 from rpojax.campaign.options.history_retention import Retention
-from rpojax.campaign.options.job_shard import ALL_BLOCKS, Shard
-from rpojax.campaign.storage import folder_creation, provenance, stale_files
-from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
+from rpojax.campaign.storage import folder_creation, provenance
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
+from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.runtime import device_programs
 from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.plugins.custom_metrics import MetricFunction
+from rpojax.scenario.plugins.custom_metrics import MetricFunction, unknown_channel
 from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.scenario.schema import ScenarioFile
 
+_ALWAYS = ("time_s", "rho_desired_H")
+"""Channels that are no telemetry in every scenario."""
 ExecutorFactory = Callable[[Campaign], Executor]
 """Makes the executor of a campaign."""
+
+
+def check_metrics(file: ScenarioFile, engine: BatchEngine, histories: Retention) -> None:
+    """Refuses metrics of channels that the scenario does not have, and of ticks that give no number.
+
+    Raises:
+        RpojaxError: naming the metric, what was found and what was expected.
+    """
+    own = plugin_registry.metrics_of(file)
+    for name, _ in histories.worst_kept:
+        if name not in own and name not in METRICS:
+            raise RpojaxError.of_argument("histories", f"found metric {name!r}, expected one of the campaign")
+    if not own:
+        return
+    shapes = engine.channel_shapes()
+    for metric in own.values():
+        for channel in metric.inputs:
+            if channel not in shapes and channel not in _ALWAYS:
+                raise unknown_channel(metric.name, channel, (*shapes, *_ALWAYS))
+        if not callable(metric.reduction):
+            example = {"time_s": jax.ShapeDtypeStruct((), jnp.float64)}
+            example |= {"rho_desired_H": jax.ShapeDtypeStruct((3,), jnp.float64), **shapes}
+            jax.eval_shape(lambda *values, m=metric: m.value(jnp, *values), *(example[name] for name in metric.inputs))
 
 
 @dataclass(frozen=True)
@@ -129,18 +152,22 @@ def start_campaign(
     fitted = default_block_size(file) if is_shared else fitted_block_size(file, options.runs, most)
     size = options.block_size or fitted
     options = replace(options, block_size=size)
-    devices = _devices_for_blocks(used.devices, -(-options.runs // size))
+    devices = device_programs.choose_devices(used.devices, most=-(-options.runs // size))
     resource_estimates.check_resources(file, options, size, len(devices), out)
     design = experiment_design.make_design(file, options.seed, options.design_range)
-    stages = replaced_stage_provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
+    stages = provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
     engine = BatchEngine(file, size, devices, used.stages, design)
     configuration = provenance.new_configuration(file, options, stages, design.sha256(), engine.batching)
-    custom_metric_checks.check_metrics(file, engine, options.histories)
+    check_metrics(file, engine, options.histories)
     if stages:
         engine.channel_names()  # traces replaced stages, which may fail, before there is a folder
     if options.histories.channels is not None:
         history_retention.check_channels(options.histories.channels, engine.channel_names())
-    campaign = _open_folder(out, configuration, force, shared=used.shard is not None)
+    if used.shard is not None:
+        folder_creation.join_folder(out, configuration)
+    else:
+        folder_creation.create_folder(out, configuration, force)
+    campaign = Campaign(out)
     executor = used.executor(campaign) if used.executor else LocalExecutor(campaign, engine)
     simulate_missing_blocks(campaign, executor, on_progress, used.shard, used.stages)
     return campaign
@@ -150,20 +177,6 @@ def _as_retention(histories: Sequence[int] | Retention | None) -> Retention:
     if histories is None:
         return DEFAULT_HISTORIES
     return histories if isinstance(histories, Retention) else Retention.from_run_ids(histories)
-
-
-def _devices_for_blocks(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
-    """As many of the devices as there are blocks."""
-    return device_programs.choose_devices(devices, most=blocks)
-
-
-def _open_folder(directory: Path, configuration: CampaignConfiguration, force: bool, shared: bool) -> Campaign:
-    """Creates the folder of a campaign; a shared one may exist already."""
-    if shared:
-        folder_creation.join_folder(directory, configuration)
-    else:
-        folder_creation.create_folder(directory, configuration, force)
-    return Campaign(directory)
 
 
 def resume_campaign(
@@ -190,14 +203,14 @@ def resume_campaign(
     if metrics:
         plugin_registry.add(Plugin(metrics=metrics))
     campaign = Campaign(directory, allow_plugin=allow_plugin)
-    stale_files.remove_stale_files(campaign.directory)
+    folder_creation.remove_stale_files(campaign.directory)
     campaign.verify()
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     if blocks:
         found = plugin_registry.stages_of(campaign.file, stages)
-        replaced_stage_provenance.check_same_stages(campaign.configuration.stages, found)
+        provenance.check_same_stages(campaign.configuration.stages, found)
         if executor is None:
-            devices = _devices_for_blocks(None, len(blocks))
+            devices = device_programs.choose_devices(None, most=len(blocks))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
             chosen: Executor = LocalExecutor(campaign, engine)
         else:
@@ -217,7 +230,7 @@ def resume_campaign(
 def _progress_display(
     on_progress: ProgressCallback | None, progress: bool, duration_s: float
 ) -> Iterator[ProgressCallback]:
-    """The caller's own display of progress, or else one on stderr unless it is switched off."""
+    """The caller's `on_progress`, or a display on stderr, which `progress=False` switches off."""
     if on_progress is not None:
         yield on_progress
     else:
@@ -245,7 +258,7 @@ def simulate_missing_blocks(
         UnfinishedError: the results cannot be written.
     """
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
-    report_progress = on_progress or _ignore_progress
+    report_progress = on_progress or (lambda progress: None)
     total = sum(campaign.configuration.runs_in_block(block) for block in blocks)
 
     def report_runs(done: float, failed: int, compiled: bool) -> None:
@@ -269,14 +282,10 @@ def _simulate_selected_histories(
     total = len(run_ids)
     if engine is None:
         on_progress(Progress(done=0.0, total=total, failed=0, compiled=False))
-        devices = _devices_for_blocks(None, -(-total // campaign.configuration.block_size))
+        devices = device_programs.choose_devices(None, most=-(-total // campaign.configuration.block_size))
         engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
 
     def report_runs(done: float) -> None:
         on_progress(Progress(done=done, total=total, failed=0, compiled=True, stage="simulating histories"))
 
     block_runner.simulate_histories(campaign, engine, run_ids, report_runs)
-
-
-def _ignore_progress(_: Progress) -> None:
-    pass

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.campaign import experiment_design
-from rpojax.campaign.execution.teams import member_values
+from rpojax.campaign.execution import teams
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress import stage
@@ -61,7 +61,7 @@ def dispersed_parameters(
     assigned = {name: jnp.asarray(rows[0]) for name, rows in design.for_runs(np.array([run_id])).items()}
     if servicer is None:
         return scenario, dispersed_values.apply_to_params(nominal, dispersed_values.draw(file, key, assigned)), key
-    values = member_values.of_member(file, member_values.draw_of_members(file, key, assigned), servicer)
+    values = teams.of_member(file, teams.draw_of_members(file, key, assigned), servicer)
     return scenario, dispersed_values.apply_to_params(nominal, values), member_key(key, servicer)
 
 
@@ -98,7 +98,7 @@ def initialise_team_run(
     key = run_key(seed, run_id)
     design = experiment_design.make_design(file, seed, run_range or RunRange(run_id, 1))
     assigned = {name: jnp.asarray(rows[0]) for name, rows in design.for_runs(np.array([run_id])).items()}
-    values = member_values.draw_of_members(file, key, assigned)
+    values = teams.draw_of_members(file, key, assigned)
     team = member_axes.with_values(
         member_axes.stack_members(member_params(file)), values, dispersion_keys.common_keys(file)
     )

@@ -70,8 +70,8 @@ def show_results(
 ) -> None:
     """Prints the results as tables, or as JSON; tables come before the report is written."""
     from rpojax.metrics import metric_catalogue
-    from rpojax.report.page.campaign_summary import summarise
-    from rpojax.report.worked_out import Notes
+    from rpojax.report.notes import Notes
+    from rpojax.report.page.report_json import summarise
     from rpojax.scenario.plugins import plugin_registry
 
     with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(result.info)):

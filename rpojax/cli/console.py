@@ -32,8 +32,7 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from rpojax.report.labels import metric_label
-    from rpojax.report.number_format import format_number
+    from rpojax.report.labels import format_number, metric_label
 
     console = Console(highlight=False)
     runs = summary["runs"]

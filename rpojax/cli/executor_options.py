@@ -10,7 +10,7 @@ from rpojax.errors import RpojaxError
 
 if TYPE_CHECKING:
     from rpojax.campaign.execution.executor import Executor
-    from rpojax.campaign.options.job_shard import Shard
+    from rpojax.campaign.options.campaign_options import Shard
     from rpojax.campaign.storage.campaign_folder import Campaign
 
 
@@ -68,7 +68,7 @@ class ExecutorOptions:
         Raises:
             RpojaxError: the text has another form, or there is no such shard.
         """
-        from rpojax.campaign.options.job_shard import Shard
+        from rpojax.campaign.options.campaign_options import Shard
 
         return None if self.shard is None else Shard.parse(self.shard)
 

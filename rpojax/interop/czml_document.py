@@ -42,7 +42,7 @@ def czml(states: Sequence[SpacecraftStates], shapes: SpacecraftShapes) -> str:
     Positions are in the inertial frame at every tick; attitudes turn body axes to Earth-fixed axes, as the format
     demands.
     """
-    target = next(each for each in states if each.spacecraft == TARGET)
+    target = next(state for state in states if state.spacecraft == TARGET)
     packets = [_document(target)]
     for number, (each, box) in enumerate(zip(states, shapes.boxes_m, strict=True)):
         colour = _TARGET_COLOUR if each is target else _COLOURS[number % len(_COLOURS)]

@@ -8,14 +8,11 @@ from typing import Final, Literal, get_args
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.interop import czml_document, run_replay, spacecraft_states
-from rpojax.interop.ccsds import message_export
-from rpojax.interop.ccsds.message_export import MESSAGE_KINDS
+from rpojax.interop import ccsds_messages, czml_document, run_replay, spacecraft_states
+from rpojax.interop.campaign_tables import FILE_FORMATS, TableName, export_tables
+from rpojax.interop.ccsds_messages import MESSAGE_KINDS
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.interop.spacecraft_states import BothStates
-from rpojax.interop.tables.campaign_tables import TableName
-from rpojax.interop.tables.table_export import export_tables
-from rpojax.interop.tables.table_files import FILE_FORMATS
 from rpojax.runtime.progress import ProgressCallback, run_progress, stage
 
 ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czml"]
@@ -102,11 +99,11 @@ def export_as(
         runs = _replay(campaign, options.run_id, on_progress)
         text = czml_document.czml(spacecraft_states.replayed_states(runs, campaign), czml_document.shapes_of(runs))
         return [write_atomically(out, text.encode())]
-    message_export.check_messages(out, spacecraft_states.spacecraft_names(campaign.file), options.force)
+    ccsds_messages.check_messages(out, spacecraft_states.spacecraft_names(campaign.file), options.force)
     if form == "opm":
-        return message_export.write_messages(spacecraft_states.initial_states(campaign, options.run_id), form, out)
+        return ccsds_messages.write_messages(spacecraft_states.initial_states(campaign, options.run_id), form, out)
     runs = _replay(campaign, options.run_id, on_progress)
-    return message_export.write_messages(spacecraft_states.replayed_states(runs, campaign), form, out)
+    return ccsds_messages.write_messages(spacecraft_states.replayed_states(runs, campaign), form, out)
 
 
 def _replay(

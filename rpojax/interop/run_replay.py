@@ -29,7 +29,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
-from rpojax.scenario.team.members import member_files, member_names, refuse_team
+from rpojax.scenario.team.members import member_files, member_names
 from rpojax.simulation.state import State, elapsed_time
 from rpojax.simulation.step import step
 from rpojax.simulation.team import team_step
@@ -114,38 +114,6 @@ class ReplayAgreement:
     same_end: bool
 
 
-def replay(
-    campaign: Campaign,
-    run_id: int,
-    observe_tick: TickObserver,
-    stages: Stages | None = None,
-    on_progress: ProgressCallback | None = None,
-) -> ReplayedRun:
-    """Simulates a run of a campaign of one servicer again.
-
-    Raises:
-        RpojaxError: there is no such run, the scenario has a team, or scenario, trained files or stages are not those
-            of the campaign.
-    """
-    check_run_id(campaign, run_id)
-    refuse_team(campaign.file, "a replay of one servicer")
-    if on_progress:
-        on_progress(Progress(0.0, 1, 0, compiled=False))
-    file, in_double = _files(campaign, stages)
-    options = campaign.configuration.options
-    run_range = options.design_range
-    chosen = plugin_registry.stages_of(file, stages)
-    scenario, params, state = single_run.initialise_run(in_double, options.seed, run_id, run_range, stages=chosen)
-
-    def simulate(state: State, ticks: int) -> tuple[State, _TickRecord]:
-        return _simulate_segment(scenario, chosen, observe_tick, ticks, params, state)
-
-    state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
-    failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
-    values, poses = jax.tree.map(lambda each: each[: int(running.sum())], (values, poses))
-    return ReplayedRun(file, options.seed, run_id, run_range, params, failed_at, values, poses)
-
-
 def replay_servicers(
     campaign: Campaign,
     run_id: int,
@@ -160,28 +128,30 @@ def replay_servicers(
     Raises:
         RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
     """
-    if not campaign.file.servicers:
-        return (replay(campaign, run_id, observe_tick, stages, on_progress),)
     check_run_id(campaign, run_id)
     if on_progress:
         on_progress(Progress(0.0, 1, 0, compiled=False))
     file, in_double = _files(campaign, stages)
-    options = campaign.configuration.options
-    run_range = options.design_range
-    chosen = plugin_registry.stages_of(file, stages)
-    scenario, team, state = single_run.initialise_team_run(in_double, options.seed, run_id, run_range, chosen)
-    simulate = _team_segments(scenario, chosen, observe_tick, team)
+    chosen, options = plugin_registry.stages_of(file, stages), campaign.configuration.options
+    arguments = (in_double, options.seed, run_id, options.design_range)
+    if file.servicers:
+        scenario, team, state = single_run.initialise_team_run(*arguments, stages=chosen)
+        simulate = _team_segments(scenario, chosen, observe_tick, team)
+        params = [jax.tree.map(np.asarray, team.member(number)) for number in range(team.count)]
+    else:
+        scenario, own, state = single_run.initialise_run(*arguments, stages=chosen)
+        simulate, params = partial(_simulate_segment, scenario, chosen, observe_tick, own), [own]
     state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
-    end, failed_at = int(running.all(axis=-1).sum()), float(np.min(state.failed_at))
+    end = int(running.reshape(len(running), -1).all(axis=1).sum())
+    failed_at = float(np.min(state.failed_at))
     failed_at = failed_at if failed_at < file.duration_s else np.nan
-    found = []
-    for number in range(team.count):
-        own, places = jax.tree.map(lambda each, number=number: each[:end, ..., number], (values, poses))
-        params = jax.tree.map(np.asarray, team.member(number))
-        found.append(
-            ReplayedRun(file, options.seed, run_id, run_range, params, failed_at, own, places, servicer=number)
-        )
-    return tuple(found)
+    runs = []
+    for number, own in enumerate(params):
+        rows = np.s_[:end, ..., number] if file.servicers else np.s_[:end]
+        observed, places = jax.tree.map(lambda array, rows=rows: array[rows], (values, poses))
+        servicer = number if file.servicers else None
+        runs.append(ReplayedRun(file, *arguments[1:], own, failed_at, observed, places, servicer))
+    return tuple(runs)
 
 
 def _files(campaign: Campaign, stages: Stages | None) -> tuple[ScenarioFile, ScenarioFile]:
@@ -227,9 +197,9 @@ def _team_segments(
     return lambda state, ticks: compiled(state, ticks)
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2, 3))
+@partial(jax.jit, static_argnums=(0, 1, 2, 5))
 def _simulate_segment(
-    scenario: Scenario, stages: Stages, observe_tick: TickObserver, ticks: int, params: Params, state: State
+    scenario: Scenario, stages: Stages, observe_tick: TickObserver, params: Params, state: State, ticks: int
 ) -> tuple[State, _TickRecord]:
     def body(carry: State, _: None) -> tuple[State, _TickRecord]:
         after, telemetry = step(scenario, params, carry, stages)

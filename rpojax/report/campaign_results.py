@@ -1,4 +1,4 @@
-"""Protocol of the campaign results that the report needs, independent of how they are stored."""
+"""Campaign results as the report needs them, however they are stored: protocol, design, dispersions, key metrics."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,7 +6,24 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
+from rpojax.metrics.time_windows import MetricWindow
+from rpojax.report.labels import in_display_order
+from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.parameter_keys import component_columns
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
+
+_PHRASES = {
+    "latin_hypercube": "a Latin hypercube",
+    "sobol": "a Sobol sequence",
+    "table": "a table of given values",
+    "grid": "a grid of given values",
+}
+_CATEGORICAL_KEYS = ("fault.kind", "fault.wheel")
+"""Keys whose numbers are codes without an order."""
+_DEFAULT_METRICS = {"formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m"}
+_MIN_RUNS = 10
+_MAX_METRICS = 8
 
 
 @runtime_checkable
@@ -114,7 +131,7 @@ class CampaignResults(Protocol):
         ...
 
     def history(self, run_id: int, servicer: int | None = None) -> Mapping[str, np.ndarray]:
-        """Full history of one of `history_ids`: channel -> array, time first; of a team that of all or one servicer."""
+        """Full history of one of `history_ids`: channel -> array, time first; of all servicers of a team, or of one."""
         ...
 
     @property
@@ -123,22 +140,89 @@ class CampaignResults(Protocol):
         ...
 
     def servicers(self, group: str) -> Mapping[str, np.ndarray]:
-        """Arrays (runs, servicers, ...) of a group, such as `status`, of a team; empty for one servicer alone."""
+        """Arrays (runs, servicers, ...) of a group, such as `status`, of a team; empty without a team."""
         ...
 
 
-class PassedOnResults:
-    """Results of a campaign that are those of another one, except for members that a subclass defines."""
+class ChangedResults:
+    """Results of another campaign, except for the members in `changes` and those that a subclass defines."""
 
-    def __init__(self, campaign: CampaignResults) -> None:
-        self._campaign = campaign
+    def __init__(self, campaign: CampaignResults, **changes: Any) -> None:
+        self._campaign, self._changes = campaign, changes
 
 
-def _passed_on(name: str) -> property:
-    return property(lambda results: getattr(results._campaign, name))
+def _member(name: str) -> property:
+    return property(
+        lambda results: results._changes[name] if name in results._changes else getattr(results._campaign, name)
+    )
 
 
 # Members, not `__getattr__`: a check against the protocol looks for them without calling anything.
 for _name in vars(CampaignResults):
     if not _name.startswith("_"):
-        setattr(PassedOnResults, _name, _passed_on(_name))
+        setattr(ChangedResults, _name, _member(_name))
+
+
+def design_kind(campaign: CampaignResults) -> str:
+    """Kind of the scenario's design; without one, every run is drawn independently."""
+    return str((campaign.info.get("scenario", {}).get("design") or {}).get("kind", "independent"))
+
+
+def runs_are_independent(campaign: CampaignResults) -> bool:
+    """Whether the runs are independent, which exact intervals, p-values and verdicts require."""
+    return design_kind(campaign) == "independent"
+
+
+def probability_interval(campaign: CampaignResults, count: int, total: int) -> list[float] | None:
+    """95 % interval of a probability from `count` of `total` runs; None without runs and for dependent ones."""
+    return list(clopper_pearson_interval(count, total)) if total and runs_are_independent(campaign) else None
+
+
+def design_content(campaign: CampaignResults) -> dict[str, Any]:
+    """Part of report.json: kind of the design, and whether its runs are independent."""
+    return {"kind": design_kind(campaign), "independent": runs_are_independent(campaign)}
+
+
+def design_phrase(campaign: CampaignResults) -> str:
+    """The design as a noun phrase."""
+    found = design_kind(campaign)
+    return _PHRASES.get(found, f"the design {found!r}")
+
+
+def dispersed_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
+    """Every dispersed scalar (runs,); a vector has one entry per component, named `key[0]`, `key[1]`, ..."""
+    return component_columns({key: np.asarray(values, dtype=np.float64) for key, values in campaign.drawn.items()})
+
+
+def keep_out_radii(campaign: CampaignResults) -> np.ndarray | None:
+    """Radius of every run's keep-out sphere [m], (runs,), or (1,) where all have the same; None without one."""
+    nominal = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
+    if nominal is None:
+        return None
+    radii = values_of_runs(campaign.drawn, "limits.keep_out_m", nominal)
+    return radii if radii.size else None
+
+
+def rankable_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
+    """Dispersed scalars (runs,) that can be ranked: all except categories, such as kinds of fault."""
+    return {key: values for key, values in dispersed_scalars(campaign).items() if key not in _CATEGORICAL_KEYS}
+
+
+def select_key_metrics(campaign: CampaignResults) -> list[str]:
+    """Names of at most eight metrics that vary over ten runs or more: those with requirements, then the defaults."""
+    required = {_metric_name(entry) for entry in campaign.info.get("scenario", {}).get("requirements") or []}
+    found = [name for name in in_display_order(campaign.metrics) if has_variation(campaign.metrics[name])]
+    chosen = [name for name in found if name in required][:_MAX_METRICS]
+    chosen += [name for name in found if name in _DEFAULT_METRICS - required][: _MAX_METRICS - len(chosen)]
+    return in_display_order(chosen)
+
+
+def _metric_name(requirement: Mapping[str, Any]) -> str:
+    window = MetricWindow(*(requirement.get(key) for key in ("phase", "at", "from_s", "to_s")))
+    return f"{requirement['metric']}{window.suffix}"
+
+
+def has_variation(values: np.ndarray) -> bool:
+    """Whether a metric is defined in enough runs and not equal in all of them."""
+    defined = values[np.isfinite(values)]
+    return len(defined) >= _MIN_RUNS and float(np.ptp(defined)) > 0.0

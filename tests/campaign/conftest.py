@@ -6,7 +6,7 @@ import pytest
 from empty_campaign_folders import empty_campaign
 from rendered_run import RUN, SEED, RenderedRun, simulate_rendered_run
 
-from rpojax.campaign.execution.teams.team_recording import joined_history
+from rpojax.campaign.execution.teams import joined_history
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.scenario.loading import scenario_loader
 

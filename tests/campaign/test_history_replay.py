@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rendered_run import RUN, RenderedRun
 
-from rpojax.campaign.history_replay import replay_history
+from rpojax.campaign.rerun import replay_history
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
 

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from rpojax.campaign.replaced_stage_provenance import check_same_stages, replaced_stages
+from rpojax.campaign.storage.provenance import check_same_stages, replaced_stages
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 

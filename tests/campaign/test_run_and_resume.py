@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from rpojax.campaign import run_and_resume
-from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.campaign_options import CampaignOptions, Shard
 from rpojax.campaign.options.history_retention import Retention
-from rpojax.campaign.options.job_shard import Shard
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage import atomic_files, folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -168,11 +167,6 @@ def test_progress_begins_with_compilation_and_never_decreases(mission: ScenarioF
     assert [entry.done for entry in reported] == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
     assert {entry.total for entry in reported} == {2}
     assert {entry.failed for entry in reported} == {0}
-
-
-def test_no_more_devices_than_blocks_are_used() -> None:
-    assert run_and_resume._devices_for_blocks(["a", "b", "c"], 2) == ["a", "b"]
-    assert run_and_resume._devices_for_blocks(["a"], 5) == ["a"]
 
 
 def test_refused_requests_leave_no_files(mission: ScenarioFile, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.gradients.tuning import tuning_validation
+from rpojax.analysis.gradients.tuning import tune
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.errors import RpojaxError
@@ -42,9 +42,7 @@ class Pair:
 
 def simulate_both(duration_s: float, runs: int, name: str = "inspection") -> list[Pair]:
     """Metrics of the same runs; failures and undefined metrics must be the same in both precisions."""
-    double, single = (
-        tuning_validation.simulate_runs(mission(duration_s, kind, name), 5, runs) for kind in ("double", "single")
-    )
+    double, single = (tune.simulate_runs(mission(duration_s, kind, name), 5, runs) for kind in ("double", "single"))
     np.testing.assert_array_equal(single.failed, double.failed)
     pairs = []
     for metric, values in double.metrics.items():
@@ -77,7 +75,7 @@ def test_statistics_agree_with_those_in_double_precision_within_their_intervals(
 @pytest.mark.slow
 def test_short_runs_agree_with_those_in_double_precision(monkeypatch: pytest.MonkeyPatch) -> None:
     # One after the other: the program in double precision is that of other tests.
-    monkeypatch.setattr(tuning_validation, "share_runs", lambda *_: (jax.devices()[:1], 1))
+    monkeypatch.setattr(tune, "share_runs", lambda *_: (jax.devices()[:1], 1))
     pairs = {pair.name: pair for pair in simulate_both(200.0, 6)}
     for name in ("nav_relative_position_error_rms_m", "nav_servicer_position_error_rms_m", "formation_error_rms_m"):
         np.testing.assert_allclose(pairs[name].single, pairs[name].double, rtol=0.02, err_msg=name)

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from rpojax.cli import main
-from rpojax.training.synthetic_data import ray_tracing
+from rpojax.training.synthetic_data import ray_traced_views
 from rpojax.vision.radiance_field.field_file import load_field, save_field
 from rpojax.vision.radiance_field.initial_grid import initialize_grid
 from rpojax.vision.weight_files import write_tensors
@@ -102,7 +102,7 @@ def test_an_interrupt_says_that_the_same_command_goes_on(
             raise KeyboardInterrupt
         return np.zeros((128, 128, 5), np.float32)
 
-    monkeypatch.setattr(ray_tracing.RayTracer, "trace", frame)
+    monkeypatch.setattr(ray_traced_views.RayTracer, "trace", frame)
     assert main.main(["field", "train", "box.stl", "--out", "new.field", "--views", "48"]) == main.Status.INTERRUPTED
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == "rpojax: interrupted; the same command goes on from new.field.work"

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
-from rpojax.analysis.gradients.tuning.descent_state import TuningStep
-from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
-from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
+from rpojax.analysis.gradients.tuning import gradient_descent, tune
+from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult, TuningStep
+from rpojax.analysis.gradients.tuning.tunable_parameters import scenario_at_horizon
 from rpojax.analysis.gradients.tuning.tune import _progress_text
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.statistics.paired_comparison import RunMetrics
@@ -54,7 +53,7 @@ def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         return RunMetrics(np.arange(runs), np.full(runs, "completed"), metrics)
 
     monkeypatch.setattr(gradient_descent, "descend", descend)
-    monkeypatch.setattr(tuning_validation, "simulate_runs", simulate_runs)
+    monkeypatch.setattr(tune, "simulate_runs", simulate_runs)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -12,8 +12,8 @@ from synthetic_run import synthetic_run as make_synthetic_run
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay, spacecraft_states
-from rpojax.interop.rerun_viewer import viewer_channels
-from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.rerun_viewer import rrd_chunks
+from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.run_replay import ReplayedRun, TickObserver
@@ -39,7 +39,7 @@ def observe_both() -> TickObserver:
     def observe(*tick: Any) -> tuple[RosTickValues, dict, BothStates]:
         return (
             message_values.observe_tick(*tick),
-            viewer_channels.observe_tick(*tick),
+            rrd_chunks.observe_tick(*tick),
             spacecraft_states.observe_tick(*tick),
         )
 
@@ -51,7 +51,7 @@ def observed_run(
     campaign: Campaign, observe_both: TickObserver
 ) -> ReplayedRun[tuple[RosTickValues, ViewerChannels, BothStates]]:
     """Replay of a run of that campaign."""
-    return run_replay.replay(campaign, RUN, observe_both)
+    return run_replay.replay_servicers(campaign, RUN, observe_both)[0]
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.campaign import single_run
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.scenario.loading import scenario_loader
 from rpojax.sensors import camera_pose

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from rpojax.cli import main
-from rpojax.interop.cosimulation.exchanged_topics import COMMAND_TOPICS
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
+from rpojax.interop.cosimulation.live_topics import COMMAND_TOPICS
 from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.dds_participant import Participant
 

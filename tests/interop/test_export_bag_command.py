@@ -22,7 +22,7 @@ def export(
     """The command in this process, with a given replay: exit status and output."""
     from rpojax.cli import main
 
-    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: ros_run)
+    monkeypatch.setattr(run_replay, "replay_servicers", lambda *_, **__: (ros_run,))
 
     def run(*arguments: object) -> tuple[int, str]:
         capsys.readouterr()

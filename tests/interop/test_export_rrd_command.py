@@ -8,7 +8,7 @@ import pytest
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
-from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
 
 Export = Callable[..., tuple[int, str]]
@@ -21,7 +21,7 @@ def export(
     """The command in this process, with a given replay: exit status and output."""
     from rpojax.cli import main
 
-    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: viewer_run)
+    monkeypatch.setattr(run_replay, "replay_servicers", lambda *_, **__: (viewer_run,))
 
     def run(*arguments: object) -> tuple[int, str]:
         capsys.readouterr()

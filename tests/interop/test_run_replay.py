@@ -8,14 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from empty_campaign_folders import empty_campaign
-from scenario_error_assertions import assert_one_line
 
 from rpojax.campaign import single_run
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.seal.record_seal import sealed
+from rpojax.campaign.storage.campaign_seal import sealed
 from rpojax.core.pytree import replace
-from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.errors import RpojaxError
 from rpojax.interop import run_replay
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.run_replay import ReplayedRun, TickObserver
@@ -29,27 +28,20 @@ from rpojax.simulation.state import State
 
 def test_a_run_that_the_campaign_does_not_have_is_refused(campaign: Campaign) -> None:
     with pytest.raises(RpojaxError, match=r"run_id: found 4, expected a run of this campaign, 0 to 3"):
-        run_replay.replay(campaign, 4, message_values.observe_tick)
-
-
-def test_a_team_is_refused_in_one_line(tmp_path: Path) -> None:
-    team = empty_campaign(tmp_path / "team", scenario_loader.load("cooperative_far"), 0, 2, 0, 1)
-    with pytest.raises(ScenarioError) as caught:
-        run_replay.replay(team, 1, message_values.observe_tick)
-    assert_one_line(caught.value, "servicers", "a replay of one servicer")
+        run_replay.replay_servicers(campaign, 4, message_values.observe_tick)
 
 
 def test_a_scenario_with_other_trained_files_is_refused(campaign: Campaign, tmp_path: Path) -> None:
     configuration = json.loads((campaign.directory / "campaign.json").read_text())
     (tmp_path / "campaign.json").write_text(json.dumps(sealed({**configuration, "scenario_hash": "0" * 64})))
     with pytest.raises(RpojaxError, match="scenario: found another content or trained files"):
-        run_replay.replay(Campaign(tmp_path), 3, message_values.observe_tick)
+        run_replay.replay_servicers(Campaign(tmp_path), 3, message_values.observe_tick)
 
 
 def test_a_replay_is_in_double_precision(observed_run: ReplayedRun, observe_both: TickObserver, tmp_path: Path) -> None:
     file = observed_run.file.model_copy(update={"precision": "single"})
     campaign = empty_campaign(tmp_path / "runs", file, observed_run.seed, 4, 0, 1)
-    found = run_replay.replay(campaign, observed_run.run_id, observe_both)
+    found = run_replay.replay_servicers(campaign, observed_run.run_id, observe_both)[0]
     assert scenario_digest(found.file) == campaign.configuration.scenario_hash
     for name, values in observed_run.poses.items():
         np.testing.assert_array_equal(found.poses[name], values, err_msg=name)
@@ -64,14 +56,14 @@ def test_a_failed_run_ends_with_the_tick_of_its_failure(
     entered = 1 + int(np.argmax(distance[1:] < radius))
     initialise_run = single_run.initialise_run
 
-    def with_larger_keep_out(*run: Any) -> tuple[Scenario, Params, State]:
-        scenario, params, state = initialise_run(*run)
+    def with_larger_keep_out(*run: Any, **options: Any) -> tuple[Scenario, Params, State]:
+        scenario, params, state = initialise_run(*run, **options)
         limits = replace(params.limits, keep_out=jnp.full_like(params.limits.keep_out, radius))
         return scenario, replace(params, limits=limits), state
 
     monkeypatch.setattr(single_run, "initialise_run", with_larger_keep_out)
     reports: list[Progress] = []
-    found = run_replay.replay(campaign, observed_run.run_id, observe_both, on_progress=reports.append)
+    found = run_replay.replay_servicers(campaign, observed_run.run_id, observe_both, on_progress=reports.append)[0]
     assert (found.ticks, found.failed_at_s, [each.total for each in reports]) == (entered, entered - 1.0, [1])
     assert (found.params.limits.keep_out, len(found.values[0].time_s)) == (radius, entered)
     np.testing.assert_array_equal(found.poses["r_ST_N"], observed_run.poses["r_ST_N"][:entered])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
+from rpojax.report.figures.scatter_explorer import scatter_explorer
 from rpojax.report.sections import failure_section, sensitivity_section
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.page.campaign_summary import summarise
+from rpojax.report.page.report_json import summarise
 
 
 def test_metrics_are_in_display_order(campaign):

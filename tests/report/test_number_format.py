@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.report.number_format import format_number
+from rpojax.report.labels import format_number
 
 _DASH = "\N{EN DASH}"
 

@@ -5,9 +5,8 @@ from typing import Any
 
 import pytest
 
-from rpojax.report.page.campaign_summary import summarise
 from rpojax.report.page.html_report import write_report
-from rpojax.report.page.report_json import report_content
+from rpojax.report.page.report_json import report_content, summarise
 from rpojax.report.sections.dispersion_section import drawn_distributions
 
 

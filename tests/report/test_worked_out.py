@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from synthetic_campaign_results import SyntheticCampaign
 
-from rpojax.analysis.statistics.dependence import hsic
-from rpojax.analysis.statistics.dependence.input_ranking import rank_inputs
+from rpojax.analysis.statistics import dependence
+from rpojax.analysis.statistics.dependence import rank_inputs
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.notes import Notes
 from rpojax.report.page.report_json import report_content
 from rpojax.report.sections import sensitivity_section
-from rpojax.report.worked_out import Notes
 
 
 def test_a_part_that_fails_is_made_without_numbers_and_noted(
@@ -55,5 +55,5 @@ def test_dependence_is_the_same_at_any_scale(scale: float) -> None:
 
 def test_ordinary_numbers_are_not_scaled() -> None:
     values = np.array([1.0, 2.0, 4.0])
-    scaled: Callable[[np.ndarray], np.ndarray] = hsic._in_range
+    scaled: Callable[[np.ndarray], np.ndarray] = dependence._in_range
     assert scaled(values) is values

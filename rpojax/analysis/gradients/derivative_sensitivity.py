@@ -17,13 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
-from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
-from rpojax.analysis.statistics.dependence.rank_correlation import spearman
+from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs, spearman
+from rpojax.analysis.statistics.intervals import shrunk_mean
 from rpojax.analysis.statistics.paired_comparison import requirement_name
-from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
-from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import Notice, RpojaxError
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage
@@ -216,7 +214,7 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
             expected = f"a metric with a derivative: {', '.join(known)}"
             raise RpojaxError.of_argument("metrics", f"found {name!r}, expected {expected}")
     required = [] if names else file.requirements
-    usable = [each for each in required if each.is_of_all_runs and each.metric in known]
+    usable = [requirement for requirement in required if requirement.is_of_all_runs and requirement.metric in known]
     chosen = names or [each.metric for each in usable]
     if not chosen:
         raise RpojaxError.of_argument(
@@ -249,7 +247,7 @@ def derivative_sensitivities(
 
 
 def _metric_sensitivity(space: StandardNormalSpace, name: str, found: RolloutResult, index: int) -> MetricSensitivity:
-    """From the metrics and Jacobian of the median run and the others, of which the metric is column `index`.
+    """Sensitivity of the metric in column `index`, from metrics and Jacobian of the median run and the other runs.
 
     Raises:
         RpojaxError: too few runs reach their end with a value of it.
@@ -320,7 +318,7 @@ def _campaign_agreement(
 
 
 def _strengths(space: StandardNormalSpace, ranking: InputRanking) -> dict[str, float]:
-    """Strength of each input from those of the campaign's columns, several of which may belong to one input."""
+    """Strength of each input: root of the summed squares over the campaign's columns that belong to it."""
     squares: dict[str, float] = {}
     for one in ranking.inputs:
         name = space.group_of(one.name)

@@ -15,9 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
 from rpojax.campaign import single_run
-from rpojax.campaign.execution.tick_batching import batch_transform
+from rpojax.campaign.execution.run_programs import batch_transform
 from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
@@ -51,13 +50,38 @@ _COMPILING: dict[ProgramKind, str] = {
     "reverse of all": "compiling runs and derivatives, some minutes",
 }
 """What is said while a program is compiled."""
-
 RUNS_PER_DEVICE = 64
 """Runs at a time on each device; more are no faster."""
 CHECKPOINT_MEMORY_BYTES = 2_000_000_000
 """Memory for the kept states of the reverse mode on each device; beyond it states are computed twice [B]."""
 FORWARD_MODE_MAX_INPUTS = 4
 """Inputs up to which the forward mode is the faster one (measured; see experiments/tuning)."""
+
+
+def checkpoint_interval(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:
+    """Ticks between kept states in reverse mode: 1 if all states fit, else the interval of least memory."""
+    if ticks * state_bytes * runs <= memory_bytes:
+        return 1
+    return max(2, round(ticks**0.5))
+
+
+def checkpointed_scan(function: Callable[[Any], Any], start: Any, length: int, interval: int) -> Any:
+    """`function` applied `length` times; the reverse mode keeps one state in every `interval`, none at all with 0.
+
+    Within a tick nothing is kept: computing it again is cheaper than the traffic to memory.
+    """
+    if interval == 0:
+        return jax.lax.scan(lambda carry, _: (function(carry), None), start, None, length=length)[0]
+    body = jax.checkpoint(function)
+
+    def scan_ticks(carry: Any, count: int) -> Any:
+        return jax.lax.scan(lambda inner, _: (body(inner), None), carry, None, length=count)[0]
+
+    if interval == 1:
+        return scan_ticks(start, length)
+    scan_interval = jax.checkpoint(lambda carry: scan_ticks(carry, interval))
+    carry = jax.lax.scan(lambda inner, _: (scan_interval(inner), None), start, None, length=length // interval)[0]
+    return scan_ticks(carry, length % interval)
 
 
 @dataclass(frozen=True)
@@ -105,7 +129,7 @@ class RolloutEvaluator:
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
         on_stage: Callable[[str], None] = lambda words: None,
     ) -> None:
-        """Compiles nothing yet; `on_stage` is told in words what begins, a compilation or the simulation after it."""
+        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins."""
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
         self.scenario, self._nominal = single_run.nominal_parameters(file)

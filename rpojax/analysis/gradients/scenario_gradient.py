@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
 from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
-from rpojax.analysis.gradients.tuning.tunable_scenario import check_differentiable
+from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
 from rpojax.campaign import preflight
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError
@@ -72,7 +72,7 @@ class Gradient:
         }
 
     def counts(self, metric: str) -> np.ndarray:
-        """Flags (runs,) of the runs that count for a metric: completed ones in which it is defined."""
+        """Flags (runs,) of the runs that count for a metric: completed and with a value of it."""
         return self.completed & np.isfinite(self.metrics[metric])
 
     def _counted(self, metric: str, least: int) -> dict[str, np.ndarray]:
@@ -165,7 +165,7 @@ def gradient(
 def _jacobian(
     evaluator: RolloutEvaluator, inputs: np.ndarray, keys: np.ndarray, mode: str
 ) -> tuple[RolloutResult, np.ndarray]:
-    """Metrics of runs, and their Jacobian (runs, metrics, k): at once in forward mode, else one row per metric."""
+    """Metrics of runs and their Jacobian (runs, metrics, k): at once in forward mode, else metric by metric."""
     if mode == "forward":
         found = evaluator.jacobian(inputs, keys)
         assert found.jacobian is not None

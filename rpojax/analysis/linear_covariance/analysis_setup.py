@@ -3,11 +3,10 @@
 import jax
 import jax.numpy as jnp
 
-from rpojax.analysis.linear_covariance import describing_function
+from rpojax.analysis.linear_covariance import burn_decision
 from rpojax.analysis.linear_covariance.linearisation import (
+    deviation_vector,
     dispersion_linearisation,
-    error_sources,
-    initial_conditions,
     target_outline_ensemble,
 )
 from rpojax.analysis.linear_covariance.linearisation.compiled_loop import CompiledLoop
@@ -65,14 +64,16 @@ class AnalysisSetup:
         key = run_key(0, 0)
         state = jax.eval_shape(lambda: initial_state.init(static, centre, key))
         self.loop = LinearisedLoop(static, centre, make_layout(state, centre, found.constant_paths()), stages)
-        self.initial_conditions = initial_conditions.initial_conditions(static, centre, self.loop.layout, key, found)
+        self.initial_conditions = dispersion_linearisation.initial_conditions(
+            static, centre, self.loop.layout, key, found
+        )
         self.ensemble = target_outline_ensemble.initial_ensemble(file, base, members)
-        self.normal_points = describing_function.normal_points(3, _LOG2_POINTS)
+        self.normal_points = burn_decision.normal_points(3, _LOG2_POINTS)
         self.compiled = CompiledLoop(
             self.loop, self.initial_conditions[0].state, self.ensemble, len(self.normal_points)
         )
-        self.sources = error_sources.source_names(self.initial_conditions[0].columns)
+        self.sources = deviation_vector.source_names(self.initial_conditions[0].columns)
         self.source_index = {name: number for number, name in enumerate(self.sources)}
-        self.noise_sources = [*self.loop.noise_vector.slices, error_sources.BURN, error_sources.DECISION]
+        self.noise_sources = [*self.loop.noise_vector.slices, deviation_vector.BURN, deviation_vector.DECISION]
         self.noise_sigma = self.loop.noise_vector.sigma(self.edge_noise_px)
         self.span_ticks = max(span for span in range(1, _MAX_SPAN_TICKS + 1) if static.formation_ticks % span == 0)

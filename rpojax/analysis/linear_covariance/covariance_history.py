@@ -33,6 +33,8 @@ ENSEMBLE_SIZE = 256
 """Targets in the ensemble of outlines."""
 MAX_HOLD_TICKS = 10
 """Most ticks that share one Jacobian once the transfer is over."""
+ERRORS = {"formation error": "rho_H", "relative estimation error": "relative_error_H"}
+"""Outputs of the budget by title, three axes together."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,9 @@ def _propagate_periods(setup: AnalysisSetup, max_hold_ticks: int) -> list[Period
     # The recursion along one period overlaps with the nominal run of the next. Its matrices are small: BLAS with
     # threads of its own would take twice as long and keep the other cores from the Jacobians.
     with blas_threads.one_thread(), ThreadPoolExecutor(2) as pool:
-        recursions = [NominalRecursion(setup, each, max_hold_ticks, pool) for each in setup.initial_conditions]
+        recursions = [
+            NominalRecursion(setup, condition, max_hold_ticks, pool) for condition in setup.initial_conditions
+        ]
         pending: list[list[Future[PeriodRecord]]] = []
         for first in range(0, static.ticks, static.formation_ticks):
             kept = min(static.formation_ticks, static.ticks - first)
@@ -170,3 +174,34 @@ def _join_records(
         run_s=run_s,
         run_cpu_s=run_cpu_s,
     )
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Standard deviations [m] of the three axes together, by error and source.
+
+    Attributes:
+        at_end: by each source alone, at the end
+        total_at_end: by all sources
+        at_worst: greatest by each source alone
+        worst_at_s: time of it [s]
+    """
+
+    at_end: dict[str, dict[str, float]]
+    total_at_end: dict[str, float]
+    at_worst: dict[str, dict[str, float]]
+    worst_at_s: dict[str, dict[str, float]]
+
+
+def error_budget(linear: LinearCovariance) -> ErrorBudget:
+    """Error budget of a linear covariance."""
+    at_end, total, at_worst, worst_at = {}, {}, {}, {}
+    for title, output in ERRORS.items():
+        # Rounding can leave a share of zero slightly negative.
+        sigma = np.sqrt(np.maximum(linear.shares[:, :, OUTPUTS[output]].sum(axis=2), 0.0))
+        at_end[title] = dict(zip(linear.sources, sigma[-1].tolist(), strict=True))
+        total[title] = float(np.sqrt(np.sum(sigma[-1] ** 2)))
+        at_worst[title] = dict(zip(linear.sources, sigma.max(axis=0).tolist(), strict=True))
+        when = linear.share_time_s[sigma.argmax(axis=0)]
+        worst_at[title] = dict(zip(linear.sources, when.tolist(), strict=True))
+    return ErrorBudget(at_end, total, at_worst, worst_at)

@@ -11,16 +11,16 @@ import numpy as np
 from rpojax.analysis.linear_covariance import monte_carlo_agreement
 from rpojax.analysis.linear_covariance.covariance_history import (
     ENSEMBLE_SIZE,
+    ErrorBudget,
     LinearCovariance,
     check_scenario,
+    error_budget,
     propagate_covariance,
 )
-from rpojax.analysis.linear_covariance.error_budget import ErrorBudget, error_budget
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, ChannelAgreement, MonteCarloSample
 from rpojax.campaign import preflight
-from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
-from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_atomically, write_json
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.optional_packages import require_package

@@ -56,7 +56,7 @@ class MonteCarloSample:
 
 @dataclass(frozen=True)
 class ChannelAgreement:
-    """Ratios of linear to sampled standard deviation of one component of one channel.
+    """Ratios of linear to sampled standard deviation for one component of a channel.
 
     Attributes:
         channel: as `CHANNELS`

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from rpojax.analysis.reliability.search_settings import SearchSettings
-from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
+from rpojax.analysis.statistics.intervals import shrunk_mean
 
 _MIN_GRADIENTS = 3
 
@@ -85,7 +85,7 @@ class BudgetExceededError(Exception):
 
 
 class EvaluationLog:
-    """Evaluates a limit state, and keeps what was found and what it cost.
+    """Evaluates a limit state, and keeps results and cost.
 
     Attributes:
         settings: effort of the search

@@ -136,7 +136,7 @@ def _linear_regression(points: np.ndarray, margins: np.ndarray) -> tuple[np.ndar
 
 
 def _step_searches(log: EvaluationLog, searches: list[_SearchState]) -> list[_SearchState]:
-    """Every search one step on; those that no longer improve are left out."""
+    """Advances every search by one step; leaves out searches that no longer improve."""
     searches = _with_gradients(log, searches)
     mean_gradient = log.mean_gradient()
     candidates = [
@@ -144,7 +144,7 @@ def _step_searches(log: EvaluationLog, searches: list[_SearchState]) -> list[_Se
         for search in searches
     ]
     points = np.concatenate(candidates)
-    replicates = np.repeat([search.replicate for search in searches], [len(each) for each in candidates])
+    replicates = np.repeat([search.replicate for search in searches], [len(candidate) for candidate in candidates])
     margins = np.split(log.margins(points, replicates), np.cumsum([len(each) for each in candidates])[:-1])
     moved = [_best_candidate(*each) for each in zip(searches, candidates, margins, strict=True)]
     return [search for search in moved if search is not None]

@@ -16,8 +16,8 @@ from rpojax.analysis.statistics.paired_comparison import (
     requirement_name,
 )
 from rpojax.campaign import experiment_design
+from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import ResultError
 from rpojax.metrics.time_windows import split_name
 from rpojax.optional_packages import require_package
@@ -64,7 +64,7 @@ class CampaignComparison:
         content = {
             "first": str(self.first),
             "second": str(self.second),
-            "changed": [dataclasses.asdict(each) for each in self.changed],
+            "changed": [dataclasses.asdict(change) for change in self.changed],
             "independent": self.independent,
             "warnings": list(self.warnings),
         }
@@ -111,7 +111,7 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
 
 
 def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
-    """Sentences on what makes the comparison less than one of like with like.
+    """Sentences on differences that make the two campaigns hard to compare.
 
     They name durations and teams that differ, and metrics and requirements that only one campaign has values for.
     """
@@ -205,4 +205,4 @@ def _base(name: str) -> str:
 def _requirements(first: Campaign, second: Campaign, differing: Sequence[str]) -> list[RequirementSection]:
     """Requirements of either campaign, each once, but those on metrics that they define differently."""
     listed = [each for each in (*first.requirements, *second.requirements) if each.metric not in differing]
-    return [each for index, each in enumerate(listed) if each not in listed[:index]]
+    return [item for index, item in enumerate(listed) if item not in listed[:index]]

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
-from rpojax.analysis.statistics.intervals.order_statistics import quantile_interval_ranks, quantile_upper_bound
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval, quantile_interval_ranks, quantile_upper_bound
 
 _SAMPLE_SIZES = 20
 _SMALLEST_SAMPLE = 10

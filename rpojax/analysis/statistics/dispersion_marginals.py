@@ -71,7 +71,7 @@ def goodness_of_fit_p(values: np.ndarray, distribution: Distribution) -> float:
 
 
 def declared_nominal(scenario: Mapping[str, Any], key: str) -> Any:
-    """Value of a key, or of one component such as `a.b[1]`, in the tables of a scenario; None if there is none."""
+    """Value of a key, or of a component such as `a.b[1]`, in the tables of a scenario; None if it is absent."""
     place = parse_key(key)
     value: Any = scenario
     for part in place.key.split("."):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
-from rpojax.analysis.statistics.intervals.median_bootstrap import resampled_medians
+from rpojax.analysis.statistics.intervals import resampled_medians
 from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
@@ -138,9 +138,11 @@ def compare_paired_runs(
             if kind is not Outcome.COMPLETED and np.any((one.outcomes == kind) | (other.outcomes == kind))
         ),
         requirements=tuple(
-            count_paired_events(requirement_name(each), _violating(each, one), _violating(each, other), independent)
-            for each in requirements
-            if can_be_judged(each, one.metrics) and can_be_judged(each, other.metrics)
+            count_paired_events(
+                requirement_name(requirement), _violating(requirement, one), _violating(requirement, other), independent
+            )
+            for requirement in requirements
+            if can_be_judged(requirement, one.metrics) and can_be_judged(requirement, other.metrics)
         ),
         metrics=_median_changes(one, other, np.random.default_rng(seed) if independent else None),
     )

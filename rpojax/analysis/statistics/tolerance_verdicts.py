@@ -11,11 +11,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import success_bounds
-from rpojax.analysis.statistics.intervals.order_statistics import (
+from rpojax.analysis.statistics.intervals import (
     allowed_failures,
     consumer_risk_reached,
     runs_for_bound,
+    success_bounds,
 )
 from rpojax.scenario.schema import RequirementSection
 
@@ -95,7 +95,7 @@ def violates(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:
 
 
 def is_of_outcome(requirement: RequirementSection, outcomes: np.ndarray) -> np.ndarray:
-    """Flags (n,) of runs whose outcome is that of a requirement, all of them for one without."""
+    """Flags (n,) of runs with the outcome that a requirement names; all runs if it names none."""
     return np.full(len(outcomes), True) if requirement.outcome is None else outcomes == requirement.outcome
 
 
@@ -108,7 +108,7 @@ def reaches(requirement: RequirementSection, metrics: Mapping[str, np.ndarray]) 
 
 
 def counts(requirement: RequirementSection, metrics: Mapping[str, np.ndarray], outcomes: np.ndarray) -> np.ndarray:
-    """Flags (n,) of runs that count for a requirement: of its outcome and, if it is of those, that reach its phase."""
+    """Flags (n,) of runs that count for a requirement: they have its outcome and, if it demands so, reach its phase."""
     reached = reaches(requirement, metrics) if requirement.is_of_reaching_runs else None
     of_outcome = is_of_outcome(requirement, outcomes)
     return of_outcome if reached is None else of_outcome & reached

@@ -16,11 +16,10 @@ from jax.stages import Traced
 from jaxtyping import Array
 
 from rpojax.batching.batching_mode import BatchingMode
-from rpojax.campaign.execution import run_programs
+from rpojax.campaign.execution import run_programs, teams
 from rpojax.campaign.execution.passive_safety import PassiveSafety
+from rpojax.campaign.execution.run_programs import batch_transform, tick_batching_mode
 from rpojax.campaign.execution.surface_coverage import SurfaceCoverage
-from rpojax.campaign.execution.teams import member_values
-from rpojax.campaign.execution.tick_batching import batch_transform, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
 from rpojax.core.numerics.counted_scan import scan_to_count
@@ -210,7 +209,7 @@ class BatchEngine:
             preparation = pool.submit(_compile_preparation, self._preparation_trace)
             traces = self._loop_traces
             drawn = jax.eval_shape(
-                lambda values: member_values.of_member(self.file, values, 0), self._preparation_trace.out_info[0]
+                lambda values: teams.of_member(self.file, values, 0), self._preparation_trace.out_info[0]
             )
             with self._tracing_precision():
                 safety = pool.submit(self.passive_safety.compile, drawn)
@@ -287,9 +286,9 @@ class BatchEngine:
         last = -2 if self.file.servicers else -1
         return {
             name: jax.ShapeDtypeStruct(
-                each.shape[1:last], np.float64 if np.issubdtype(each.dtype, np.floating) else each.dtype
+                values.shape[1:last], np.float64 if np.issubdtype(values.dtype, np.floating) else values.dtype
             )
-            for name, each in channels.items()
+            for name, values in channels.items()
         }
 
     def prepare(self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None) -> PreparedRuns:

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.campaign.execution import block_recording
+from rpojax.campaign.execution import block_recording, teams
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns, Segment
 from rpojax.campaign.execution.block_recording import ChannelRecorder, ServicerResults, recorded_channels
 from rpojax.campaign.execution.campaign_engine import check_versions
 from rpojax.campaign.execution.selected_histories import SelectionSoFar
 from rpojax.campaign.execution.surface_coverage import CoverageResults
-from rpojax.campaign.execution.teams import member_values, passive_separation, team_recording
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
@@ -56,7 +55,7 @@ class SimulatedBatch:
             frozen_at_s = float(own.judged.since_s[row]) if own.judged.frozen[row] else np.inf
             servicer = number if engine.file.servicers else None
             histories.append(self.recorder.history(row, own.file, own.used, frozen_at_s, servicer))
-        return team_recording.joined_history(histories) if engine.file.servicers else histories[0]
+        return teams.joined_history(histories) if engine.file.servicers else histories[0]
 
     def block_arrays(self, rows: slice, engine: BatchEngine) -> dict[str, np.ndarray]:
         """Arrays of one block as they are stored."""
@@ -69,8 +68,8 @@ class SimulatedBatch:
         metrics = {name: values[rows] for name, values in of_team.items()}
         metrics |= team_metrics.evaluate(1.0 / engine.file.rates.camera_hz, recorded)
         with metric_catalogue.metrics_of_scenario(plugin_registry.metrics_of(engine.file)):
-            joined = team_recording.joined_arrays(arrays, metrics, coverage.maps, self.judged, rows)
-        return joined | team_recording.value_arrays(engine.file, block_recording.value_arrays(self.prepared, rows))
+            joined = teams.joined_arrays(arrays, metrics, coverage.maps, self.judged, rows)
+        return joined | teams.value_arrays(engine.file, block_recording.value_arrays(self.prepared, rows))
 
 
 def simulate_batch(
@@ -116,8 +115,8 @@ def simulate_batch(
     worst = team_outcome.worst([own.judged for own in servicers])
     if not drifts:
         return SimulatedBatch(prepared, recorder, servicers, worst, {})
-    drawn = [member_values.of_member(engine.file, prepared.drawn, number) for number in _numbers(engine)]
-    between = passive_separation.least_separation(engine.passive_safety, engine.member_params, drawn, recorder.records)
+    drawn = [teams.of_member(engine.file, prepared.drawn, number) for number in _numbers(engine)]
+    between = teams.least_separation(engine.passive_safety, engine.member_params, drawn, recorder.records)
     return SimulatedBatch(prepared, recorder, servicers, worst, between)
 
 
@@ -141,7 +140,7 @@ def _judged(
 ) -> ServicerResults:
     """What is judged of one servicer."""
     file, nominal, is_team = engine.members[number], engine.member_params[number], bool(engine.file.servicers)
-    drawn, used = (member_values.of_member(engine.file, values, number) for values in (prepared.drawn, prepared.used))
+    drawn, used = (teams.of_member(engine.file, values, number) for values in (prepared.drawn, prepared.used))
     # The servicers of a team are the axis before the runs.
     channels = {name: each[..., number, :] if is_team else each for name, each in recorder.records.items()}
     records = {name: np.moveaxis(values, -1, 0) for name, values in channels.items()}

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rpojax.batching import batching_mode
-from rpojax.campaign import experiment_design, replaced_stage_provenance
+from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.storage import provenance
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
@@ -32,7 +33,7 @@ def recreate_engine(
         raise RpojaxError(
             "scenario: found another content or trained files, expected those that the campaign began with"
         )
-    replaced_stage_provenance.check_same_stages(configuration.stages, plugin_registry.stages_of(file, stages))
+    provenance.check_same_stages(configuration.stages, plugin_registry.stages_of(file, stages))
     options = configuration.options
     design = experiment_design.recreate_design(file, options.seed, options.design_range, configuration.design_sha256)
     # Campaigns that do not record it began when there was no choice.

@@ -125,7 +125,7 @@ class PassiveSafety:
             )
             for run in range(runs)
         ]
-        most = max(len(each.ticks) for each in starts)
+        most = max(len(start.ticks) for start in starts)
         # Most runs have few drifts: a run takes more columns of the batch only where it has more of them.
         columns = [
             (run, first)
@@ -146,17 +146,17 @@ class PassiveSafety:
         for window, flags in windows.items():
             frozen = (flags & ~running).any(axis=1)
             values = self._metrics(starts, least, entry, flags)
-            in_windows |= {name + window: np.where(frozen, np.nan, each) for name, each in values.items()}
-        required = {each.metric_name for each in self.file.requirements}
+            in_windows |= {name + window: np.where(frozen, np.nan, value) for name, value in values.items()}
+        required = {requirement.metric_name for requirement in self.file.requirements}
         return found | {name: values for name, values in in_windows.items() if name in required}
 
     def _windows(self, records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Flags (runs, ticks) of the windows of requirements on drifts, by suffix."""
         by_run = {name: records[name].T for name in ("running", "phase") if name in records}
         return {
-            each.window.suffix: recorded_metrics.window_ticks(self.file, each.window, by_run)
-            for each in self.file.requirements
-            if each.window.suffix and metrics.is_of_drifts(each.metric)
+            requirement.window.suffix: recorded_metrics.window_ticks(self.file, requirement.window, by_run)
+            for requirement in self.file.requirements
+            if requirement.window.suffix and metrics.is_of_drifts(requirement.metric)
         }
 
     def _metrics(
@@ -242,11 +242,11 @@ class PassiveSafety:
     def _batch(self, starts: Sequence[DriftStarts], firsts: Sequence[int]) -> StartBatch:
         count, tick_s = self.drifts_at_once, self.scenario.tick_s
         numbers = [np.arange(first, first + count) for first in firsts]
-        rows = [np.minimum(own, len(each.ticks) - 1) for own, each in zip(numbers, starts, strict=True)]
+        rows = [np.minimum(own, len(start.ticks) - 1) for own, start in zip(numbers, starts, strict=True)]
         exists = np.stack([own < len(each.ticks) for own, each in zip(numbers, starts, strict=True)], axis=-1)
 
         def gathered(name: str) -> np.ndarray:
-            return np.stack([getattr(each, name)[..., row] for each, row in zip(starts, rows, strict=True)], axis=-1)
+            return np.stack([getattr(start, name)[..., row] for start, row in zip(starts, rows, strict=True)], axis=-1)
 
         fields: dict[str, Any] = {name: gathered(name) for name in _SHARED_FIELDS}
         fields |= {

@@ -211,7 +211,7 @@ def _execute_batch(slot: int, process: "subprocess.Popen[str]", batch: Sequence[
 
 
 def _parse_message(line: str) -> list[Any]:
-    """Message of a worker; an empty kind for other output, such as what a library prints."""
+    """Message of a worker; other output, such as a print of a library, has an empty kind."""
     try:
         message = json.loads(line)
     except ValueError:

@@ -1,12 +1,14 @@
 """What a batch compiles of one run: its preparation and its tick, for one servicer or for a team."""
 
 import dataclasses
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from typing import Any
 
 from jaxtyping import Array
 
+from rpojax.batching import batching_mode
 from rpojax.batching.batching_mode import BatchingMode
-from rpojax.campaign.execution.teams.member_values import draw_of_members, numbers_of_members
+from rpojax.campaign.execution.teams import draw_of_members, numbers_of_members
 from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
@@ -134,3 +136,14 @@ def run_program(file: ScenarioFile, scenario: Scenario, stages: Stages, mode: Ba
         return ServicerRun(file, scenario, stages, nominal)
     team = member_axes.stack_members(members.member_params(file), mode)
     return TeamRun(file, scenario, stages, team, dispersion_keys.common_keys(file))
+
+
+def tick_batching_mode(scenario: Scenario, mode: BatchingMode | None = None) -> BatchingMode:
+    """How a tick is batched: as given, or by default as the environment says."""
+    # Images are rendered by convolutions and lookups, which JAX batches best itself.
+    return "jax" if scenario.camera_model == "rendered" else mode or batching_mode.chosen_mode()
+
+
+def batch_transform(scenario: Scenario, mode: BatchingMode | None = None) -> Callable[..., Callable[..., Any]]:
+    """Transform that batches a tick: `jax.vmap`, or its equivalent that keeps the runs in the last axis."""
+    return batching_mode.transform(tick_batching_mode(scenario, mode))

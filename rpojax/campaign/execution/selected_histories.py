@@ -78,7 +78,7 @@ class SelectionSoFar:
         return selection
 
     def add(self, run_ids: np.ndarray, failed: np.ndarray, metrics: Mapping[str, np.ndarray]) -> set[int]:
-        """Adds the runs of another block, of which `metrics` maps names to (runs,); returns the runs displaced."""
+        """Adds the runs of another block with `metrics`, name -> (runs,); returns the runs displaced."""
         before = set(self.run_ids.tolist())
         order = np.argsort(np.concatenate([self.run_ids, run_ids]), kind="stable")
 

@@ -137,7 +137,9 @@ class SurfaceCoverage:
         first_runs = [place * self.runs_per_device for place in range(len(self.devices))]
         rows = [slice(first, first + self.runs_per_device) for first in first_runs]
         surface = self._nominal_surface()
-        known = [(nominal or self.nominal, surface, {name: each[own] for name, each in drawn.items()}) for own in rows]
+        known = [
+            (nominal or self.nominal, surface, {name: values[own] for name, values in drawn.items()}) for own in rows
+        ]
         known = self._programs.place(known)
         tallies = [self._nothing() for _ in rows]
         for first in range(0, len(self.ticks), _SAMPLES_AT_ONCE):
@@ -149,7 +151,7 @@ class SurfaceCoverage:
 
     def union(self, servicers: Sequence[CoverageResults]) -> CoverageResults:
         """Coverage by a team: a facet is seen if anyone sees it, so often as by the servicer that sees it most."""
-        tallies = [each.tally for each in servicers if each.tally is not None]
+        tallies = [servicer.tally for servicer in servicers if servicer.tally is not None]
         if not tallies:
             return CoverageResults({}, {})
         lit, seen, first_seen = (
@@ -174,7 +176,9 @@ class SurfaceCoverage:
     def _nominal_surface(self) -> Surface:
         facets, visible = self._made_surface()
         fields: dict[str, Any] = {"centers": facets.centers, "normals": facets.normals}
-        return Surface(visible=jnp.asarray(visible), **{name: each.astype(np.float32) for name, each in fields.items()})
+        return Surface(
+            visible=jnp.asarray(visible), **{name: values.astype(np.float32) for name, values in fields.items()}
+        )
 
     def _instants(self, records: Mapping[str, np.ndarray], rows: slice, numbers: np.ndarray) -> Instant:
         """Samples with some numbers of some runs (runs, samples, ...); after the last one no run lasts."""

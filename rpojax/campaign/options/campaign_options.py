@@ -1,6 +1,7 @@
 """Options of a campaign: one record for the command line, for Python and for `campaign.json`. Free of jax and numpy."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypedDict
 
@@ -9,6 +10,7 @@ from tyro.conf import AvoidSubcommands, Fixed, arg
 from rpojax.campaign import preflight
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
+from rpojax.errors import RpojaxError
 
 DEFAULT_HISTORIES = Retention("8+requirements")
 """The first eight runs keep a full history, and the worst run of each requirement."""
@@ -16,7 +18,7 @@ DEFAULT_HISTORIES = Retention("8+requirements")
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """Which runs of a scenario a campaign simulates, and what it keeps of them.
+    """Runs of a scenario that a campaign simulates, and the histories that it keeps.
 
     The command `rpojax campaign` has the fields as options, except those marked `Fixed`.
 
@@ -58,7 +60,7 @@ class CampaignOptions:
         return self.run_range or RunRange(self.first_run, self.runs)
 
     def max_full_histories(self, requirements: int) -> int:
-        """Largest number of histories, failures excluded, as that of full ones of the same size.
+        """Largest number of histories without those of failures, in full histories of the same total size.
 
         `requirements` is the number of those of the scenario.
         """
@@ -104,3 +106,31 @@ class FurtherOptions(TypedDict, total=False):
     block_size: int | None
     run_range: RunRange | None
     report: bool
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Shard `number` of `count`, from 1: the blocks b with b % count == number - 1."""
+
+    number: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> "Shard":
+        """Shard from text such as `2/8`.
+
+        Raises:
+            RpojaxError: the text has another form, or there is no such shard.
+        """
+        found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
+        if not found or not 1 <= int(found[1]) <= int(found[2]):
+            raise RpojaxError.of_argument("shard", f"found {text!r}, expected i/n with i from 1 to n, such as 2/8")
+        return cls(int(found[1]), int(found[2]))
+
+    def select(self, blocks: Sequence[int]) -> list[int]:
+        """The blocks that belong to this shard."""
+        return [block for block in blocks if block % self.count == self.number - 1]
+
+
+ALL_BLOCKS = Shard(1, 1)
+"""The only shard of a campaign that is not divided."""

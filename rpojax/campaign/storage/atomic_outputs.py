@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rpojax.campaign.storage import atomic_files
 from rpojax.errors import OutputError
 
@@ -37,3 +39,16 @@ def write_atomically(path: Path, content: bytes) -> Path:
 def write_json(path: Path, content: Any) -> Path:
     """Writes JSON in the same way."""
     return write_atomically(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
+
+
+def to_json_types(value: Any) -> Any:
+    """`value` in the types of JSON, with None in place of a number that is not finite."""
+    if isinstance(value, dict):
+        return {str(key): to_json_types(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_json_types(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return to_json_types(value.tolist())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if isinstance(value, str | int | bool | None) else str(value)

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.preflight import MAX_RUN_ID
-from rpojax.campaign.storage import atomic_files, safe_paths
+from rpojax.campaign.storage import atomic_files, campaign_seal, safe_paths
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
-from rpojax.campaign.storage.seal import record_seal
 from rpojax.errors import ResultError
 from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
 
@@ -58,7 +57,7 @@ class Manifest:
     campaign_seal: str | None = None
 
 
-_ENTRIES = [field for field in fields(Manifest) if field.name != record_seal.CAMPAIGN_SEAL]
+_ENTRIES = [field for field in fields(Manifest) if field.name != campaign_seal.CAMPAIGN_SEAL]
 """Entries of every manifest; those with a seal are checked before."""
 
 
@@ -78,8 +77,8 @@ def write(directory: Path, block: int, manifest: Manifest) -> None:
     safe_paths.make_folder(directory, path.parent)
     record = asdict(manifest)
     if manifest.campaign_seal is None:
-        del record[record_seal.CAMPAIGN_SEAL]
-    atomic_files.write_json(path, record if manifest.campaign_seal is None else record_seal.sealed(record))
+        del record[campaign_seal.CAMPAIGN_SEAL]
+    atomic_files.write_json(path, record if manifest.campaign_seal is None else campaign_seal.sealed(record))
     _attempts_path(directory, block).unlink(missing_ok=True)
 
 
@@ -113,7 +112,7 @@ def read(directory: Path, configuration: CampaignConfiguration, block: int) -> M
     expected = f"the manifest of a finished block {_RESUME_HINT}"
     content = atomic_files.read_json(path, expected, FileKind.MANIFEST)
     if isinstance(content, dict):
-        record_seal.check_belongs(path, content, configuration.seal, f" {_RESUME_HINT}")
+        campaign_seal.check_belongs(path, content, configuration.seal, f" {_RESUME_HINT}")
     for field in _ENTRIES:
         value = content.get(field.name) if isinstance(content, dict) else None
         if not _is_valid_entry(field.name, value):

@@ -8,8 +8,7 @@ from typing import Any
 
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.preflight import MAX_BLOCKS, MAX_RUN_ID, MAX_SEED
-from rpojax.campaign.storage import atomic_files, safe_paths
-from rpojax.campaign.storage.seal import record_seal
+from rpojax.campaign.storage import atomic_files, campaign_seal, safe_paths
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.untrusted.file_reading import FileKind
 
@@ -163,7 +162,7 @@ class CampaignConfiguration:
             rerun_of=record.get("rerun_of"),
             plugin=record.get("plugin") if isinstance(record.get("plugin"), dict) else None,
             format_version=record["format"],
-            seal=record.get(record_seal.SEAL),
+            seal=record.get(campaign_seal.SEAL),
         )
 
 
@@ -180,8 +179,8 @@ def read(directory: Path) -> CampaignConfiguration:
     if found not in (FORMAT_VERSION, UNSEALED_FORMAT) or isinstance(found, bool | float):
         raise ResultError(f"{directory}: found format {found!r:.60}, expected {UNSEALED_FORMAT} or {FORMAT_VERSION}")
     if found == FORMAT_VERSION:
-        record_seal.check_seal(path, content)
-    elif record_seal.SEAL in content:
+        campaign_seal.check_seal(path, content)
+    elif campaign_seal.SEAL in content:
         raise ResultError(f"{path}: found a seal, expected none in format {UNSEALED_FORMAT}")
     for key, form in _REQUIRED_ENTRIES.items():
         if not _is_valid_entry(key, content.get(key), form):

@@ -28,6 +28,7 @@ import numpy as np
 from rpojax.campaign.storage import (
     block_manifests,
     campaign_configuration,
+    campaign_seal,
     folder_creation,
     labelled_results,
     provenance,
@@ -37,9 +38,7 @@ from rpojax.campaign.storage.arrays.zarr_encoding import NOT_RECORDED
 from rpojax.campaign.storage.arrays.zarr_writer import ZarrWriter
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
-from rpojax.campaign.storage.seal import requirement_changes
-from rpojax.campaign.storage.seal.record_seal import array_binding
-from rpojax.campaign.storage.seal.requirement_changes import RequirementChange
+from rpojax.campaign.storage.campaign_seal import RequirementChange, array_binding
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
@@ -100,7 +99,7 @@ class Campaign:
         self._read_cache: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
         options, seal = self.configuration.options, self.configuration.seal
         self._writer = ZarrWriter(self.directory, options.runs, self.configuration.block_size, seal)
-        self.requirement_changes: list[RequirementChange] = requirement_changes.read_changes(self.directory, seal)
+        self.requirement_changes: list[RequirementChange] = campaign_seal.read_changes(self.directory, seal)
 
     @property
     def info(self) -> dict[str, Any]:
@@ -364,7 +363,7 @@ class Campaign:
 
     @property
     def transitions(self) -> list[PhaseTransition]:
-        """Phases that began in the runs, by what and when; the first one at the start of the run."""
+        """Phases that began in the runs, with cause and time; the first phase begins with the run."""
         return listed_transitions(self.run_ids, self.phase_names, self.phases)
 
     @property
@@ -449,7 +448,7 @@ class Campaign:
 
 
 def of_servicer(history: Mapping[str, np.ndarray], servicer: int) -> dict[str, np.ndarray]:
-    """History of one servicer of a team from that of all, whose channels are (ticks, servicers, ...)."""
+    """History of servicer number `servicer`, from the history of a team with channels (ticks, servicers, ...)."""
     ticks = len(history["time_s"])
     return {
         name: values if name == "time_s" else values[:, servicer] if len(values) == ticks else values[servicer]

@@ -2,25 +2,68 @@
 
 import contextlib
 import os
+import re
 import shutil
+import time
 import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import tomli_w
 
 from rpojax.campaign import preflight
-from rpojax.campaign.storage import atomic_files, campaign_configuration, safe_paths, stale_files
+from rpojax.campaign.storage import atomic_files, campaign_configuration, campaign_seal, safe_paths
 from rpojax.campaign.storage.campaign_configuration import FORMAT_VERSION, CampaignConfiguration
-from rpojax.campaign.storage.seal import record_seal
 from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
 from rpojax.untrusted.file_reading import FileKind
 from rpojax.untrusted.text_reading import read_text
 from rpojax.untrusted.toml_reading import parse_toml
 
+_STALE_S = 600.0
+"""Age after which a partial file counts as stale on any machine [s]: writing one takes moments."""
+_PARTIAL = re.compile(r"\.(?P<machine>[0-9a-f]{8})-(?P<process>\d+)-\d+\.partial$")
 _SCENARIO_NAME = "scenario.toml"
+
+
+def remove_stale_files(folder: Path) -> None:
+    """Removes the partial files below a folder whose writers have ended on this machine, or that are old."""
+    for place, _, names in os.walk(folder):
+        for name in names:
+            if _is_stale(Path(place, name)):
+                with contextlib.suppress(OSError):  # a file of another user
+                    Path(place, name).unlink()
+
+
+def stale_folders(directory: Path) -> list[Path]:
+    """Partial folders that were to become `directory` and whose makers were killed."""
+    if not directory.parent.is_dir():
+        return []
+    start = atomic_files.partial_prefix(directory.name)
+    found = [path for path in directory.parent.iterdir() if path.name.startswith(start) and path.is_dir()]
+    return [path for path in found if not path.is_symlink() and _is_stale(path)]
+
+
+def _is_stale(path: Path) -> bool:
+    found = _PARTIAL.search(path.name)
+    if not found:
+        return False
+    if found["machine"] == atomic_files.machine_id() and not _is_running(int(found["process"])):
+        return True
+    try:
+        return time.time() - path.lstat().st_mtime > _STALE_S
+    except OSError:
+        return False
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def create_folder(directory: Path, configuration: CampaignConfiguration, force: bool) -> None:
@@ -69,7 +112,9 @@ def check_scenario_copy(directory: Path, configuration: CampaignConfiguration) -
 
 def _move_into_place(directory: Path, configuration: CampaignConfiguration, force: bool) -> bool:
     """Makes the folder under a temporary name and renames it; false if another process was faster."""
-    place, record = Path(os.path.realpath(directory)), record_seal.sealed(_new_record(configuration))
+    # The format is the present one also for a rerun of an older campaign.
+    record = campaign_seal.sealed(replace(configuration, format_version=FORMAT_VERSION).to_record())
+    place = Path(os.path.realpath(directory))
     try:
         with _temporary_folder(place) as made:
             made.mkdir(parents=True)
@@ -106,16 +151,11 @@ def _temporary_folder(place: Path) -> Iterator[Path]:
     """A folder to be made beside a place, gone at the end; those of processes that were killed are removed."""
     made = place.with_name(atomic_files.partial_name(place.name))
     try:
-        for stale in stale_files.stale_folders(place):
+        for stale in stale_folders(place):
             shutil.rmtree(stale, ignore_errors=True)
         yield made
     finally:
         shutil.rmtree(made, ignore_errors=True)
-
-
-def _new_record(configuration: CampaignConfiguration) -> dict[str, Any]:
-    """Content of a new `campaign.json`, in the present format also for a rerun of an older campaign."""
-    return replace(configuration, format_version=FORMAT_VERSION).to_record()
 
 
 def _takes_place(made: Path, place: Path, force: bool) -> bool:

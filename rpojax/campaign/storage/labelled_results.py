@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.campaign.storage.arrays.array_units import array_units
-from rpojax.campaign.storage.arrays.zarr_encoding import dimension_names
+from rpojax.campaign.storage.arrays.zarr_encoding import array_units, dimension_names
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.metrics import metric_catalogue
 from rpojax.optional_packages import require_package

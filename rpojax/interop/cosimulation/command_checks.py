@@ -10,8 +10,18 @@ from typing import Any
 import numpy as np
 
 from rpojax.core.constants import RADIUS_EARTH
-from rpojax.interop.ros2.frame_ids import ECI, HILL, SERVICER
 from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, THRUSTER_JOINT, WHEEL_JOINTS
+from rpojax.interop.ros2.topics import ECI, HILL, SERVICER
+
+TORQUE_REJECTION_FACTOR = 10.0
+"""Multiple of the torque limit from which a command is rejected; below it, the drive limits the torque."""
+_TIME_TOLERANCE_NS = 1000
+_UNIT_NORM_TOLERANCE = 1e-3
+_LARGEST_RANGE_M = 1e5
+"""From the target, far beyond the range where the linear motion of formation control is valid."""
+_SMALLEST_RANGE_M = 0.1
+_LARGEST_ORBIT_RADIUS_M = 1e9
+_LARGEST_VARIANCE = 1e18
 
 
 class RejectionReason(enum.StrEnum):
@@ -53,18 +63,6 @@ class BurnWindow:
 
     ignition_ns: int = 0
     cutoff_ns: int = 0
-
-
-TORQUE_REJECTION_FACTOR = 10.0
-"""Multiple of the torque limit from which a command is rejected; below it, the drive limits the torque."""
-
-_TIME_TOLERANCE_NS = 1000
-_UNIT_NORM_TOLERANCE = 1e-3
-_LARGEST_RANGE_M = 1e5
-"""From the target, far beyond the range where the linear motion of formation control is valid."""
-_SMALLEST_RANGE_M = 0.1
-_LARGEST_ORBIT_RADIUS_M = 1e9
-_LARGEST_VARIANCE = 1e18
 
 
 def header_stamp_ns(message: Any) -> int:

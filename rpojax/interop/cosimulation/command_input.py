@@ -2,33 +2,92 @@
 
 import time
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
+from rpojax.core.frames import hill_frame, hill_to_inertial
+from rpojax.core.quaternion import conjugate, rotate, to_matrix
 from rpojax.errors import UnfinishedError
 from rpojax.interop.cosimulation import command_checks, live_topics
 from rpojax.interop.cosimulation.clock import Clock
 from rpojax.interop.cosimulation.command_checks import BurnWindow, CommandLimits
-from rpojax.interop.cosimulation.command_subscription import CommandCheck, T
+from rpojax.interop.cosimulation.command_subscription import CommandCheck, MessageExchange, T
 from rpojax.interop.cosimulation.event_log import EventLog
 from rpojax.interop.cosimulation.live_settings import LiveSettings
-from rpojax.interop.cosimulation.message_exchange import MessageExchange
-from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
 from rpojax.interop.ros2 import topics
-from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S
-from rpojax.interop.ros2.ros_orientation import quaternion_from_orientation
-from rpojax.interop.ros2.tick_messages import TopicMessages
+from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, TopicMessages
+from rpojax.interop.ros2.odometry import block_diagonal, quaternion_from_orientation, rotate_covariance
 from rpojax.interop.ros2.topics import Topic
 from rpojax.simulation.external_inputs import ExternalBurn, ExternalOrbitEstimate
 
+_FRAME_ITERATIONS = 3
+"""Fixed-point iterations for the target's Hill frame, started at the servicer's, which is off by 1e-5 rad."""
+
+Vector = Float[Array, "3"]
+Quaternion = Float[Array, "4"]
+Matrix = Float[Array, "3 3"]
+OdometryArrays = tuple[Vector, Quaternion, Vector, Matrix, Matrix]
+"""Position, orientation (x, y, z, w), velocity along the child's axes, covariance of position and of that velocity."""
 NO_COMMAND = ExternalBurn(
     commanded=jnp.array(False), ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0])
 )
 """No command on burns: the plan stays."""
 CLOSED_VALVE = replace(NO_COMMAND, commanded=jnp.array(True))
 """Command that closes the valve."""
+
+
+def orbit_estimate_from_odometry(servicer: Any, relative: Any) -> ExternalOrbitEstimate:
+    """Orbit estimate from the servicer's `nav_msgs/Odometry` in `eci` and the one in `hill`."""
+    return _orbit_estimate(_odometry_arrays(servicer), _odometry_arrays(relative))
+
+
+def _odometry_arrays(message: Any) -> tuple[np.ndarray, ...]:
+    pose, twist = message.pose, message.twist
+    position, orientation, velocity = pose.pose.position, pose.pose.orientation, twist.twist.linear
+    return (
+        np.array([position.x, position.y, position.z]),
+        np.array([orientation.x, orientation.y, orientation.z, orientation.w]),
+        np.array([velocity.x, velocity.y, velocity.z]),
+        np.asarray(pose.covariance, dtype=np.float64).reshape(6, 6)[:3, :3],
+        np.asarray(twist.covariance, dtype=np.float64).reshape(6, 6)[:3, :3],
+    )
+
+
+@jax.jit
+def _orbit_estimate(servicer: OdometryArrays, relative: OdometryArrays) -> ExternalOrbitEstimate:
+    r_SN_N, v_SN_N, P_servicer = _in_parent(*servicer)
+    rho, rho_dot, P_H = _in_parent(*relative)
+    R_HN, omega_HN_N = hill_frame(r_SN_N, v_SN_N)
+    for _ in range(_FRAME_ITERATIONS):
+        r_ST_N, v_ST_N = hill_to_inertial(rho, rho_dot, R_HN, omega_HN_N)
+        R_HN, omega_HN_N = hill_frame(r_SN_N - r_ST_N, v_SN_N - v_ST_N)
+    r_ST_N, v_ST_N = hill_to_inertial(rho, rho_dot, R_HN, omega_HN_N)
+
+    def to_inertial(state: Float[Array, "6"]) -> Float[Array, "6"]:
+        return jnp.concatenate(hill_to_inertial(state[:3], state[3:], R_HN, omega_HN_N))
+
+    jacobian = jax.jacfwd(to_inertial)(jnp.concatenate([rho, rho_dot]))
+    return ExternalOrbitEstimate(
+        r_SN_N=r_SN_N,
+        v_SN_N=v_SN_N,
+        r_TS_N=-r_ST_N,
+        v_TS_N=-v_ST_N,
+        servicer_covariance=P_servicer,
+        relative_covariance=jacobian @ P_H @ jacobian.T,
+    )
+
+
+def _in_parent(
+    position: Vector, xyzw: Quaternion, velocity: Vector, P_position: Matrix, P_velocity: Matrix
+) -> tuple[Vector, Vector, Float[Array, "6 6"]]:
+    """Position, velocity and their covariance in the parent's axes, without correlation between the two."""
+    q_BA = quaternion_from_orientation(xyzw)
+    P = block_diagonal(P_position, rotate_covariance(to_matrix(q_BA).T, P_velocity))
+    return position, rotate(conjugate(q_BA), velocity), P
 
 
 class CommandInput:
@@ -103,7 +162,7 @@ class CommandInput:
         return None if servicer is None or relative is None else orbit_estimate_from_odometry(servicer, relative)
 
     def _close_valve(self, time_ns: int) -> ExternalBurn:
-        """Burn command that closes the valve where it is open or will open, else leaves the plan."""
+        """Burn command that closes the valve if it is open or will open, else leaves the plan."""
         pending, self._burn_window = self._burn_window.cutoff_ns > time_ns, BurnWindow()
         return CLOSED_VALVE if pending else NO_COMMAND
 
@@ -126,3 +185,55 @@ class CommandInput:
                 f"{topic.name}: found no command at all for {self._settings.patience_s:g} s, expected one"
             )
         return hold
+
+
+@runtime_checkable
+class CommandSource(Protocol):
+    """Receiver of the messages of a run and source of its commands."""
+
+    def publish(self, messages: TopicMessages) -> None:
+        """Receives messages of the simulator."""
+        ...
+
+    def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate | None:
+        """Orbit estimate for a tick [ns]."""
+        ...
+
+    def burn_command(self, time_ns: int) -> ExternalBurn:
+        """Burn command at a tick [ns]."""
+        ...
+
+    def wheel_torque(self, time_ns: int) -> np.ndarray:
+        """Wheel torques (3,) [N m] for a plant step [ns]."""
+        ...
+
+    def wait_until(self, time_ns: int) -> None:
+        """Returns when the step that ends at a time [ns] may end."""
+        ...
+
+
+class WarmUpCommands:
+    """Command source without external nodes: the simulator's own estimates, no burn and no torque."""
+
+    def __init__(self) -> None:
+        self._messages: dict[str, Any] = {}
+
+    def publish(self, messages: TopicMessages) -> None:
+        """Builds all messages and keeps the last of each topic."""
+        self._messages |= {topic.name: build() for topic, build in messages}
+
+    def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate:
+        """Orbit estimate from the simulator's own odometry messages."""
+        names = (topics.SERVICER_ESTIMATE.name, topics.RELATIVE_ESTIMATE.name)
+        return orbit_estimate_from_odometry(*(self._messages[name] for name in names))
+
+    def burn_command(self, time_ns: int) -> ExternalBurn:
+        """No command."""
+        return NO_COMMAND
+
+    def wheel_torque(self, time_ns: int) -> np.ndarray:
+        """Zero torque."""
+        return np.zeros(3)
+
+    def wait_until(self, time_ns: int) -> None:
+        """Returns at once."""

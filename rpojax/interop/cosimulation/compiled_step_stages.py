@@ -18,8 +18,7 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.stages import Stages
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.ros2.message_values import RosTickValues
-from rpojax.interop.ros2.odometry import rate_covariance, rotate_covariance
-from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
+from rpojax.interop.ros2.odometry import orientation_from_quaternion, rate_covariance, rotate_covariance
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import external_inputs, step_stages
@@ -28,6 +27,8 @@ from rpojax.simulation.external_inputs import ExternalBurn, ExternalOrbitEstimat
 from rpojax.simulation.state import State
 from rpojax.simulation.telemetry import telemetry_of
 from rpojax.simulation.tick import Loop, Motion, Tick
+
+_TORQUE_AND_STEP = PackedLayout.of((np.zeros(3), np.int32(0)))
 
 
 @pytree
@@ -97,7 +98,7 @@ class PackedTick:
 
 
 class CompiledStages:
-    """Stages of one run between which messages are exchanged; `external_burns` replace those of the flight software."""
+    """Stages of a run, between which messages are exchanged; `external_burns` replace the flight software's burns."""
 
     def __init__(self, scenario: Scenario, stages: Stages, params: Params, external_burns: bool) -> None:
         packed = PackedRecord.of(params)
@@ -144,9 +145,6 @@ class CompiledStages:
     def camera_image(self, tick: PackedTick) -> np.ndarray:
         """Image (p, p, 3) that the detector of a rendered camera gets, uint8 sRGB codes."""
         return self._camera_image(self._params, tick.tick)[0].to_numpy()
-
-
-_TORQUE_AND_STEP = PackedLayout.of((np.zeros(3), np.int32(0)))
 
 
 def _pack_torque(torque: np.ndarray, step: int) -> PackedRecord:

@@ -11,8 +11,7 @@ from rpojax.interop.cosimulation import live_topics
 from rpojax.interop.cosimulation.compiled_step_stages import AttitudeValues, GuidedValues, NavigatedValues
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
 from rpojax.interop.ros2 import message_builders, topics
-from rpojax.interop.ros2.message_builders import nanoseconds
-from rpojax.interop.ros2.tick_messages import TopicMessages, tick_messages
+from rpojax.interop.ros2.message_builders import TopicMessages, nanoseconds, tick_messages
 from rpojax.interop.ros2.topics import Topic
 
 _AFTER_GUIDANCE = (topics.TARGET_ESTIMATE, topics.WHEEL_COMMAND, topics.THRUSTER_COMMAND, topics.DIAGNOSTICS)

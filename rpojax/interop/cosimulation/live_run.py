@@ -14,14 +14,13 @@ from rpojax.flight import stage_use
 from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
 from rpojax.interop.cosimulation.command_checks import CommandLimits
-from rpojax.interop.cosimulation.command_input import NO_COMMAND, CommandInput
-from rpojax.interop.cosimulation.command_source import CommandSource, WarmUpCommands
+from rpojax.interop.cosimulation.command_input import NO_COMMAND, CommandInput, CommandSource, WarmUpCommands
+from rpojax.interop.cosimulation.command_subscription import MessageExchange
 from rpojax.interop.cosimulation.compiled_step_stages import CompiledStages, PackedTick
 from rpojax.interop.cosimulation.event_log import EventLog, LineWriter
-from rpojax.interop.cosimulation.exchanged_topics import command_topics, published_topics
 from rpojax.interop.cosimulation.live_publisher import LiveMessages
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
-from rpojax.interop.cosimulation.message_exchange import MessageExchange
+from rpojax.interop.cosimulation.live_topics import command_topics, published_topics
 from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.runtime import garbage_collection
 from rpojax.runtime.progress import items, stage
@@ -85,7 +84,7 @@ def simulate_live(
     events = EventLog(write_line)
     stages = settings.external_stages
     own = plugin_registry.stages_of(file)
-    stage_use.check(own, (stage_use.EXTERNAL[each] for each in sorted(stages)))
+    stage_use.check(own, (stage_use.EXTERNAL[name] for name in sorted(stages)))
     exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)
     with stage("compiling", quiet=False):
         run = _LiveRun(file, own, seed, run_id, settings)

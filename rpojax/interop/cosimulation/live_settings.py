@@ -9,6 +9,11 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from rpojax.errors import RpojaxError
 
+LatePolicy = Literal["hold", "zero", "stop"]
+"""Replacement of a late command: the last one, none, or the run stops."""
+_LONGEST_S = 1e6
+_LARGEST_FACTOR = 1e4
+
 
 class ExternalStage(enum.StrEnum):
     """Part of the flight software that external nodes can replace."""
@@ -16,13 +21,6 @@ class ExternalStage(enum.StrEnum):
     ATTITUDE = "attitude"
     FORMATION = "formation"
     NAVIGATION = "navigation"
-
-
-LatePolicy = Literal["hold", "zero", "stop"]
-"""Replacement of a late command: the last one, none, or the run stops."""
-
-_LONGEST_S = 1e6
-_LARGEST_FACTOR = 1e4
 
 
 def parse_external_stages(text: str) -> frozenset[ExternalStage]:

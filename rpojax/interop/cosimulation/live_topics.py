@@ -1,13 +1,15 @@
 """Topics that only live runs have, beside those of `topics`, and builders of their messages."""
 
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
 
-from rpojax.interop.ros2.frame_ids import ECI, SERVICER
+from rpojax.interop.cosimulation.live_settings import ExternalStage
+from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.message_builders import duration_message, header_message, quaternion_message, vector_message
 from rpojax.interop.ros2.message_types import message_class
-from rpojax.interop.ros2.topics import Topic, TopicRate, TopicSource
+from rpojax.interop.ros2.topics import ECI, SERVICER, Topic, TopicRate, TopicSource
 
 ATTITUDE_ESTIMATE = Topic(
     "/servicer/estimate/attitude",
@@ -36,6 +38,12 @@ ATTITUDE_TARGET = Topic(
     TopicRate.TICK,
     "orientation of the servicer in `eci` during the burn of the thruster command with the same stamp",
 )
+COMMAND_TOPICS: dict[ExternalStage, tuple[Topic, ...]] = {
+    ExternalStage.ATTITUDE: (topics.WHEEL_COMMAND,),
+    ExternalStage.FORMATION: (topics.THRUSTER_COMMAND, ATTITUDE_TARGET),
+    ExternalStage.NAVIGATION: (topics.SERVICER_ESTIMATE, topics.RELATIVE_ESTIMATE),
+}
+"""Topics that external nodes publish, by stage."""
 
 
 def attitude_estimate(
@@ -83,3 +91,16 @@ def attitude_reference(
 
 def _angular_twist(values: np.ndarray) -> Any:
     return message_class("geometry_msgs/msg/Twist")(linear=vector_message(np.zeros(3)), angular=vector_message(values))
+
+
+def command_topics(external_stages: AbstractSet[ExternalStage]) -> tuple[Topic, ...]:
+    """Topics of the commands that the simulator receives."""
+    return tuple(topic for stage in ExternalStage if stage in external_stages for topic in COMMAND_TOPICS[stage])
+
+
+def published_topics(external_stages: AbstractSet[ExternalStage]) -> tuple[Topic, ...]:
+    """Topics that the simulator publishes."""
+    attitude_topics = (ATTITUDE_ESTIMATE, ATTITUDE_REFERENCE)
+    received = {topic.name for topic in command_topics(external_stages)}
+    candidates = (*topics.ALL_TOPICS, *(attitude_topics if ExternalStage.ATTITUDE in external_stages else ()))
+    return tuple(topic for topic in candidates if topic.name not in received and topic is not topics.COMPRESSED_IMAGE)

@@ -9,10 +9,20 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
+from jaxtyping import Array
 from rerun.chunk import Chunk
+
+from rpojax.core.frames import hill_frame
+from rpojax.flight.stages import Stages
+from rpojax.scenario.params import Params
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation.channels import compute_channels
+from rpojax.simulation.telemetry import Telemetry
 
 TIMELINE = "sim_time"
 """Name of the only timeline: seconds since the start of the run."""
+ViewerChannels = dict[str, np.ndarray]
+"""Values of all ticks by name, ticks first."""
 
 
 class RrdChunks:
@@ -72,7 +82,7 @@ class ServicerChunks:
             self._chunks.add_static(own, *archetypes)
 
     def _own(self, path: str) -> str | None:
-        if any(path == each or path.startswith(f"{each}/") for each in self._shared) or "/" not in path:
+        if any(path == shared or path.startswith(f"{shared}/") for shared in self._shared) or "/" not in path:
             return path if self._is_first else None
         return servicer_path(path, self._name)
 
@@ -109,3 +119,11 @@ def rerun_strict_mode() -> Iterator[None]:
         yield
     finally:
         rr.set_strict_mode(before)
+
+
+def observe_tick(_: Stages, scenario: Scenario, params: Params, record: Telemetry) -> dict[str, Array]:
+    """Channels of one tick, `R_HN` (3, 3) and `relative_covariance_H` (3, 3) [m^2] of the relative position."""
+    R_HN = hill_frame(record.truth.r_TN_N, record.truth.v_TN_N)[0]
+    P_N = record.flight.orbit.relative.position_covariance
+    own = {"R_HN": R_HN, "relative_covariance_H": R_HN @ P_N @ R_HN.T}
+    return {**compute_channels(scenario, params, record), **own}

@@ -7,8 +7,7 @@ import numpy as np
 import rerun as rr
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, ServicerChunks
-from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, ServicerChunks, ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
 
 PLOTS = "plots"

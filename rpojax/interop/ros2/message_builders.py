@@ -1,6 +1,7 @@
 """Builders of ROS 2 messages from arrays; pure functions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import cv2
@@ -9,10 +10,11 @@ from jaxtyping import Array
 
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.mission.mission_state import AbortReason, Transition
-from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
+from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.message_types import message_class
 from rpojax.interop.ros2.message_values import DetectorImage, MissionStatus, RosTickValues
 from rpojax.interop.ros2.odometry import Odometry
+from rpojax.interop.ros2.topics import CAMERA, ECI, HILL, SERVICER, TARGET, Topic
 
 Numbers = Array | np.ndarray
 """An array on the host or on a device."""
@@ -30,6 +32,8 @@ _MODE_NAMES = {
     Mode.SEARCH: "search",
 }
 _EMPTY = np.zeros(0)
+TopicMessages = Iterable[tuple[Topic, Callable[[], Any]]]
+"""Topics, each with a function that builds its message, called only where the message is needed."""
 
 
 def nanoseconds(time_s: float) -> int:
@@ -305,3 +309,52 @@ def _status(level: str, name: str, text: str, values: Mapping[str, float | int])
         hardware_id="servicer",
         values=[key_value_class(key=key, value=repr(value)) for key, value in values.items()],
     )
+
+
+def tick_messages(values: RosTickValues, published: Iterable[Topic] = topics.ALL_TOPICS) -> TopicMessages:
+    """Messages of one tick on the `published` topics, in that order; without images and messages sent once."""
+    builders = _message_builders(nanoseconds(float(values.time_s)), values)
+    return [(topic, builders[topic]) for topic in published if topic in builders]
+
+
+def _message_builders(time_ns: int, values: RosTickValues) -> dict[Topic, Callable[[], Any]]:
+    """Builder of the message of each topic that has one in this tick."""
+    builders: dict[Topic, Callable[[], Any]] = {
+        topics.CLOCK: lambda: clock_message(time_ns),
+        topics.TF: lambda: vehicle_transforms(time_ns, values),
+        **_odometry_builders(time_ns, values),
+    }
+    if values.gps_present:
+        builders[topics.GPS] = lambda: gps(time_ns, values.gps)
+    if values.star_tracker_present:
+        builders[topics.STAR_TRACKER] = lambda: star_tracker(time_ns, values.star_tracker)
+    return builders | {
+        topics.IMU: lambda: imu(time_ns, values.gyro, float(values.gyro_variance)),
+        topics.WHEELS: lambda: wheel_state(time_ns, values.wheel_speed, values.wheel_torque),
+        topics.WHEEL_COMMAND: lambda: wheel_command(time_ns, values.wheel_command),
+        topics.THRUSTER_COMMAND: lambda: _pending_burn(time_ns, values),
+        topics.CAMERA_INFO: lambda: camera_info(time_ns, values.camera),
+        topics.DETECTIONS: lambda: detections(time_ns, values.camera),
+        topics.DIAGNOSTICS: lambda: diagnostics(time_ns, values),
+    }
+
+
+def _odometry_builders(time_ns: int, values: RosTickValues) -> dict[Topic, Callable[[], Any]]:
+    motions = {
+        topics.SERVICER_TRUTH: values.servicer,
+        topics.RELATIVE_TRUTH: values.relative,
+        topics.TARGET_TRUTH: values.target,
+        topics.SERVICER_ESTIMATE: values.servicer_estimate,
+        topics.RELATIVE_ESTIMATE: values.relative_estimate,
+        topics.TARGET_ESTIMATE: values.target_estimate,
+    }
+    return {
+        topic: partial(odometry, time_ns, topic.frame_id, topic.child_frame_id, motion)
+        for topic, motion in motions.items()
+    }
+
+
+def _pending_burn(time_ns: int, values: RosTickValues) -> Any:
+    ignition_ns = nanoseconds(float(values.ignition_s))
+    cutoff_ns = nanoseconds(float(values.cutoff_s))
+    return thruster_command(time_ns, ignition_ns, cutoff_ns, float(values.thrust))

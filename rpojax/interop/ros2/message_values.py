@@ -11,13 +11,13 @@ from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.stages import Stages
 from rpojax.interop.ros2.odometry import (
     Odometry,
+    orientation_from_quaternion,
     relative_estimate,
     relative_quaternion,
     servicer_estimate,
     target_frame_estimate,
     true_odometry,
 )
-from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
 from rpojax.physics import equipment_faults, forces_and_torques
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params

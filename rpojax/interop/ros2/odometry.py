@@ -1,6 +1,11 @@
 """Values of `nav_msgs/Odometry`: pose and twist of a child frame in its parent, with covariances.
 
 The pose and its covariance are in the parent's axes, the twist and its covariance in the child's.
+
+ROS orientations from attitude quaternions, and back.
+
+A ROS `orientation` is the attitude of the child frame in its parent: it turns child components into parent components,
+so it is the conjugate of the scalar-first `q_BN`, in the order x, y, z, w.
 """
 
 import jax
@@ -13,11 +18,20 @@ from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
 
+Quaternion = Float[Array, "4"]
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
-Quaternion = Float[Array, "4"]
+
+
+def orientation_from_quaternion(q_BA: Quaternion) -> Quaternion:
+    """ROS orientation (x, y, z, w) of B in A, from the scalar-first `q_BA` that turns A into B components."""
+    return jnp.concatenate([-q_BA[1:], q_BA[:1]])
+
+
+def quaternion_from_orientation(xyzw: Quaternion) -> Quaternion:
+    """Scalar-first `q_BA` of a ROS orientation (x, y, z, w) of B in A, inverse of `orientation_from_quaternion`."""
+    return jnp.concatenate([xyzw[3:], -xyzw[:3]])
 
 
 @pytree

@@ -1,25 +1,85 @@
-"""Bag of one run of a campaign: its topics, messages and provenance."""
+"""Bag of one run of a campaign: its topics, messages and provenance.
 
+Names of the topics and frames of several servicers in one bag: each has a namespace of its own.
+
+`/servicer/gps/position` of the servicer `first` is `/first/servicer/gps/position`, its frame `servicer/base_link` is
+`first/servicer/base_link`. Time, the target's truth and the Hill frame are the same for all and have no namespace.
+"""
+
+import dataclasses
 import enum
+import functools
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.interop import run_replay
-from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_builders, namespaces, topics
+from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_builders, topics
 from rpojax.interop.ros2.mcap_or_sqlite3_writer import BagFormat, TimedMessage
+from rpojax.interop.ros2.message_builders import tick_messages
 from rpojax.interop.ros2.message_values import RosTickValues
-from rpojax.interop.ros2.tick_messages import tick_messages
-from rpojax.interop.ros2.topics import ALL_TOPICS, Topic
+from rpojax.interop.ros2.topics import ALL_TOPICS, CAMERA, SERVICER, Topic
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.version import __version__
 
+_OF_ALL = (topics.CLOCK, topics.TARGET_TRUTH)
+"""Topics that are the same for all servicers."""
+_TRANSFORMS = (topics.TF, topics.TF_STATIC)
+"""Topics without a namespace, to which each servicer adds its own frames."""
 ProgressCallback = Callable[[int, int], None]
 """Called with the number of ticks written and the number of all."""
+
+
+@functools.cache
+def namespaced_topics(name: str) -> dict[Topic, Topic]:
+    """Topic of a servicer alone -> the same topic in the namespace `name` of a team; the same objects at every call."""
+    return {
+        topic: topic
+        if topic in (*_OF_ALL, *_TRANSFORMS)
+        else dataclasses.replace(
+            topic,
+            name=f"/{name}{topic.name}",
+            frame_id=_frame(name, topic.frame_id),
+            child_frame_id=_frame(name, topic.child_frame_id),
+        )
+        for topic in ALL_TOPICS
+    }
+
+
+def namespaced(
+    messages: Iterator[TimedMessage], name: str, renamed: dict[Topic, Topic], is_first: bool
+) -> Iterator[TimedMessage]:
+    """Messages of a servicer alone, renamed for a team; messages common to all come from the first servicer only."""
+    for each in messages:
+        if each.topic in _OF_ALL and not is_first:
+            continue
+        message = _renamed(each.message, name)
+        if each.topic is topics.TF and not is_first:
+            own = [part for part in message.transforms if part.child_frame_id == _frame(name, SERVICER)]
+            message = dataclasses.replace(message, transforms=own)
+        yield TimedMessage(each.time_ns, renamed[each.topic], message)
+
+
+def _frame(name: str, frame: str) -> str:
+    return f"{name}/{frame}" if frame in (SERVICER, CAMERA) else frame
+
+
+def _renamed(message: Any, name: str) -> Any:
+    """The message with the frames of a servicer."""
+    changes: dict[str, Any] = {}
+    if hasattr(message, "header"):
+        changes["header"] = dataclasses.replace(message.header, frame_id=_frame(name, message.header.frame_id))
+    if hasattr(message, "child_frame_id"):
+        changes["child_frame_id"] = _frame(name, message.child_frame_id)
+    for part in ("transforms", "detections"):
+        if hasattr(message, part):
+            changes[part] = [_renamed(each, name) for each in getattr(message, part)]
+    return dataclasses.replace(message, **changes) if changes else message
 
 
 class ImageStorage(enum.StrEnum):
@@ -62,11 +122,7 @@ def bag_topics(image_storage: ImageStorage) -> list[Topic]:
 
 def team_topics(names: Sequence[str], image_storage: ImageStorage) -> list[Topic]:
     """Topics of a bag of a team, servicer by servicer; those that all have in common once."""
-    return list(
-        dict.fromkeys(
-            namespaces.namespaced_topics(name)[topic] for name in names for topic in bag_topics(image_storage)
-        )
-    )
+    return list(dict.fromkeys(namespaced_topics(name)[topic] for name in names for topic in bag_topics(image_storage)))
 
 
 def bag_images(run: ReplayedRun[RosTickValues]) -> Iterator[np.ndarray]:
@@ -112,8 +168,8 @@ def team_messages(
     for number, (run, own) in enumerate(zip(runs, images, strict=True)):
         assert run.servicer_name is not None
         messages = run_messages(run, image_storage, own, on_progress if number == 0 else _no_progress)
-        renamed = namespaces.namespaced_topics(run.servicer_name)
-        streams.append(namespaces.namespaced(messages, run.servicer_name, renamed, number == 0))
+        renamed = namespaced_topics(run.servicer_name)
+        streams.append(namespaced(messages, run.servicer_name, renamed, number == 0))
     return heapq.merge(*streams, key=lambda each: each.time_ns)
 
 

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
-from rpojax.analysis.linear_covariance.error_budget import ErrorBudget
+from rpojax.analysis.linear_covariance.covariance_history import ErrorBudget, LinearCovariance
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import MonteCarloSample
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.report.figures import png_export

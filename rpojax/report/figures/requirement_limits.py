@@ -6,8 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.report.labels import metric_label
-from rpojax.report.number_format import with_unit
+from rpojax.report.labels import metric_label, with_unit
 
 CHANNEL_OF_METRIC: Final = {
     "formation_error_rms_m": "formation_error_m",

@@ -8,13 +8,13 @@ from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.errors import ResultError
 from rpojax.metrics import metric_catalogue
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.figures.charts.plotly_charts import Chart
+from rpojax.report.figures.plotly_charts import Chart
+from rpojax.report.notes import Notes
 from rpojax.report.page import page_templates
-from rpojax.report.page.detail_values import DetailValues, detail_values
+from rpojax.report.page.detail_values import DetailValues, choose_run, detail_values
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_page import is_single_run
-from rpojax.report.page.run_selection import choose_run
-from rpojax.report.page.single_run.run_timeline import TimelineRow
+from rpojax.report.page.run_timeline import TimelineRow
 from rpojax.report.page.template_values import PageCharts, first_screen_values, page_charts
 from rpojax.report.sections import (
     failure_section,
@@ -24,7 +24,6 @@ from rpojax.report.sections import (
     safety_section,
 )
 from rpojax.report.sections.dispersion_section import drawn_distributions
-from rpojax.report.worked_out import Notes
 from rpojax.scenario.plugins import plugin_registry
 
 FILE_NAME: Final = "brief.html"
@@ -105,7 +104,7 @@ def _values(
         "timelines": {run: _main_rows(rows) for run, rows in named["timelines"].items()},
         "marks": named["marks"],
         "has_scene": named["has_scene"],
-        "detail_channels": [one for one in named["detail_channels"] if one["name"] in _DETAIL_CHANNELS],
+        "detail_channels": [channel for channel in named["detail_channels"] if channel["name"] in _DETAIL_CHANNELS],
         "limits": _shortest(content["limits"]),
         "identity": identity_section.identity_lines(campaign, content),
         **first,

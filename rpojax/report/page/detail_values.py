@@ -1,15 +1,76 @@
 """Values for the page's comparison of the worst runs with the median one, and for its 3-D view."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from rpojax.errors import ResultError
+from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.requirement_limits import limits_of_channels
-from rpojax.report.page.single_run.relative_path import path_scene
-from rpojax.report.page.single_run.run_series import run_series, series_channels
-from rpojax.report.page.single_run.run_timeline import time_marks, timeline
-from rpojax.report.page.single_run.shown_runs import WorstRun, worst_runs
+from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.page.run_series import path_scene, run_series, series_channels
+from rpojax.report.page.run_timeline import time_marks, timeline
+
+_SELECTION_METRIC = "formation_error_rms_m"
+
+
+@dataclass(frozen=True)
+class WorstRun:
+    """Worst run in a metric among those with a history: the metric, its value, and the value of the median run.
+
+    `worst_id` is the worst run of all. Where that has no history, `remark` says so, and a better one stands for it.
+    """
+
+    run_id: int
+    worst_id: int
+    metric: str
+    title: str
+    value: str
+    median_value: str
+    remark: str = ""
+
+
+def worst_runs(campaign: CampaignResults, content: Mapping[str, Any], median_run: int | None) -> list[WorstRun]:
+    """Worst run of every requirement, the weakest first; without requirements of the metrics that the report ranks."""
+    names = [str(entry.get("of", entry["metric"])) for entry in _weakest_first(content["requirements"])]
+    names = names or [str(entry["metric"]) for entry in content["worst_runs"]]
+    found = [_worst_run(campaign, name, median_run) for name in dict.fromkeys(names)]
+    return [one for one in found if one is not None]
+
+
+def _weakest_first(requirements: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Requirements by their share of violations, then by the worst value relative to the limit."""
+
+    def badness(entry: Mapping[str, Any]) -> tuple[float, float]:
+        if entry["worst"] is None:
+            return -float(entry["violations"]), 0.0
+        sign = 1.0 if entry["bound"] == "at most" else -1.0
+        return -float(entry["violations"]), sign * (entry["limit"] - entry["worst"]) / (abs(entry["limit"]) or 1.0)
+
+    return sorted(requirements, key=badness)
+
+
+def _worst_run(campaign: CampaignResults, name: str, median_run: int | None) -> WorstRun | None:
+    values = campaign.metrics.get(name)
+    if values is None:
+        return None
+    ranked = [int(campaign.run_ids[row]) for row in worst_first(name, values)]
+    kept = set(campaign.history_ids)
+    shown = next((run for run in ranked if run in kept), None)
+    if shown is None or len(ranked) < 2:
+        return None
+    remark = "" if shown == ranked[0] else f"run {ranked[0]} is worse; its history was not kept"
+    label = metric_label(name)
+
+    def text(run: int | None) -> str:
+        rows = np.flatnonzero(campaign.run_ids == run)
+        value = float(values[rows[0]]) if run is not None and len(rows) else None
+        return with_unit(format_number(value), label.unit)
+
+    return WorstRun(shown, ranked[0], name, label.title, text(shown), text(median_run), remark)
 
 
 @dataclass(frozen=True)
@@ -53,7 +114,7 @@ def detail_values(campaign: CampaignResults, content: Mapping[str, Any], median_
 
 
 def _choices(worst: list[WorstRun]) -> list[tuple[int, str]]:
-    """Number of each worst run, in order, and what it is the worst in."""
+    """Number of each worst run, in order, and the metrics in which it is the worst."""
     found: dict[int, list[str]] = {}
     for one in worst:
         found.setdefault(one.run_id, []).append(f"{one.title} {one.value}")
@@ -65,3 +126,23 @@ def _duration(campaign: CampaignResults, histories: Mapping[int, Mapping[str, An
     recorded = campaign.info.get("scenario", {}).get("duration_s")
     longest = max((float(history["time_s"][-1]) for history in histories.values()), default=1.0)
     return float(recorded) if recorded else max(longest, 1.0)
+
+
+def choose_run(campaign: CampaignResults, run_id: int | None = None) -> int | None:
+    """Run to show in detail: `run_id`, else the run with a history whose formation error is the median, if any.
+
+    Raises:
+        ResultError: no history of `run_id` is stored.
+    """
+    kept = sorted(campaign.history_ids)
+    if run_id is not None:
+        if run_id not in kept:
+            listed = ", ".join(map(str, kept[:20])) or "none"
+            raise ResultError(f"run {run_id}: found no history, expected one of: {listed}")
+        return run_id
+    values = campaign.metrics.get(_SELECTION_METRIC, np.full(len(campaign.completed), np.nan))
+    errors = dict(zip(campaign.run_ids.tolist(), values.tolist(), strict=True))
+    ranked = sorted((run for run in kept if np.isfinite(errors.get(run, np.nan))), key=lambda run: errors[run])
+    if ranked:
+        return ranked[(len(ranked) - 1) // 2]
+    return kept[0] if kept else None

@@ -1,24 +1,26 @@
 """Writes the report of a campaign: one self-contained HTML page, report.json and the figures of one run."""
 
+from collections import OrderedDict
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
+from rpojax.campaign.storage.campaign_folder import of_servicer
 from rpojax.errors import OutputError
 from rpojax.metrics import metric_catalogue
 from rpojax.report import shell_commands
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.coverage import coverage_section
-from rpojax.report.figures.paper.paper_figures import missing_channels, write_figures
+from rpojax.report.campaign_results import CampaignResults, ChangedResults
+from rpojax.report.figures.camera_pictures import CameraSheet, write_camera_sheet
+from rpojax.report.figures.paper_figures import missing_channels, write_figures
+from rpojax.report.notes import Notes
 from rpojax.report.page import page_templates
-from rpojax.report.page.camera_sheet import CameraSheet, write_camera_sheet
-from rpojax.report.page.detail_values import DetailValues, detail_values
+from rpojax.report.page.detail_values import DetailValues, choose_run, detail_values
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_page import is_single_run, render_run_page
-from rpojax.report.page.run_selection import choose_run
-from rpojax.report.page.single_run.kept_histories import KeptHistories
 from rpojax.report.page.template_values import (
     PageFigures,
     RunDetail,
@@ -29,12 +31,41 @@ from rpojax.report.page.template_values import (
     table_values,
 )
 from rpojax.report.page.written_report import JSON_NAME, PAGE_NAME, with_digests
-from rpojax.report.sections import identity_section
+from rpojax.report.sections import coverage_section, identity_section, team_section
 from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_distributions
-from rpojax.report.team import team_section
-from rpojax.report.worked_out import Notes
 from rpojax.runtime.progress import stage
 from rpojax.scenario.plugins import plugin_registry
+
+KEPT_BYTES: Final = 400_000_000
+"""Memory beyond which the history that was not used for longest is read again."""
+
+
+class KeptHistories(ChangedResults):
+    """Results of a campaign, with a memory of its histories.
+
+    Args:
+        campaign: results
+        most_bytes: memory for histories; the latest is kept in any case
+    """
+
+    def __init__(self, campaign: CampaignResults, most_bytes: int = KEPT_BYTES) -> None:
+        super().__init__(campaign)
+        self._most_bytes = most_bytes
+        self._kept: OrderedDict[int, Mapping[str, np.ndarray]] = OrderedDict()
+
+    def history(self, run_id: int, servicer: int | None = None) -> Mapping[str, np.ndarray]:
+        """Full history of a run, as the campaign has it."""
+        if run_id not in self._kept:
+            self._kept[run_id] = self._campaign.history(run_id)
+            while len(self._kept) > 1 and sum(map(_bytes, self._kept.values())) > self._most_bytes:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(run_id)
+        whole = self._kept[run_id]
+        return whole if servicer is None or not self._campaign.servicer_names else of_servicer(whole, servicer)
+
+
+def _bytes(history: Mapping[str, np.ndarray]) -> int:
+    return sum(values.nbytes for values in history.values())
 
 
 def write_report(
@@ -79,7 +110,10 @@ def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:
         return _render_page(results, content, drawn, detail, pictures, notes)
 
     page = notes.part("The page", rendered, campaign)
-    content["limits"] = [*(each for each in notes.sentences if each not in content["limits"]), *content["limits"]]
+    content["limits"] = [
+        *(sentence for sentence in notes.sentences if sentence not in content["limits"]),
+        *content["limits"],
+    ]
     written = page.encode("utf-8", "backslashreplace")
     seal = campaign.info.get("seal")
     write_json(campaign.directory / JSON_NAME, with_digests(content, campaign.directory, written, seal))

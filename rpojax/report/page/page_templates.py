@@ -9,14 +9,14 @@ from typing import Any, Final
 import jinja2
 from markupsafe import Markup, escape
 
-from rpojax.report.number_format import format_number, format_p_value
+from rpojax.report.labels import format_number, format_p_value
 
 _HASH_DIGITS: Final = 16
 """Digits of the scenario's hash at the foot of a page; the identity section has all."""
 
 
 def render(template: str, data: Mapping[str, Any], values: Mapping[str, Any]) -> str:
-    """Page from the template of that name; `data` is what its scripts read, `values` what the template shows."""
+    """Page from a template: its scripts read `data`, the template shows `values`."""
     found = _environment().get_template(template)
     return found.render(page_data=_script_json(data), **values)
 

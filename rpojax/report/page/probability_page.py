@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically
+from rpojax.report import rare_failures
 from rpojax.report.page import page_templates
-from rpojax.report.rare_failures import probability_charts, probability_values
 
 PAGE_NAME = "probability.html"
 
@@ -17,14 +17,14 @@ def write_page(content: Mapping[str, Any], directory: Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    charts = probability_charts.charts(content)
+    charts = rare_failures.charts(content)
     values = {
         "name": content["scenario"],
-        "each": probability_values.estimate_values(content, charts),
+        "each": rare_failures.estimate_values(content, charts),
         "identity": _identity(content, directory),
         "foot": page_templates.foot_text({**content, "name": content["scenario"]}),
     }
-    data = {"charts": {each.name: each.chart for each in charts}}
+    data = {"charts": {chart.name: chart.chart for chart in charts}}
     page = page_templates.render("probability.html", data, values)
     return write_atomically(directory / PAGE_NAME, page.encode("utf-8", "backslashreplace"))
 

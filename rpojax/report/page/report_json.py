@@ -3,25 +3,90 @@
 from collections.abc import Callable
 from typing import Any
 
-from rpojax.campaign.storage.json_types import to_json_types
+import numpy as np
+
+from rpojax.campaign.storage.atomic_outputs import to_json_types
+from rpojax.errors import ScenarioError
+from rpojax.report import campaign_results, rare_failures
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.coverage import coverage_section
-from rpojax.report.mission import phase_section
-from rpojax.report.page.campaign_summary import summarise
-from rpojax.report.rare_failures import probability_results
+from rpojax.report.labels import in_display_order
+from rpojax.report.metric_statistics import summary_statistics
+from rpojax.report.notes import Notes
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,
+    coverage_section,
     detection_section,
     failure_section,
+    metrics_section,
+    phase_section,
+    requirement_verdict_section,
     safety_section,
     sensitivity_section,
-    worst_runs_section,
+    team_section,
 )
 from rpojax.report.sections.caveats_section import caveat_sentences
 from rpojax.report.sections.dispersion_section import DrawnDistribution
-from rpojax.report.team import team_section
-from rpojax.report.worked_out import Notes
+from rpojax.scenario.loading import scenario_loader, scenario_warnings
+from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
+
+
+def known_before(campaign: CampaignResults) -> list[str]:
+    """Warnings about a campaign's scenario, none if this version does not accept it."""
+    try:
+        file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
+    except ScenarioError:
+        return []
+    return scenario_warnings.scenario_warnings(file, campaign.info.get("stages") or ())
+
+
+def summarise(campaign: CampaignResults) -> dict[str, Any]:
+    """Counts of runs, metrics, verdicts, design, provenance, failures, faults and warnings; null in place of NaN."""
+    metrics, independent = campaign.metrics, campaign_results.runs_are_independent(campaign)
+    run_counts = _run_counts(campaign)
+    return {
+        "runs": run_counts,
+        "metrics": {
+            name: to_json_types(summary_statistics(name, metrics[name], independent))
+            for name in in_display_order(metrics)
+        },
+        "requirements": to_json_types(requirement_verdict_section.content(campaign, run_counts["missing"])),
+        "design": campaign_results.design_content(campaign),
+        "provenance": to_json_types({key: value for key, value in campaign.info.items() if key != "scenario"}),
+        "failures": _failures(campaign),
+        "faults": failure_section.fault_content(campaign),
+        "warnings": known_before(campaign),
+    }
+
+
+def _run_counts(campaign: CampaignResults) -> dict[str, Any]:
+    completed, failed, known = int(np.sum(campaign.completed)), int(np.sum(campaign.failed)), len(campaign.completed)
+    requested = int(campaign.info.get("runs", known))
+    return {
+        "requested": requested,
+        "completed": completed,
+        "failed": failed,
+        "not_judged": known - completed - failed,
+        "missing": requested - known,
+        "outcomes": count_outcomes(campaign.outcomes),
+    }
+
+
+def _failures(campaign: CampaignResults) -> list[dict[str, Any]]:
+    details = team_section.unfinished_details(campaign)
+    return [
+        {
+            "run_id": int(run),
+            "outcome": str(outcome),
+            "at_s": to_json_types(at_s),
+            "reason": str(reason),
+            "detail": details.get(int(run), ""),
+        }
+        for run, outcome, at_s, reason in zip(
+            campaign.run_ids, campaign.outcomes, campaign.failed_at_s, campaign.failure_reason, strict=True
+        )
+        if reason
+    ]
 
 
 def report_content(
@@ -36,7 +101,7 @@ def report_content(
     sections: dict[str, tuple[str, Callable[[CampaignResults], Any]]] = {
         "team": ("The team", team_section.content),
         "mission": ("The mission", phase_section.content),
-        "rare_failures": ("Rare failures", probability_results.content),
+        "rare_failures": ("Rare failures", rare_failures.content),
         "safety": ("Passive safety", safety_section.content),
         "coverage": ("Coverage", coverage_section.content),
         "consistency": ("Consistency of the filter", consistency_section.content),
@@ -44,7 +109,7 @@ def report_content(
         "sensitivity": ("Dependence on the dispersed inputs", sensitivity_section.content),
         "failure_causes": ("Causes of failure", failure_section.content),
         "events": ("Events", failure_section.event_entries),
-        "worst_runs": ("Worst runs", worst_runs_section.content),
+        "worst_runs": ("Worst runs", metrics_section.worst_runs),
         "detections": ("Detections", _detections),
     }
     parts = {name: noted.part(title, work, campaign) for name, (title, work) in sections.items()}

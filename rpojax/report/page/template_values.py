@@ -9,37 +9,31 @@ from typing import Any
 
 from PIL import Image
 
-from rpojax.report import shell_commands
+from rpojax.report import rare_failures, shell_commands
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.coverage import coverage_section
-from rpojax.report.figures.charts.plotly_charts import Chart
-from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
-from rpojax.report.mission import abort_section, phase_section, phase_timeline
-from rpojax.report.number_format import format_number
-from rpojax.report.page.camera_sheet import CameraSheet
-from rpojax.report.page.outcome.leading_figures import leading_figures
-from rpojax.report.page.outcome.next_steps import next_steps
-from rpojax.report.page.outcome.outcome_sentence import outcome_sentence
-from rpojax.report.page.outcome.verdict_tiles import verdict_tiles
-from rpojax.report.rare_failures import probability_values
+from rpojax.report.figures.camera_pictures import CameraSheet
+from rpojax.report.figures.plotly_charts import Chart
+from rpojax.report.figures.scatter_explorer import scatter_explorer
+from rpojax.report.labels import format_number
+from rpojax.report.notes import Notes
+from rpojax.report.page.first_screen import leading_figures, next_steps, outcome_sentence, verdict_tiles
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,
+    coverage_section,
     detection_section,
-    distribution_section,
+    dispersion_section,
     envelope_section,
     failure_section,
-    fault_section,
-    headline_section,
     identity_section,
     metrics_section,
+    phase_section,
+    phase_visits,
     requirement_verdict_section,
     safety_section,
     sensitivity_section,
-    worst_runs_section,
+    team_section,
 )
-from rpojax.report.team import team_tables
-from rpojax.report.worked_out import Notes
 
 _PALETTE_COLOURS = 64
 _CAPTIONS = {
@@ -98,7 +92,7 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     required = content["requirements"]
     envelopes = notes.derived("Envelopes", lambda: envelope_section.envelope_charts(campaign, required), {})
     averages = notes.derived("Averages of consistency", lambda: consistency_section.charts(campaign), {})
-    histograms = notes.derived("Histograms", lambda: distribution_section.histogram_entries(campaign, content), [])
+    histograms = notes.derived("Histograms", lambda: dispersion_section.histogram_entries(campaign, content), [])
     progress = content["convergence"]
     convergence = (
         {} if progress is None else notes.derived("Convergence", lambda: convergence_section.charts(progress), {})
@@ -108,10 +102,10 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
     charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in histograms if entry["chart"] is not None}
     charts |= {f"convergence-{name}": chart for name, (_, chart) in convergence.items()}
-    shares = notes.part("Shares of phases", phase_timeline.chart, campaign)
+    shares = notes.part("Shares of phases", phase_visits.share_chart, campaign)
     charts |= {} if shares is None else {"phase-shares": shares}
     charts |= {f"sensitivity-{entry['metric']}": sensitivity_section.chart(entry) for entry in content["sensitivity"]}
-    charts |= notes.derived("Rare failures", lambda: probability_values.section_charts(content["rare_failures"]), {})
+    charts |= notes.derived("Rare failures", lambda: rare_failures.section_charts(content["rare_failures"]), {})
     template_values = {
         "envelopes": [channel for channel, _ in envelopes.values()],
         "averages": [channel for channel, _ in averages.values()],
@@ -152,13 +146,13 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
     return {
         "identity": identity_section.identity_lines(campaign, content),
         "requirements": requirement_verdict_section.rows(content["requirements"]),
-        "tiles": headline_section.headline_tiles(content),
+        "tiles": metrics_section.headline_tiles(content),
         "metric_rows": notes.derived("Metrics", lambda: metrics_section.metric_rows(campaign, content), []),
         "safety": safety_section.rows(content["safety"]),
-        "rare_failures": probability_values.section_values(content["rare_failures"]),
+        "rare_failures": rare_failures.section_values(content["rare_failures"]),
         "entries": content["safety"]["entries"]["run_ids"],
         "mission": _mission_values(content),
-        "team": team_tables.tables(content),
+        "team": team_section.tables(content),
         "coverage": coverage_section.rows(content),
         "consistency": {
             "means": consistency_section.mean_rows(consistency),
@@ -179,10 +173,10 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
             for cause in content["failure_causes"]
         ],
         "faults": {
-            "rows": notes.part("Faults", fault_section.fault_rows, campaign),
-            "headings": fault_section.headings(),
+            "rows": notes.part("Faults", failure_section.fault_rows, campaign),
+            "headings": failure_section.headings(),
         },
-        "worst": worst_runs_section.rows(content["worst_runs"]),
+        "worst": metrics_section.worst_run_rows(content["worst_runs"]),
     }
 
 
@@ -197,8 +191,8 @@ def _mission_values(content: Mapping[str, Any]) -> dict[str, Any] | None:
         "headings": phase_section.figure_headings(),
         "figures": phase_section.figure_rows(mission),
         "further_stays": mission["runs_with_further_stays"],
-        "abort_sentences": abort_section.sentences(mission["aborts"]),
-        "aborts": abort_section.rows(mission["aborts"]),
+        "abort_sentences": phase_section.abort_sentences(mission["aborts"]),
+        "aborts": phase_section.abort_rows(mission["aborts"]),
     }
 
 
@@ -222,7 +216,7 @@ def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], det
 
 
 def _data_url(path: Path) -> str:
-    """Picture as a data URL; a PNG file, of which the figures have few colours, with a palette of 64."""
+    """Picture as a data URL; PNG files, which have few colours, get a palette of 64."""
     if path.suffix == ".jpg":
         return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
     buffer = io.BytesIO()

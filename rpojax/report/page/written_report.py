@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rpojax.campaign.storage import safe_paths
-from rpojax.campaign.storage.seal.record_seal import CAMPAIGN_SEAL, SEAL, record_digest, sealed
+from rpojax.campaign.storage.campaign_seal import CAMPAIGN_SEAL, SEAL, record_digest, sealed
 from rpojax.errors import RpojaxError
 from rpojax.untrusted.file_reading import FileKind, read_bytes
 from rpojax.untrusted.json_reading import read_json

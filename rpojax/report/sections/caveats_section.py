@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
-from rpojax.report.number_format import format_number
-from rpojax.report.run_independence import design_phrase, runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, design_phrase, runs_are_independent
+from rpojax.report.labels import format_number, in_display_order, metric_label, of_all_servicers
 
 
 def caveat_sentences(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[str]:
@@ -94,8 +92,8 @@ def _seal_caveats(campaign: CampaignResults) -> list[str]:
         )
     for change in campaign.info.get("requirement_changes", []):
         listed = "; ".join(
-            f"{each.get('metric')} {each.get('bound')} {each.get('limit')} with probability {each.get('probability')}"
-            for each in change["requirements"]
+            f"{item.get('metric')} {item.get('bound')} {item.get('limit')} with probability {item.get('probability')}"
+            for item in change["requirements"]
         )
         sentences.append(
             f"Requirements were changed after the campaign on {change['changed']} ({change['reason']}). Since then "

@@ -6,19 +6,31 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency.innovations import nis_interval, whiteness_bound
-from rpojax.analysis.statistics.consistency.nees import average_nees
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
-from rpojax.analysis.statistics.intervals.normal_distribution import coverage_per_axis
+from rpojax.analysis.statistics.consistency import AverageNees, average_nees, mean_square_interval, whiteness_bound
+from rpojax.analysis.statistics.intervals import coverage_per_axis
 from rpojax.metrics.metric_catalogue import find
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.figures.charts.nees_chart import average_nees_chart
-from rpojax.report.figures.charts.plotly_charts import Chart
-from rpojax.report.labels import ChannelLabel, in_display_order, metric_label, of_all_servicers
+from rpojax.report.campaign_results import CampaignResults, probability_interval, runs_are_independent
+from rpojax.report.figures.colours import BLUE
+from rpojax.report.figures.plotly_charts import (
+    MAX_POINTS,
+    Chart,
+    add_reference_lines,
+    band_traces,
+    channel_line,
+    rounded_values,
+    time_layout,
+)
+from rpojax.report.labels import (
+    ChannelLabel,
+    format_interval,
+    format_number,
+    in_display_order,
+    metric_label,
+    of_all_servicers,
+)
 from rpojax.report.metric_statistics import mean_confidence_interval
-from rpojax.report.number_format import format_number
-from rpojax.report.run_independence import runs_are_independent
 
+_INTERVAL_FILL = "rgba(0, 158, 115, 0.25)"
 _NEES_CHANNELS = (
     (ChannelLabel("nees", "Average NEES of 12 position and velocity components", "", logarithmic=True), 12),
     (ChannelLabel("nees_relative", "Average NEES of the 6 components of the relative state", "", logarithmic=True), 6),
@@ -46,6 +58,20 @@ _INTERPRETATIONS = {
         "errors leave 3 sigma more often than normal ones: the filter is too sure of itself, or its errors have tails",
     ),
 }
+
+
+def average_nees_chart(channel: ChannelLabel, time_s: np.ndarray, nees: AverageNees, with_interval: bool) -> Chart:
+    """Chart of NEES averaged over runs against time [s], with its expectation and optionally its 95 % interval."""
+    shown = np.flatnonzero(np.isfinite(nees.mean))
+    shown = shown[:: max(1, -(-len(shown) // MAX_POINTS))]
+    time = rounded_values(time_s[shown])
+    traces: list[dict[str, Any]] = []
+    if with_interval:
+        low, high = rounded_values(nees.low[shown]), rounded_values(nees.high[shown])
+        traces += band_traces(time, low, high, "95 % of a consistent filter", _INTERVAL_FILL)
+    traces.append(channel_line(channel, time, nees.mean[shown], "average over runs", BLUE, 1.8))
+    chart = {"data": traces, "layout": time_layout(channel, traces)}
+    return add_reference_lines(chart, channel.unit, [(float(nees.components), "expected")])
 
 
 @dataclass(frozen=True)
@@ -113,9 +139,9 @@ def mean_rows(consistency: Mapping[str, Any]) -> list[ConsistencyRow]:
             metric_label(entry["name"]).title,
             [
                 format_number(entry["mean"]),
-                _interval(entry["interval_95"]),
+                format_interval(entry["interval_95"]),
                 format_number(entry["expected"]),
-                _interval(entry["chance_interval_95"]),
+                format_interval(entry["chance_interval_95"]),
             ],
             entry["says"],
         )
@@ -128,7 +154,7 @@ def time_rows(consistency: Mapping[str, Any]) -> list[ConsistencyRow]:
     return [
         ConsistencyRow(
             metric_label(f"{entry['name']}_mean").title,
-            [_interval(entry["interval_95"]), *(_percent(entry[key]) for key in ("inside", "above", "below"))],
+            [format_interval(entry["interval_95"]), *(_percent(entry[key]) for key in ("inside", "above", "below"))],
             entry["says"],
         )
         for entry in consistency["over_time"]
@@ -165,11 +191,6 @@ def _low_coverage_fraction(campaign: CampaignResults) -> float | None:
     return float(np.mean(known < LOW_COVERAGE)) if len(known) else None
 
 
-def _settled_from_s(time_s: np.ndarray) -> float:
-    """Time from which the filter counts as settled [s]: 1000 s, or a third of a shorter run, as in the metrics."""
-    return min(1000.0, float(time_s[-1]) / 3.0)
-
-
 def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
     """Mean over runs compared with its expectation; each run is one sample, as its errors are correlated in time."""
     values = campaign.metrics[name]
@@ -197,7 +218,7 @@ def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
 def _chi_square_interval(campaign: CampaignResults, name: str, runs: int) -> list[float] | None:
     """Chi-square interval of the mean: every innovation counts as independent, of NEES one instant per run."""
     updates = float(np.nansum(_update_counts(campaign, name))) if name.startswith("nis") else float(runs)
-    return list(nis_interval(_degrees_of_freedom(name), round(updates))) if updates >= 1.0 else None
+    return list(mean_square_interval(_degrees_of_freedom(name), round(updates))) if updates >= 1.0 else None
 
 
 def _update_counts(campaign: CampaignResults, name: str) -> np.ndarray:
@@ -234,7 +255,8 @@ def _over_time_entries(campaign: CampaignResults, name: str, components: int) ->
     values, ended = campaign.traces.get(name), np.asarray(campaign.reached_end, dtype=bool)
     if values is None or not ended.any() or not runs_are_independent(campaign):
         return []
-    settled = campaign.trace_time_s >= _settled_from_s(campaign.trace_time_s)
+    # The filter counts as settled after 1000 s, or a third of a shorter run, as in the metrics.
+    settled = campaign.trace_time_s >= min(1000.0, float(campaign.trace_time_s[-1]) / 3.0)
     nees = np.asarray(values[ended][:, settled], dtype=np.float64)
     found = average_nees(nees, components)
     if not np.isfinite(found.mean).any():
@@ -281,7 +303,7 @@ def _whiteness_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
     bounds = np.array([whiteness_bound(count) for count in products[known].astype(int).tolist()])
     beyond = int(np.sum(np.abs(values[known]) > bounds))
     runs = int(known.sum())
-    interval = clopper_pearson_interval(beyond, runs) if runs and runs_are_independent(campaign) else None
+    interval = probability_interval(campaign, beyond, runs)
     mean = float(values[known].mean()) if runs else None
     return {
         "name": name,
@@ -289,7 +311,7 @@ def _whiteness_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
         "mean": mean,
         "bound": float(np.median(bounds)) if runs else None,
         "outside": beyond / runs if runs else None,
-        "outside_interval_95": None if interval is None else list(interval),
+        "outside_interval_95": interval,
         "expected_outside": _EXPECTED_OUTSIDE,
         "says": _no_interpretation(campaign)
         if mean is None or interval is None
@@ -297,7 +319,7 @@ def _whiteness_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
     }
 
 
-def _interpret_whiteness(source: str, mean: float, interval: tuple[float, float]) -> str:
+def _interpret_whiteness(source: str, mean: float, interval: Sequence[float]) -> str:
     if interval[0] <= _EXPECTED_OUTSIDE:
         return "No departure can be told from white innovations, beyond the bound in 5 % of runs."
     if mean > 0.0:
@@ -306,10 +328,6 @@ def _interpret_whiteness(source: str, mean: float, interval: tuple[float, float]
             "measurements last longer than it models."
         )
     return f"Innovations of {source} alternate: the filter follows the noise of its measurements."
-
-
-def _interval(ends: Sequence[float | None] | None) -> str:
-    return format_number(None) if ends is None else f"{format_number(ends[0])} to {format_number(ends[1])}"
 
 
 def _percent_interval(ends: Sequence[float] | None) -> str:

@@ -5,13 +5,11 @@ from typing import Any
 import numpy as np
 
 from rpojax.analysis.statistics.convergence import MetricConvergence, metric_convergence, rate_convergence
-from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.figures.charts.plotly_charts import Chart, band_traces, chart_layout, line_trace, rounded_values
+from rpojax.campaign.storage.atomic_outputs import to_json_types
+from rpojax.report.campaign_results import CampaignResults, runs_are_independent, select_key_metrics
 from rpojax.report.figures.colours import BLUE, VERMILLION
-from rpojax.report.key_metrics import select_key_metrics
+from rpojax.report.figures.plotly_charts import Chart, band_traces, chart_layout, line_trace, rounded_values
 from rpojax.report.labels import MetricLabel, metric_label
-from rpojax.report.run_independence import runs_are_independent
 
 _MIN_RUNS = 20
 _BAND = "rgba(0, 114, 178, 0.2)"

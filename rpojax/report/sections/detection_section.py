@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.core.pytree import concatenate
-from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.report.number_format import format_number
+from rpojax.report.labels import LOOK_AWAY_MODES, format_number
 from rpojax.vision.intersection_over_union import intersection_over_union
 
 History = Mapping[str, np.ndarray]
@@ -23,7 +22,6 @@ _RANGE_EDGES_M = (
 )
 _MIN_FRAMES = 20
 """Fewest frames of a range interval, and fewest boxes for edge statistics."""
-_LOOK_AWAY_MODES = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
 _EDGES = ("left", "top", "right", "bottom")
 _SCORE_PERCENTILES = (5.0, 50.0, 95.0)
 
@@ -80,7 +78,7 @@ def _concatenated_frames(histories: list[History]) -> Frames:
 
 def _range_entry(frames: Frames) -> dict[str, Any]:
     present, outlier, light = frames["box_present"], frames["box_outlier"], frames["observable"]
-    away = np.isin(frames["mode"], _LOOK_AWAY_MODES)
+    away = np.isin(frames["mode"], LOOK_AWAY_MODES)
     on_target = light & ~away
     scores = frames["box_score"][present]
     return {

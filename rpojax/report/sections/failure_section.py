@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence.two_sample_tests import InputSeparation, separate_failing_runs
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.dispersed_inputs import rankable_scalars
-from rpojax.report.labels import metric_label
-from rpojax.report.number_format import format_number, format_p_value
-from rpojax.report.run_independence import runs_are_independent
+from rpojax.analysis.statistics.dependence import separate_failing_runs
+from rpojax.physics.equipment_faults import KINDS
+from rpojax.report.campaign_results import CampaignResults, rankable_scalars, runs_are_independent
+from rpojax.report.labels import format_number, format_p_value, heading, metric_label
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _SIGNS = (
@@ -28,6 +26,14 @@ _SIGNS = (
 """Metrics that tell why a run ended as it did: camera, gate, filter, control and thrust, and what came of it."""
 _MAX_INPUTS = 5
 _MAX_FAILURES = 50
+TABLE_COLUMNS = (
+    ("formation_error_rms_m", 50.0),
+    ("formation_error_rms_m", 95.0),
+    ("min_range_m", 0.0),
+    ("sigma3_coverage", 50.0),
+    ("longest_unseen_s", 50.0),
+)
+"""Metric and percentile of each column of the table."""
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
@@ -109,7 +115,16 @@ def _cause_entry(
         "median_at_s": float(np.median(times)),
         "last_at_s": float(np.max(times)),
         "signs": _signs(campaign, failed, compared & ~failed),
-        "inputs": _input_entries(found, independent),
+        "inputs": [
+            {
+                "input": separation.name,
+                "ks": separation.difference.ks_distance,
+                "ks_p": separation.difference.ks_p if independent else None,
+                "auc": separation.difference.auc,
+                "auc_p": separation.difference.auc_p if independent else None,
+            }
+            for separation in found
+        ],
     }
 
 
@@ -120,35 +135,18 @@ def _signs(campaign: CampaignResults, failed: np.ndarray, others: np.ndarray) ->
         values = np.asarray(campaign.metrics.get(name, np.full(len(failed), np.nan)), dtype=np.float64)
         here, there = (values[chosen & np.isfinite(values)] for chosen in (failed, others))
         if len(here):
-            found.append({"metric": name, "median": float(np.median(here)), "others": _median(there)})
+            others_median = float(np.median(there)) if len(there) else None
+            found.append({"metric": name, "median": float(np.median(here)), "others": others_median})
     return found
-
-
-def _median(values: np.ndarray) -> float | None:
-    return float(np.median(values)) if len(values) else None
 
 
 def sign_rows(entry: Mapping[str, Any]) -> list[list[str]]:
     """Rows of an outcome's table of signs: metric with its unit, median in these runs, median in the others."""
     rows = []
     for sign in entry["signs"]:
-        label = metric_label(sign["metric"])
-        title = f"{label.title} [{label.unit}]" if label.unit else label.title
+        title = heading(metric_label(sign["metric"]))
         rows.append([title, format_number(sign["median"]), format_number(sign["others"])])
     return rows
-
-
-def _input_entries(found: Sequence[InputSeparation], independent: bool) -> list[dict[str, Any]]:
-    return [
-        {
-            "input": one.name,
-            "ks": one.difference.ks_distance,
-            "ks_p": one.difference.ks_p if independent else None,
-            "auc": one.difference.auc,
-            "auc_p": one.difference.auc_p if independent else None,
-        }
-        for one in found
-    ]
 
 
 def _is_significant(one: Mapping[str, Any]) -> bool:
@@ -185,3 +183,48 @@ def event_table(events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         if raised:
             parts.append(f"{kind.reason}: raised in {len(raised)} runs, cleared in {len(raised - kept)}")
     return {"rows": rows, "more": max(0, len(events) - _MAX_FAILURES), "sentence": "; ".join(parts) + "."}
+
+
+def fault_rows(campaign: CampaignResults) -> list[dict[str, Any]]:
+    """Row for each kind of fault: runs, failed runs, percentiles of metrics; empty without the effect `faults`."""
+    kinds = _fault_codes(campaign)
+    return [_fault_row(campaign, code, kinds == code) for code in sorted(set(kinds.tolist()))]
+
+
+def fault_content(campaign: CampaignResults) -> list[dict[str, Any]]:
+    """Part of report.json: kind of fault, runs and failed runs."""
+    return [{key: row[key] for key in ("kind", "runs", "failed")} for row in fault_rows(campaign)]
+
+
+def headings() -> list[str]:
+    """Headings of the columns of `TABLE_COLUMNS`."""
+    statistics = {0.0: "smallest", 50.0: "median", 95.0: "p95"}
+    shown = [(metric_label(name), statistics[percentile]) for name, percentile in TABLE_COLUMNS]
+    return [f"{label.title}, {statistic}{f' [{label.unit}]' if label.unit else ''}" for label, statistic in shown]
+
+
+def _fault_codes(campaign: CampaignResults) -> np.ndarray:
+    """Fault code of each run (runs,); empty without the effect `faults`, and where servicers have their own."""
+    scenario = campaign.info.get("scenario", {})
+    if not scenario.get("effects", {}).get("faults"):
+        return np.zeros(0, dtype=int)
+    drawn = campaign.drawn.get("fault.kind")
+    if drawn is None and campaign.servicer_names:
+        return np.zeros(0, dtype=int)
+    if drawn is None:
+        return np.full(campaign.run_ids.size, KINDS.index(scenario["fault"]["kind"]))
+    return np.round(drawn).astype(int)
+
+
+def _fault_row(campaign: CampaignResults, code: int, chosen: np.ndarray) -> dict[str, Any]:
+    values = []
+    for name, percentile in TABLE_COLUMNS:
+        column = campaign.metrics[name][chosen]
+        defined = column[np.isfinite(column)]
+        values.append(float(np.percentile(defined, percentile)) if defined.size else None)
+    return {
+        "kind": KINDS[code],
+        "runs": int(chosen.sum()),
+        "failed": int(campaign.failed[chosen].sum()),
+        "cells": ["-" if value is None else format_number(value) for value in values],
+    }

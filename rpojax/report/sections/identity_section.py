@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from rpojax.report import shell_commands
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.number_format import format_number
-from rpojax.report.run_independence import design_phrase, runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, design_phrase, runs_are_independent
+from rpojax.report.labels import format_number
 from rpojax.report.sections.failure_section import outcomes_text
 
 _MAX_LINE_LENGTH = 4000

@@ -1,4 +1,4 @@
-"""Tables of metrics: statistics over all runs, and values of one run."""
+"""Metrics: headline tiles, tables of statistics over all runs, worst runs, and values of one run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,10 +6,25 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
-from rpojax.report.number_format import format_number
+from rpojax.report.campaign_results import CampaignResults, select_key_metrics
+from rpojax.report.labels import (
+    format_interval,
+    format_number,
+    format_percent_interval,
+    in_display_order,
+    metric_label,
+    of_all_servicers,
+    with_unit,
+)
+from rpojax.report.sections import consistency_section
+from rpojax.report.sections.failure_section import outcomes_text
+
+_NEES_TILES = (("NEES / 6, relative", "nees_relative_mean", 6), ("NEES / 12", "nees_mean", 12))
+"""Title, metric and number of components of each tile of NEES; the half that comes from GPS dilutes the second."""
+_NOMINAL_COVERAGE = 0.9973
+_PLACES = ("worst", "2nd", "3rd", "4th", "5th")
 
 
 @dataclass(frozen=True)
@@ -73,11 +88,7 @@ def _dagger(key: str, value: float | None, lacking: int) -> str:
 
 
 def _interval_text(key: str, ends: list[float | None] | None) -> str:
-    return (
-        format_number(None)
-        if ends is None
-        else _with_statistic_name(key, f"{format_number(ends[0])} to {format_number(ends[1])}")
-    )
+    return format_interval(None) if ends is None else _with_statistic_name(key, format_interval(ends))
 
 
 def _with_statistic_name(key: str, text: str) -> str:
@@ -89,3 +100,89 @@ def _worst_row(name: str, values: np.ndarray) -> int | None:
     """Row of the worst run; None if fewer than two runs have a value, or all values are equal."""
     rows = worst_first(name, values)
     return int(rows[0]) if len(rows) > 1 and values[rows[0]] != values[rows[-1]] else None
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One headline number; `alert` marks one that needs attention."""
+
+    title: str
+    value: str
+    unit: str
+    note: str
+    alert: bool = False
+
+
+def headline_tiles(summary: Mapping[str, Any]) -> list[Tile]:
+    """Medians of key metrics, coverage, NEES and failed runs by outcome."""
+    metrics = summary["metrics"]
+    coverage = _statistic(metrics, "sigma3_coverage", "mean")
+    low_runs = consistency_section.low_coverage_text(summary["consistency"])
+    return [
+        _median_tile(metrics, "formation_error_rms_m"),
+        _median_tile(metrics, "nav_relative_position_error_rms_m"),
+        Tile(
+            "3-sigma coverage",
+            format_number(coverage),
+            "",
+            f"mean; a normal error gives {_NOMINAL_COVERAGE}"
+            + ("" if low_runs is None else f"; below 0.95 in {low_runs} of runs"),
+        ),
+        *(_nees_tile(metrics, *tile) for tile in _NEES_TILES),
+        _median_tile(metrics, "delta_v_m_s"),
+        _failure_tile(summary["runs"], summary["design"]["independent"]),
+    ]
+
+
+def _statistic(metrics: Mapping[str, Any], name: str, key: str) -> float | None:
+    return metrics[name][key] if name in metrics else None
+
+
+def _median_tile(metrics: Mapping[str, Any], name: str) -> Tile:
+    label = metric_label(name)
+    tail = label.tail_statistics[1]
+    note = f"median; {tail} {format_number(_statistic(metrics, name, tail), 3)} {label.unit}"
+    return Tile(label.title, format_number(_statistic(metrics, name, "p50"), 3), label.unit, note)
+
+
+def _nees_tile(metrics: Mapping[str, Any], title: str, name: str, components: int) -> Tile:
+    mean = _statistic(metrics, name, "mean")
+    value = format_number(None if mean is None else mean / components, 3)
+    return Tile(title, value, "", "mean; 1 is consistent")
+
+
+def _failure_tile(runs: Mapping[str, Any], independent: bool) -> Tile:
+    failed, total = runs["failed"], runs["requested"] - runs["missing"]
+    if total == 0:
+        return Tile("Failed runs", "0", "", "no run has ended yet")
+    note = "runs are not independent"
+    if independent:
+        low, high = clopper_pearson_interval(failed, total)
+        note = f"95 % interval of the rate: {format_percent_interval(low, high)}"
+    if failed:
+        note = f"{outcomes_text(runs['outcomes'])}; {note}"
+    return Tile("Failed runs", str(failed), f"of {total}", note, alert=failed > 0)
+
+
+def worst_runs(campaign: CampaignResults) -> list[dict[str, Any]]:
+    """Part of report.json: the five worst runs of each key metric, the worst first."""
+    return [
+        {
+            "metric": name,
+            "runs": [{"run_id": int(campaign.run_ids[row]), "value": float(values[row])} for row in worst_run_rows],
+        }
+        for name in select_key_metrics(campaign)
+        for values in [campaign.metrics[name]]
+        for worst_run_rows in [worst_first(name, values)[: len(_PLACES)]]
+    ]
+
+
+def worst_run_rows(entries: list[dict[str, Any]]) -> list[tuple[int, list[str]]]:
+    """Run number and the metrics in which it is among the worst; runs that are so in most metrics first."""
+    found: dict[int, list[str]] = {}
+    for entry in entries:
+        label = metric_label(entry["metric"])
+        for place, run in enumerate(entry["runs"], start=1):
+            value = with_unit(format_number(run["value"]), label.unit)
+            found.setdefault(run["run_id"], []).append(f"{label.title} {value} ({_PLACES[place - 1]})")
+    return sorted(found.items(), key=lambda item: (-len(item[1]), item[0]))

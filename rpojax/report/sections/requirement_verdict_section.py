@@ -16,10 +16,8 @@ from rpojax.analysis.statistics.tolerance_verdicts import (
     required_values,
 )
 from rpojax.errors import ResultError
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import metric_label
-from rpojax.report.number_format import format_number, with_unit
-from rpojax.report.run_independence import runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, runs_are_independent
+from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.scenario.schema import RequirementSection
 
 _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE_RUNS: "open"}
@@ -72,11 +70,8 @@ def limit_text(entry: Mapping[str, Any]) -> str:
 def _requirement_phrase(requirement: RequirementSection) -> str:
     label = metric_label(requirement.metric_name)
     limit = with_unit(f"{requirement.limit:g}", label.unit)
-    return f"{label.title} {requirement.bound} {limit} {_share_of_runs(requirement)}"
-
-
-def _share_of_runs(requirement: RequirementSection) -> str:
-    return f"in at least {100.0 * requirement.probability:g} % of {_of_runs(requirement)}"
+    share = f"in at least {100.0 * requirement.probability:g} % of {_of_runs(requirement)}"
+    return f"{label.title} {requirement.bound} {limit} {share}"
 
 
 def _of_runs(requirement: RequirementSection) -> str:

@@ -5,14 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horizon_metric_name
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.dispersed_inputs import keep_out_radii
-from rpojax.report.labels import metric_label
-from rpojax.report.number_format import format_number, format_percent_interval, with_unit
-from rpojax.report.run_independence import runs_are_independent
+from rpojax.report.campaign_results import CampaignResults, keep_out_radii, probability_interval
+from rpojax.report.labels import format_number, format_percent_interval, metric_label, with_unit
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
@@ -70,17 +66,17 @@ def rows(safety: Mapping[str, Any]) -> list[SafetyRow]:
     keep_out = safety["keep_out_m"]
     sphere = "" if keep_out is None else f" of {_radius_text(keep_out)}"
     lines = [
-        SafetyRow("Smallest range of any run", *_worst_value_texts(safety["least_range"], "m")),
+        SafetyRow("Smallest range of any run", *worst_value_texts(safety["least_range"], "m")),
         _proportion_row(f"Runs that entered the keep-out sphere{sphere}", safety["entries"]),
         *_drift_rows(safety, sphere),
-        SafetyRow("Longest look-away in a burn period", *_worst_value_texts(safety["longest_look_away"], "s")),
-        SafetyRow(metric_label("longest_unseen_s").title, *_worst_value_texts(safety["longest_unseen"], "s")),
+        SafetyRow("Longest look-away in a burn period", *worst_value_texts(safety["longest_look_away"], "s")),
+        SafetyRow(metric_label("longest_unseen_s").title, *worst_value_texts(safety["longest_unseen"], "s")),
     ]
     return [line for line in lines if line.value]
 
 
 def _drift_rows(safety: Mapping[str, Any], sphere: str) -> list[SafetyRow]:
-    """Rows of free drift; of campaigns recorded without horizons those of one orbit."""
+    """Rows of free drift; campaigns recorded without horizons have rows of one orbit."""
     drifts = [
         (f"within {drift['horizon'].replace('_', ' ')} after a loss of thrust", drift) for drift in safety["free_drift"]
     ] or [
@@ -92,7 +88,7 @@ def _drift_rows(safety: Mapping[str, Any], sphere: str) -> list[SafetyRow]:
     drifts.append(("within 24 h after a burn that did not end", safety["stuck_on"]))
     lines = []
     for when, drift in drifts:
-        lines.append(SafetyRow(f"Smallest range of free drift {when}", *_worst_value_texts(drift["least_range"], "m")))
+        lines.append(SafetyRow(f"Smallest range of free drift {when}", *worst_value_texts(drift["least_range"], "m")))
         title = f"Runs that could drift into the keep-out sphere{sphere} {when}"
         lines.append(_proportion_row(title, drift["below_keep_out"]))
     share = safety["unsafe_share"]
@@ -149,7 +145,7 @@ def _worst_value(campaign: CampaignResults, name: str) -> dict[str, Any] | None:
 def _range_violations(
     campaign: CampaignResults, name: str, keep_out: np.ndarray | None, entered: np.ndarray
 ) -> dict[str, Any] | None:
-    """Proportion of runs that enter the sphere or would drift into it, among those for which this is known."""
+    """Proportion of runs that enter the sphere or would drift into it, among the runs for which this is known."""
     values = campaign.metrics.get(name)
     if values is None or keep_out is None:
         return None
@@ -163,16 +159,16 @@ def _median(campaign: CampaignResults, name: str) -> float | None:
 
 def _proportion(campaign: CampaignResults, events: np.ndarray, known: np.ndarray) -> dict[str, Any]:
     count, total = int(np.sum(events & known)), int(np.sum(known))
-    interval = clopper_pearson_interval(count, total) if total and runs_are_independent(campaign) else None
     return {
         "count": count,
         "runs": total,
         "share": count / total if total else None,
-        "interval_95": None if interval is None else list(interval),
+        "interval_95": probability_interval(campaign, count, total),
     }
 
 
-def _worst_value_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
+def worst_value_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
+    """Value with its unit and run; empty texts without one."""
     if found is None:
         return "", ""
     bound = "at most " if found.get("at_most") else ""

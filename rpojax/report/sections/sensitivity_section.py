@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.dispersed_inputs import rankable_scalars
-from rpojax.report.figures.charts.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values
+from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs
+from rpojax.report.campaign_results import CampaignResults, rankable_scalars, runs_are_independent, select_key_metrics
 from rpojax.report.figures.colours import BLUE, GRID, ORANGE
-from rpojax.report.key_metrics import select_key_metrics
+from rpojax.report.figures.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values
 from rpojax.report.labels import metric_label
-from rpojax.report.run_independence import runs_are_independent
 
 _MAX_BARS = 8
 _SIGNIFICANCE_LEVEL = 0.05
@@ -35,7 +32,7 @@ def content(campaign: CampaignResults) -> list[dict[str, Any]]:
 def _is_ranked(ranking: InputRanking) -> bool:
     """Whether there are inputs, all with finite measures: extreme numbers may leave none."""
     return bool(ranking.inputs) and all(
-        math.isfinite(one.spearman) and math.isfinite(one.hsic) for one in ranking.inputs
+        math.isfinite(entry.spearman) and math.isfinite(entry.hsic) for entry in ranking.inputs
     )
 
 
@@ -51,7 +48,7 @@ def chart(entry: Mapping[str, Any]) -> Chart:
     layout["xaxis2"] = {
         **layout["xaxis"],
         "domain": [0.52, 1.0],
-        "range": [0.0, _hsic_axis_end(strongest)],
+        "range": [0.0, max(0.05, 1.1 * max(float(entry["hsic"]) for entry in strongest))],
         "anchor": "y",
     }
     layout["xaxis2"]["title"] = {"text": "HSIC, normalised", "font": {"size": 12}}
@@ -62,13 +59,13 @@ def chart(entry: Mapping[str, Any]) -> Chart:
 def _entry(name: str, ranking: InputRanking, independent: bool) -> dict[str, Any]:
     inputs = [
         {
-            "name": one.name,
-            "spearman": one.spearman,
-            "spearman_p": one.spearman_p if independent else None,
-            "hsic": one.hsic,
-            "hsic_p": one.hsic_p if independent else None,
+            "name": entry.name,
+            "spearman": entry.spearman,
+            "spearman_p": entry.spearman_p if independent else None,
+            "hsic": entry.hsic,
+            "hsic_p": entry.hsic_p if independent else None,
         }
-        for one in ranking.inputs
+        for entry in ranking.inputs
     ]
     by_rank, by_hsic = list(ranking.leading_by_spearman), list(ranking.leading_by_hsic)
     if not independent:
@@ -88,7 +85,7 @@ def _entry(name: str, ranking: InputRanking, independent: bool) -> dict[str, Any
 
 def _largest_inputs(inputs: Sequence[Mapping[str, Any]], key: str) -> list[str]:
     """Names of the three largest inputs by one measure."""
-    return [one["name"] for one in sorted(inputs, key=lambda one: -abs(one[key]))[:_LARGEST_COUNT]]
+    return [entry["name"] for entry in sorted(inputs, key=lambda entry: -abs(entry[key]))[:_LARGEST_COUNT]]
 
 
 def _size_sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
@@ -121,7 +118,7 @@ def _agreement_sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
 
 def _strongest_inputs(inputs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Strongest inputs by either measure, each relative to the largest of that measure, weakest first."""
-    tops = {key: max(abs(one[key]) for one in inputs) or 1.0 for key in ("spearman", "hsic")}
+    tops = {key: max(abs(entry[key]) for entry in inputs) or 1.0 for key in ("spearman", "hsic")}
     return sorted(inputs, key=lambda one: max(abs(one[key]) / top for key, top in tops.items()))[-_MAX_BARS:]
 
 
@@ -139,11 +136,6 @@ def _bars(
         "yaxis": "y",
         "text": texts,
         "textposition": "none",
-        "marker": {"color": color, "opacity": [0.85 if one else 0.25 for one in significant]},
+        "marker": {"color": color, "opacity": [0.85 if flag else 0.25 for flag in significant]},
         "hovertemplate": "%{y}: %{x:.3f}, %{text}<extra></extra>",
     }
-
-
-def _hsic_axis_end(shown: Sequence[Mapping[str, Any]]) -> float:
-    """End of the HSIC axis."""
-    return max(0.05, 1.1 * max(float(one["hsic"]) for one in shown))

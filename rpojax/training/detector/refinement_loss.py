@@ -69,7 +69,7 @@ def refinement_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: 
 
 
 def _candidate_boxes(maps: ProposalMaps, labels: _Labels, key: jax.Array) -> jax.Array:
-    """Boxes (n, 4) to refine in one image: proposals, and true or, without a true one, further proposals, all jittered.
+    """Boxes (n, 4) to refine in an image: jittered proposals and true boxes, or further proposals without true boxes.
 
     The true boxes are those of two spacecraft, or of one twice. Most that an empty image proposes is cloud, so its
     further proposals are harder to tell from spacecraft than boxes at random places.

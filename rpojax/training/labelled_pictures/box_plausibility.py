@@ -10,16 +10,6 @@ import numpy as np
 from rpojax.vision.imaging.image_files import few_bits
 from rpojax.vision.intersection_over_union import intersection_over_union
 
-
-class BoxForm(Enum):
-    """What labels say of a box."""
-
-    SIZES = "left, top, width and height [px], as in COCO"
-    CORNERS = "left, top, right and bottom [px], as in SPARK"
-    CENTRES = "centre, width and height in fractions of the picture, as in YOLO"
-    POSES = "the pose of the spacecraft, whose points are projected, as in SPEED+"
-
-
 _LEAST_SIDE_PX: Final = 2.0
 _SLACK: Final = 0.02
 """Share of a picture by which a box may reach beyond it: labels are rounded, and of pictures that were cropped."""
@@ -36,19 +26,31 @@ _LEAST_COVERED: Final = 26
 """Code of a mask from which on a spacecraft covers a pixel by a tenth, and a box surrounds it."""
 _LEAST_BOXES: Final = 20
 """Fewer boxes may lie in one part of their pictures by chance, such as those of one sequence."""
+_FRACTIONS: Final = "are they fractions of the picture?"
+_SCALED: Final = "were the pictures scaled after labelling?"
+_EXCHANGED: Final = "are x and y, or width and height, exchanged?"
+
+
+class BoxForm(Enum):
+    """What labels say of a box."""
+
+    SIZES = "left, top, width and height [px], as in COCO"
+    CORNERS = "left, top, right and bottom [px], as in SPARK"
+    CENTRES = "centre, width and height in fractions of the picture, as in YOLO"
+    POSES = "the pose of the spacecraft, whose points are projected, as in SPEED+"
 
 
 def implausible_boxes(
     boxes: Sequence[np.ndarray], sizes: Sequence[tuple[int, int]] | np.ndarray, form: BoxForm = BoxForm.SIZES
 ) -> tuple[str, ...]:
-    """Sentences on what is unlikely about boxes, each with its likely cause; empty for plausible ones.
+    """Sentences on unlikely boxes, each with a likely cause; empty for plausible boxes.
 
     Args:
         boxes: for every picture (m, 4) left, top, right, bottom [px], not cut to the picture
         sizes: width and height of every picture [px]
         form: of the labels from which they are
     """
-    counts = [len(each) for each in boxes]
+    counts = [len(image_boxes) for image_boxes in boxes]
     total = sum(counts)
     if total == 0:
         return (f"no label of a spacecraft: all {len(boxes)} pictures count as empty",)
@@ -72,7 +74,7 @@ def implausible_boxes(
 
 
 def outlines_elsewhere(boxes: np.ndarray, outlines: np.ndarray) -> tuple[str, ...]:
-    """A sentence if boxes (n, 4) are not around their outlines, of which `outlines` (n, 4) are the boxes."""
+    """A sentence if boxes (n, 4) differ from the boxes `outlines` (n, 4) around their outlines."""
     number = _number_apart(boxes, outlines)
     said = f"{number} of {len(boxes)} boxes are not around their outlines (segmentation): which of them is right?"
     return (said,) if number else ()
@@ -153,7 +155,6 @@ def _dark_boxes(images: np.ndarray, boxes: Sequence[np.ndarray]) -> tuple[str, .
     )
 
 
-_FRACTIONS: Final = "are they fractions of the picture?"
 _SMALL: Final = {
     BoxForm.SIZES: _FRACTIONS,
     BoxForm.CORNERS: _FRACTIONS,
@@ -161,8 +162,6 @@ _SMALL: Final = {
     BoxForm.POSES: "is the position in metres, and the camera's matrix in pixels?",
 }
 """Likely causes of boxes below a pixel or two."""
-_SCALED: Final = "were the pictures scaled after labelling?"
-_EXCHANGED: Final = "are x and y, or width and height, exchanged?"
 
 
 def _of_sizes(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:

@@ -106,7 +106,7 @@ def _check_each_once(what: str, numbers: Iterable[Hashable]) -> None:
 
 
 def _category_notes(content: Any) -> tuple[str, ...]:
-    """A sentence if boxes are of one of several categories, and its name does not say that it is the spacecraft.
+    """A sentence if all boxes are of one among several categories whose name does not say spacecraft.
 
     Raises:
         ValueError: boxes are of several categories, or of one that is not listed.
@@ -133,7 +133,7 @@ def _annotation(note: Mapping[str, Any], images: Mapping[Hashable, dict[str, Any
     """
     number = note["image_id"]
     if number not in images:
-        same = [each for each in images if str(each) == str(number)]
+        same = [image for image in images if str(image) == str(number)]
         what = f", as {type(same[0]).__name__} and not {type(number).__name__}" if same else ""
         raise ValueError(f"an annotation of image {number!r:.40}, which is {'listed' if same else 'not listed'}{what}")
     if note.get("iscrowd") or note.get("ignore"):

@@ -73,7 +73,7 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
 
 def _columns(labels: Path, names: Sequence[str]) -> _Columns:
     """Columns of the edition of a table with columns of these names."""
-    fitting = [each for each in _EDITIONS if {each.name, each.craft, each.box} <= set(names)]
+    fitting = [edition for edition in _EDITIONS if {edition.name, edition.craft, edition.box} <= set(names)]
     if len(fitting) == 1 and len(set(names)) == len(names):
         return fitting[0]
     found = f"columns {', '.join(map(str, names))}"[:120].replace("\n", " ")

@@ -140,7 +140,7 @@ def _picture(folder: Path, labels: Path, camera: _Camera, number: int, entry: An
             f"{labels}: found {name!r:.80} at {r[2]:g} m with a quaternion of norm {np.linalg.norm(q):g}, expected a "
             "spacecraft in front of the camera and a unit quaternion"
         )
-    if any((each != q).any() for each in attitudes):
+    if any((attitude != q).any() for attitude in attitudes):
         raise DatasetError(f"{labels}: found {name!r:.80} with different {' and '.join(_ATTITUDES)}, expected one")
     box = projected_box(camera.matrix, camera.distortion, q, r)
     return LabelledPicture(

@@ -20,7 +20,7 @@ _PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
 
 
 def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPicture]:
-    """Pictures in `images` and its folders; one with an empty text file, or without one, has no spacecraft.
+    """Pictures in `images` and its folders; a picture whose text file is empty or missing has no spacecraft.
 
     Args:
         folder: with `images` and `labels`
@@ -54,13 +54,13 @@ def list_pictures(folder: Path, labels: Path | None = None) -> list[LabelledPict
 
 
 def _shown(folder: Path) -> list[Path]:
-    """Paths in a folder, without what systems keep beside others, such as `._a.png`, or in folders of their own."""
+    """Paths in a folder, without hidden files such as `._a.png` and hidden folders."""
     paths = folder.rglob("*")
     return [path for path in paths if not any(part.startswith(".") for part in path.relative_to(folder).parts)]
 
 
 def _has_boxes(path: Path) -> bool:
-    """Whether a text is empty or begins with the words of a box: others, such as names of classes, are no labels."""
+    """Whether a text file is empty or begins with the words of a box; names of classes, for instance, are no labels."""
     first, _, _ = read_text(path, FileKind.ANNOTATIONS).partition("\n")
     try:
         return len([float(word) for word in first.split()]) in (0, _WORDS)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,22 +15,121 @@ import optax
 
 from rpojax.core.pytree import replace
 from rpojax.training import checkpoint as checkpoints
-from rpojax.training.radiance_field.field_loss import field_loss, random_neighbours, trained_weights, validation_error
-from rpojax.training.radiance_field.training_rays import TrainingRays, subsample, training_rays
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 from rpojax.training.synthetic_data.ray_traced_views import Views
+from rpojax.vision.imaging.srgb import linear_to_srgb
+from rpojax.vision.pinhole import pixel_directions
 from rpojax.vision.radiance_field.grid_field import GridField
 from rpojax.vision.radiance_field.initial_grid import initialize_grid
 from rpojax.vision.radiance_field.nerf_field import initialize_nerf
 from rpojax.vision.radiance_field.occupancy_sampling import with_occupancy
-from rpojax.vision.radiance_field.target_field import RadianceField
+from rpojax.vision.radiance_field.target_field import RadianceField, render_rays
 
+_MARGIN_PX = 3
+"""Distance from the silhouette up to which empty pixels are used."""
+_ALPHA_WEIGHT = 0.5
+_NEIGHBOUR_PAIRS = 8192
+_SMOOTHNESS = 1e-2
 _STEPS_PER_CHUNK = 50
 _STEPS_PER_CHECK = 250
 _LEARNING_RATES = {"raw_density": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "head": 2e-3}
 _ADAM = optax.scale_by_adam(b2=0.99, eps=1e-10)
 _VALIDATION_VIEWS = 12
 _VALIDATION_RAYS = 16_384
+
+
+class TrainingRays(NamedTuple):
+    """Camera position (v, 3) [m] and Sun (v, 3) of the views; view (n,), direction (n, 3), code and alpha of the rays.
+
+    Positions and directions are in T, colours (n, 3) are sRGB codes.
+    """
+
+    position: jax.Array
+    sun: jax.Array
+    view: jax.Array
+    direction: jax.Array
+    color: jax.Array
+    alpha: jax.Array
+
+
+def training_rays(views: Views, first: int, last: int) -> TrainingRays:
+    """Rays of the views from `first` up to `last`."""
+    import cv2
+
+    size = views.alpha.shape[1]
+    disc = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
+    direction_K = pixel_directions(size, views.field_of_view_deg)
+    view, direction, color, alpha = [], [], [], []
+    for index in range(first, last):
+        near = cv2.dilate((views.alpha[index] > 0.0).astype(np.uint8), disc) > 0
+        view.append(np.full(int(near.sum()), index - first, np.int32))
+        direction.append((direction_K[near] @ views.rotation[index]).astype(np.float32))
+        color.append(views.rgb[index][near])
+        alpha.append(views.alpha[index][near].astype(np.float32))
+    position, sun = (jnp.asarray(values[first:last], jnp.float32) for values in (views.position, views.sun))
+    merged = [jnp.asarray(np.concatenate(values)) for values in (view, direction, color, alpha)]
+    codes = linear_to_srgb(merged[2].astype(jnp.float32))
+    return TrainingRays(position, sun, merged[0], merged[1], codes, merged[3])
+
+
+def subsample(rays: TrainingRays, count: int) -> TrainingRays:
+    """About `count` of the rays, evenly spaced."""
+    step = max(1, len(rays.view) // count)
+    return TrainingRays(rays.position, rays.sun, *(values[::step] for values in rays[2:]))
+
+
+def field_loss(
+    field: RadianceField, rays: TrainingRays, chosen: jax.Array, jitter: jax.Array, neighbours: jax.Array
+) -> jax.Array:
+    """Loss over the chosen rays (n,), with `jitter` (n,) of their samples, and over pairs of neighbouring nodes."""
+    color, alpha = mean_squared_errors(field, rays, chosen, jitter)
+    return color + _ALPHA_WEIGHT * alpha + _smoothness_penalty(field, neighbours)
+
+
+def mean_squared_errors(
+    field: RadianceField, rays: TrainingRays, chosen: jax.Array, jitter: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """Mean squared errors of sRGB codes and of alpha over the chosen rays."""
+    view = rays.view[chosen]
+    rendered = render_rays(field, rays.position[view], rays.direction[chosen], rays.sun[view], jitter)
+    color_error = jnp.mean((linear_to_srgb(rendered.color) - rays.color[chosen]) ** 2)
+    return color_error, jnp.mean((rendered.alpha - rays.alpha[chosen]) ** 2)
+
+
+@jax.jit
+def validation_error(field: RadianceField, rays: TrainingRays) -> jax.Array:
+    """Mean squared error of sRGB codes over all rays, in parts of 1024."""
+    part = min(1024, rays.view.shape[0])
+    count = rays.view.shape[0] // part * part
+    parts = jnp.arange(count, dtype=jnp.int32).reshape(-1, part)
+    zero = jnp.zeros((part,), jnp.float32)
+    return jnp.mean(jax.lax.map(lambda chosen: mean_squared_errors(field, rays, chosen, zero)[0], parts))
+
+
+def random_neighbours(field: RadianceField, nodes: jax.Array, key: jax.Array) -> jax.Array:
+    """Table rows (n, 2) of random pairs of neighbouring nodes; a pair with an empty node is (0, 0)."""
+    if not isinstance(field, GridField):
+        return jnp.zeros((1, 2), jnp.int32)
+    limits = jnp.array(field.node_row.shape, jnp.int32)[None, :]
+    place = nodes[jax.random.randint(key, (_NEIGHBOUR_PAIRS,), 0, nodes.shape[0], jnp.int32)]
+    axis = jax.random.randint(jax.random.fold_in(key, 1), (_NEIGHBOUR_PAIRS,), 0, 3, jnp.int32)
+    other = jnp.minimum(place + jnp.eye(3, dtype=jnp.int32)[axis], limits - 1)
+    rows = jnp.stack([field.node_row[p[:, 0], p[:, 1], p[:, 2]] for p in (place, other)], axis=1)
+    return jnp.where(jnp.any(rows == 0, axis=1, keepdims=True), 0, rows)
+
+
+def _smoothness_penalty(field: RadianceField, neighbours: jax.Array) -> jax.Array:
+    """Weighted mean squared difference of the latent features of neighbouring nodes."""
+    if not isinstance(field, GridField):
+        return jnp.zeros((), jnp.float32)
+    pair = field.features[neighbours]
+    return _SMOOTHNESS * jnp.mean((pair[:, 0] - pair[:, 1])[:, 3:] ** 2)
+
+
+def trained_weights(field: RadianceField) -> dict[str, Any]:
+    """Trained arrays of a field by name."""
+    names = ("raw_density", "features", "network") if isinstance(field, GridField) else ("trunk", "head")
+    return {name: getattr(field, name) for name in names}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,7 +20,7 @@ from rpojax.training.labelled_pictures.dataset_faults import DatasetError, notic
 from rpojax.training.labelled_pictures.square_pictures import read_pictures, read_square_picture
 from rpojax.training.synthetic_data.composites import GENERATORS, SIZE_PX, Composite, CompositeMix, random_composite
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
-from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.earth_views import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.untrusted.file_reading import FileKind, absolute_path
 from rpojax.untrusted.json_reading import read_json

@@ -1,20 +1,200 @@
 """Ray-traced views of a target: training data and reference of a radiance field."""
 
 import dataclasses
+import hashlib
+import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.errors import RpojaxError
+from rpojax.optional_packages import require_package
+from rpojax.training.synthetic_data.meshes.target_mesh import MeshPart, TargetMesh
 from rpojax.training.synthetic_data.random_views import ViewSampling, sample_views
-from rpojax.training.synthetic_data.ray_tracing import RayTracer
-from rpojax.training.synthetic_data.view_cache import ViewCache
+from rpojax.vision.pinhole import pixel_directions
 
+_SUN_IRRADIANCE = 2.2
+_WEAK_EARTH_SHINE = 0.25
+_NEAR_CLIP_M = 0.01
+_FORMAT = 2
 VIEWS_PER_BLOCK = 32
-
 OnProgress = Callable[[int, int], None]
 OnFirstBlock = Callable[[np.ndarray, np.ndarray], None]
+
+
+class RayTracer:
+    """Mitsuba scene of one mesh, rendered one view at a time."""
+
+    def __init__(self, mesh: TargetMesh, sampling: ViewSampling) -> None:
+        mitsuba = require_package("mitsuba")
+        if mitsuba.variant() is None:
+            mitsuba.set_variant("scalar_rgb")
+        self._mitsuba = mitsuba
+        self._sampling = sampling
+        shapes = {f"part{i}": _shape(mitsuba, part, f"part{i}") for i, part in enumerate(mesh.parts)}
+        sun = {
+            "type": "directional",
+            "direction": [0.0, 0.0, 1.0],
+            "irradiance": {"type": "rgb", "value": _SUN_IRRADIANCE},
+        }
+        self._sunlit_scene = mitsuba.load_dict({"type": "scene", **shapes, "sun": sun})
+        self._sun_parameters = mitsuba.traverse(self._sunlit_scene)
+        self._color_integrator = mitsuba.load_dict({"type": "path", "max_depth": 4, "hide_emitters": True})
+        self._near_plane_distance = _near_plane_distance(sampling)
+        self._depth_integrator = mitsuba.load_dict({"type": "depth"})
+        shine = {
+            "type": "constant",
+            "radiance": {"type": "rgb", "value": sampling.earth_shine * _SUN_IRRADIANCE / np.pi},
+        }
+        # In a scene of its own: choosing one of two lights for each sample would add noise.
+        self._earth_shine = (
+            mitsuba.load_dict({"type": "scene", **shapes, "sky": shine}) if sampling.earth_shine > 0.0 else None
+        )
+
+    def trace(self, rotation: np.ndarray, position: np.ndarray, sun: np.ndarray, seed: int) -> np.ndarray:
+        """(p, p, 5) linear colour, alpha and depth of one view."""
+        sampling, number = self._sampling, (seed + 1 + 100_003 * self._sampling.seed) % 2**31
+        # One scene for all views: the search tree of a large mesh takes longer to build than a view to render.
+        self._sun_parameters["sun.to_world"] = self._mitsuba.ScalarTransform4f(_rotation_from_z(-sun).tolist())
+        self._sun_parameters.update()
+        image = self._integrate(
+            self._color_integrator, self._sunlit_scene, rotation, position, sampling.samples, number
+        )
+        if self._earth_shine is not None:
+            # Weak light adds little noise, so fewer samples do.
+            samples = sampling.samples if sampling.earth_shine > _WEAK_EARTH_SHINE else -(-sampling.samples // 4)
+            image[..., :3] += self._integrate(
+                self._color_integrator, self._earth_shine, rotation, position, samples, number
+            )[..., :3]
+        depth = self._integrate(
+            self._depth_integrator, self._sunlit_scene, rotation, position, min(sampling.samples, 16), number
+        )
+        # The two passes have their own samples: the distance is that of the depth pass, the alpha that of the image.
+        # Mitsuba measures depth from the near plane.
+        distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6) + self._near_plane_distance[..., None]
+        image = np.nan_to_num(np.concatenate([image, distance * image[..., 3:4]], axis=2), posinf=0.0, neginf=0.0)
+        image[..., :3] = np.clip(image[..., :3], 0.0, 100.0)
+        return image
+
+    def _integrate(
+        self, integrator: Any, scene: Any, rotation: np.ndarray, position: np.ndarray, samples: int, seed: int
+    ) -> np.ndarray:
+        mitsuba, sampling = self._mitsuba, self._sampling
+        # The camera of mitsuba has x to the left and y up.
+        axes = np.eye(4)
+        axes[:3, :3] = (rotation * np.array([-1.0, -1.0, 1.0])[:, None]).T
+        axes[:3, 3] = position
+        film = {"type": "hdrfilm", "width": sampling.size_px, "height": sampling.size_px, "rfilter": {"type": "box"}}
+        sensor = mitsuba.load_dict(
+            {
+                "type": "perspective",
+                "fov": sampling.field_of_view_deg,
+                "near_clip": _NEAR_CLIP_M,
+                "far_clip": 1e4,
+                "to_world": mitsuba.ScalarTransform4f(axes.tolist()),
+                "film": {**film, "pixel_format": "rgba"},
+                "sampler": {"type": "independent", "sample_count": samples},
+            }
+        )
+        return np.array(integrator.render(scene, sensor, seed=seed), dtype=np.float32)
+
+
+def _near_plane_distance(sampling: ViewSampling) -> np.ndarray:
+    """Distance (p, p) from the camera to the near plane along the ray of each pixel [m]."""
+    directions = pixel_directions(sampling.size_px, sampling.field_of_view_deg)
+    return _NEAR_CLIP_M / directions[..., 2]
+
+
+def _rotation_from_z(direction: np.ndarray) -> np.ndarray:
+    """A rotation (4, 4) that takes z to a direction (3,)."""
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(direction)))], direction)
+    x /= np.linalg.norm(x)
+    rotation = np.eye(4)
+    rotation[:3, :3] = np.stack([x, np.cross(direction, x), direction], axis=1)
+    return rotation
+
+
+def _shape(mitsuba: Any, part: MeshPart, name: str) -> Any:
+    """Mesh of mitsuba, flat-shaded."""
+    material = part.material
+    if material.texture is not None and part.uv is not None:
+        color: dict[str, Any] = {
+            "type": "bitmap",
+            "bitmap": mitsuba.Bitmap(np.array(material.texture, order="C")),
+            "raw": False,
+        }
+    else:
+        color = {"type": "rgb", "value": list(material.color)}
+    surface = {
+        "type": "principled",
+        "base_color": color,
+        "metallic": material.metallic,
+        "roughness": material.roughness,
+        "specular": 0.5,
+    }
+    properties = mitsuba.Properties()
+    properties["bsdf"] = mitsuba.load_dict({"type": "twosided", "material": surface})
+    properties["face_normals"] = True
+    mesh = mitsuba.Mesh(
+        name,
+        len(part.vertices),
+        len(part.faces),
+        props=properties,
+        has_vertex_normals=False,
+        has_vertex_texcoords=part.uv is not None,
+    )
+    content = mitsuba.traverse(mesh)
+    content["vertex_positions"] = part.vertices.astype(np.float32).ravel()
+    content["faces"] = part.faces.astype(np.uint32).ravel()
+    if part.uv is not None:
+        content["vertex_texcoords"] = (part.uv * [1.0, -1.0] + [0.0, 1.0]).astype(np.float32).ravel()
+    content.update()
+    return mesh
+
+
+class ViewCache:
+    """Blocks of finished views of one mesh and one sampling, in a folder."""
+
+    def __init__(self, folder: Path, mesh: TargetMesh, sampling: ViewSampling) -> None:
+        self.folder = folder
+        digest = hashlib.sha256()
+        for part in mesh.parts:
+            digest.update(np.ascontiguousarray(part.vertices).tobytes())
+            digest.update(np.ascontiguousarray(part.faces).tobytes())
+            digest.update(b"" if part.uv is None else np.ascontiguousarray(part.uv).tobytes())
+            digest.update(repr(dataclasses.replace(part.material, texture=None)).encode())
+            digest.update(b"" if part.material.texture is None else np.ascontiguousarray(part.material.texture).data)
+        settings = dataclasses.replace(sampling, count=0)
+        self.key = f"{_FORMAT} {digest.hexdigest()} {settings}"
+
+    def _path(self, start: int) -> Path:
+        return self.folder / f"views_{start:05d}.npz"
+
+    def read(self, start: int, count: int) -> np.ndarray | None:
+        """Finished views from `start` on, or None if they are missing, damaged, or of another mesh or sampling."""
+        try:
+            with np.load(self._path(start), allow_pickle=False) as content:
+                if str(content["key"]) == self.key and len(content["film"]) >= count:
+                    return content["film"][:count]
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+            pass
+        return None
+
+    def write(self, start: int, film: np.ndarray) -> None:
+        """Stores views; a file is written as a whole."""
+        path = self._path(start)
+        partial = path.with_suffix(".part")
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with partial.open("wb") as stream:
+                np.savez_compressed(stream, film=film, key=np.array(self.key))
+            partial.replace(path)
+        except OSError as error:
+            text = f"{path}: cannot be written ({error.strerror}), expected a folder for views"
+            raise RpojaxError(text) from None
 
 
 @dataclasses.dataclass(frozen=True)

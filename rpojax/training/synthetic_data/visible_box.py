@@ -77,7 +77,7 @@ def known_edges(
 
 
 def _box_of_coverage(coverage: np.ndarray) -> np.ndarray:
-    """Left, top, right, bottom [px] of covered fractions (p, p), of which one at least is above 0."""
+    """Left, top, right, bottom [px] of covered fractions (p, p); at least one of them is above 0."""
     edges = []
     for axis in (0, 1):
         profile = coverage.max(axis=axis)

@@ -5,10 +5,9 @@ import functools
 import numpy as np
 import pytest
 
-from rpojax.analysis.calibration import error_correlation
-from rpojax.analysis.calibration.camera_fit import fit_camera
+from rpojax.analysis.calibration import camera_fit
+from rpojax.analysis.calibration.camera_fit import FRAMES, fit_camera
 from rpojax.analysis.calibration.detection_outcomes import DetectionOutcomes
-from rpojax.analysis.calibration.error_correlation import FRAMES
 from rpojax.scenario.loading import scenario_loader
 from rpojax.sensors.statistical_camera import WIDE_SIGMA_FACTOR, CameraStatistics
 from rpojax.sensors.view_features import FEATURE_COUNT
@@ -52,7 +51,7 @@ def frame_correlation(share: float, wide: float) -> float:
 def test_the_share_and_the_angle_are_found(share: float, angle_deg: float, wide: float) -> None:
     turn = np.radians(np.random.default_rng(1).uniform(0.1, 3.0, COUNT))
     made = sequences(share, np.radians(angle_deg), turn, wide)
-    found = error_correlation.with_error_correlation(fitted(wide), made, turn, 0.4)
+    found = camera_fit.with_error_correlation(fitted(wide), made, turn, 0.4)
     drawn = frame_correlation(float(found.lasting_share), float(found.wide_share))
     assert drawn == pytest.approx(frame_correlation(share, wide), abs=0.06)
     assert np.degrees(float(found.lasting_angle)) == pytest.approx(angle_deg, rel=0.2)
@@ -64,11 +63,11 @@ def test_the_share_and_the_angle_are_found(share: float, angle_deg: float, wide:
 def test_uncorrelated_errors_have_no_share() -> None:
     turn = np.radians(np.random.default_rng(1).uniform(0.05, 3.0, COUNT))
     made = sequences(0.0, 1.0, turn)
-    assert float(error_correlation.with_error_correlation(fitted(0.0), made, turn, 0.4).lasting_share) < 0.06
+    assert float(camera_fit.with_error_correlation(fitted(0.0), made, turn, 0.4).lasting_share) < 0.06
 
 
 def test_a_sequence_turns_by_equal_angles_and_nothing_else_changes() -> None:
-    made = error_correlation.sample_tumble_sequences(scenario_loader.load("inspection"), 6, seed=3)
+    made = camera_fit.sample_tumble_sequences(scenario_loader.load("inspection"), 6, seed=3)
     q = made.views.q_TN.reshape(6, FRAMES, 4)
     # The first component of the rotation from one attitude to the next is the product of their quaternions.
     half_cosine = np.minimum(1.0, np.abs(np.sum(q[:, 1:] * q[:, :-1], axis=2)))

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.analysis.calibration.view_sampling import sample_views
+from rpojax.analysis.calibration.detection_outcomes import sample_views
 from rpojax.core import quaternion
 from rpojax.scenario.loading import scenario_loader
 

@@ -14,9 +14,8 @@ from jaxtyping import Array
 
 import rpojax
 from rpojax.analysis.gradients import rollout_evaluator
-from rpojax.analysis.gradients.checkpointed_scan import checkpointed_scan
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RunStatus
-from rpojax.analysis.gradients.tuning import gradient_estimator
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RunStatus, checkpointed_scan
+from rpojax.analysis.gradients.tuning import gradient_descent
 from rpojax.analysis.gradients.tuning.tuning_objective import PART_METRICS, Objective
 from rpojax.scenario.params import Params
 from rpojax.simulation.noise import run_keys
@@ -75,11 +74,11 @@ def tuning_gradient(devices: int, per_device: int, mode: str) -> dict[str, Any]:
     made = objective()
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(rollout_evaluator, "share_runs", lambda *_: (jax.devices()[:devices], per_device))
-        patched.setattr(gradient_estimator, "FORWARD_MODE_MAX_INPUTS", 3 if mode == "forward" else 0)
+        patched.setattr(gradient_descent, "FORWARD_MODE_MAX_INPUTS", 3 if mode == "forward" else 0)
         file = rpojax.load("inspection", ["duration_s=20"])
         evaluator = LinearRuns(file, lambda x, key: {}, 3, made.metric_names, RUNS, None, made.gradient)
         keys, smooth = run_keys(0, np.arange(RUNS)), np.zeros(3, dtype=bool)
-        found = gradient_estimator.estimate_gradient(evaluator, made, smooth, START, keys)
+        found = gradient_descent.estimate_gradient(evaluator, made, smooth, START, keys)
         inputs = np.tile(START, (RUNS, 1))
         if mode == "forward":
             jacobian = evaluator.jacobian(inputs, keys).jacobian

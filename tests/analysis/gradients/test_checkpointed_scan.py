@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
+from rpojax.analysis.gradients.rollout_evaluator import checkpoint_interval, checkpointed_scan
 
 
 @pytest.mark.parametrize(

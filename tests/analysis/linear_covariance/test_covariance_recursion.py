@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.linear_covariance.covariance_recursion import CovarianceRecursion, TickSystem
+from rpojax.analysis.linear_covariance.nominal_recursion import CovarianceRecursion, TickSystem
 
 SIZE, INPUTS, OUTPUTS, COLUMNS = 5, 3, 2, 4
 NOISE_SOURCE = np.array([0, 0, 1])

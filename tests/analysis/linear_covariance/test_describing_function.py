@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from rpojax.analysis.linear_covariance.describing_function import normal_points, statistical_linearisation
+from rpojax.analysis.linear_covariance.burn_decision import normal_points, statistical_linearisation
 
 # The edges of the dead zone fall between points: one point in 4096 on the wrong side moves a mean by about 1e-3.
 CLOSE = 3e-3

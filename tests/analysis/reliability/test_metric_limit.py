@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rpojax.analysis.reliability import metric_limit
-from rpojax.analysis.reliability.metric_limit import MetricLimit
+from rpojax.analysis.reliability import simulated_limit_state
 from rpojax.analysis.reliability.search_settings import LimitChoice
+from rpojax.analysis.reliability.simulated_limit_state import MetricLimit
 from rpojax.errors import RpojaxError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
@@ -44,13 +44,13 @@ def test_margins_convert_back_to_values() -> None:
 )
 def test_options_that_name_no_limit_are_refused(mission: ScenarioFile, arguments: Any, message: str) -> None:
     with pytest.raises(RpojaxError) as error:
-        metric_limit.select_limit(mission, LimitChoice(*arguments))
+        simulated_limit_state.select_limit(mission, LimitChoice(*arguments))
     assert str(error.value).startswith(message)
 
 
 def test_a_bound_that_is_no_side_is_refused(mission: ScenarioFile) -> None:
     with pytest.raises(RpojaxError, match=r"^bound: found 'below', expected 'at most' or 'at least'$"):
-        metric_limit.select_limit(mission, LimitChoice(None, "min_range_m", 3.0, "below"))
+        simulated_limit_state.select_limit(mission, LimitChoice(None, "min_range_m", 3.0, "below"))
 
 
 def test_requirements_in_windows_and_of_outcomes_are_no_limits_of_whole_runs(mission: ScenarioFile) -> None:
@@ -63,7 +63,7 @@ def test_requirements_in_windows_and_of_outcomes_are_no_limits_of_whole_runs(mis
         with pytest.raises(
             RpojaxError, match=rf"^requirement: found '{name}', expected a scenario with requirements on"
         ):
-            metric_limit.select_limit(scenario_loader.validate(tables), LimitChoice(name, None, None))
+            simulated_limit_state.select_limit(scenario_loader.validate(tables), LimitChoice(name, None, None))
     tables["requirements"].append(tables["requirements"][0] | {"limit": 5.0, "to_s": None})
-    found = metric_limit.select_limit(scenario_loader.validate(tables), LimitChoice("min_range_m", None, None))
+    found = simulated_limit_state.select_limit(scenario_loader.validate(tables), LimitChoice("min_range_m", None, None))
     assert found.limit == 5.0

@@ -14,10 +14,9 @@ import rpojax
 from rpojax.analysis.gradients import rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability import worst_case
-from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
-from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, SimulatedLimitState
-from rpojax.analysis.reliability.worst_case_record import WorstCase
+from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, MetricLimit, SimulatedLimitState
+from rpojax.analysis.reliability.worst_case import WorstCase
 from rpojax.campaign import single_run
 from rpojax.cli import main
 from rpojax.errors import RpojaxError

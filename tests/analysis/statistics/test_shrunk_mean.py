@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
+from rpojax.analysis.statistics.intervals import shrunk_mean
 
 
 def test_a_mean_is_shrunk_by_what_its_scatter_explains() -> None:

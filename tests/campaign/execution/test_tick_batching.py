@@ -16,7 +16,7 @@ from rpojax.batching.batching_mode import BatchingMode
 from rpojax.campaign import run_and_resume
 from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.execution.tick_batching import tick_batching_mode
+from rpojax.campaign.execution.run_programs import tick_batching_mode
 from rpojax.errors import RpojaxError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpojax.campaign.options.job_shard import Shard
+from rpojax.campaign.options.campaign_options import Shard
 from rpojax.errors import RpojaxError
 
 

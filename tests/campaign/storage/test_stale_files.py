@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from rpojax.campaign.storage import atomic_files, stale_files
+from rpojax.campaign.storage import atomic_files, folder_creation
 
 
 def ended_process() -> int:
@@ -32,6 +32,6 @@ def test_only_partial_files_of_ended_writers_are_removed(tmp_path: Path) -> None
         (folder / name).touch()
     for name in ("other machine, old", "other tool, old", "no partial file"):
         os.utime(folder / names[name], times=(time.time() - 3600.0,) * 2)
-    stale_files.remove_stale_files(tmp_path)
+    folder_creation.remove_stale_files(tmp_path)
     left = {name for name, file in names.items() if (folder / file).exists()}
     assert left == {"running process", "other machine", "other tool, old", "no partial file"}

@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
 from rpojax.errors import RpojaxError
-from rpojax.interop import run_replay
-from rpojax.interop.ccsds import navigation_messages
+from rpojax.interop import ccsds_messages, run_replay
 from rpojax.interop.export import export
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.interop.spacecraft_states import BothStates, SpacecraftStates
@@ -102,7 +101,7 @@ def test_an_aem_has_the_attitude_to_a_nanoradian(
 def test_a_body_turned_by_a_right_angle_about_z_has_the_quaternion_of_that_rotation() -> None:
     # The example of docs/reference/conventions.md: the body's x axis lies along N's y axis.
     half = np.sqrt(0.5)
-    found = navigation_messages.ccsds_quaternions(np.array([[half, 0.0, 0.0, -half]]))
+    found = ccsds_messages.ccsds_quaternions(np.array([[half, 0.0, 0.0, -half]]))
     np.testing.assert_allclose(found, [[0.0, 0.0, half, half]], atol=1e-15)
 
 
@@ -147,7 +146,7 @@ def test_a_sample_is_where_the_spacecraft_is_at_its_label_at_any_rate(
     position, velocity = 7e6 + speed * time_s[:, None] * line, np.tile(speed * line, (400, 1))
     q = np.tile([1.0, 0.0, 0.0, 0.0], (400, 1))
     states = SpacecraftStates("target", instant(epoch), time_s, position, velocity, q, about=())
-    text = navigation_messages.oem(states, CREATED)
+    text = ccsds_messages.oem(states, CREATED)
     rows = [line.split() for line in text.splitlines() if line[:2] == "20"]
     for number, (label, *cells) in enumerate(rows):
         at = Fraction(instant(label).tai_ps - instant(epoch).tai_ps, 10**12)

@@ -11,8 +11,8 @@ from rpojax.interop.cosimulation.command_checks import CommandLimits, RejectionR
 from rpojax.interop.cosimulation.command_subscription import CommandSubscription
 from rpojax.interop.cosimulation.event_log import EventLog
 from rpojax.interop.ros2 import message_builders, topics
-from rpojax.interop.ros2.frame_ids import ECI
 from rpojax.interop.ros2.message_types import message_class
+from rpojax.interop.ros2.topics import ECI
 
 LIMITS = CommandLimits(torque=np.full(3, 0.025), minimum_on_time_s=0.5, maximum_on_time_s=110.0)
 INSTANT_S = 1e-9

@@ -9,10 +9,10 @@ from command_inbox import LIMITS, attitude_target
 from rpojax.interop.cosimulation import command_checks
 from rpojax.interop.cosimulation.command_checks import BurnWindow, RejectionReason
 from rpojax.interop.ros2 import message_builders
-from rpojax.interop.ros2.frame_ids import ECI, HILL, SERVICER
 from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S as NANO
 from rpojax.interop.ros2.message_types import deserialize, message_class, serialize
 from rpojax.interop.ros2.odometry import Odometry
+from rpojax.interop.ros2.topics import ECI, HILL, SERVICER
 
 LIMIT = 0.025
 NOW = 200 * NANO

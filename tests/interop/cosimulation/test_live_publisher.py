@@ -8,8 +8,8 @@ from rpojax.interop.cosimulation.compiled_step_stages import AttitudeValues, Gui
 from rpojax.interop.cosimulation.live_publisher import LiveMessages
 from rpojax.interop.cosimulation.live_settings import LiveSettings, parse_external_stages
 from rpojax.interop.ros2 import topics
+from rpojax.interop.ros2.message_builders import TopicMessages
 from rpojax.interop.ros2.message_values import RosTickValues
-from rpojax.interop.ros2.tick_messages import TopicMessages
 from rpojax.interop.run_replay import ReplayedRun
 
 STEP_NS = 200_000_000

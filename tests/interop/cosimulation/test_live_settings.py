@@ -4,8 +4,8 @@ import pytest
 
 from rpojax.errors import RpojaxError
 from rpojax.interop.cosimulation import live_topics
-from rpojax.interop.cosimulation.exchanged_topics import command_topics, published_topics
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings, parse_external_stages
+from rpojax.interop.cosimulation.live_topics import command_topics, published_topics
 from rpojax.interop.ros2 import topics
 
 

@@ -8,8 +8,8 @@ from command_inbox import rejections, torque_command, torque_size
 
 from rpojax.errors import RpojaxError
 from rpojax.interop.cosimulation.clock import LockstepClock
+from rpojax.interop.cosimulation.command_subscription import MessageExchange
 from rpojax.interop.cosimulation.event_log import EventLog
-from rpojax.interop.cosimulation.message_exchange import MessageExchange
 from rpojax.interop.ros2 import message_builders, topics
 from rpojax.interop.ros2.dds_participant import Participant
 from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S as NANO

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rpojax.core.frames import hill_frame
-from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
+from rpojax.interop.cosimulation.command_input import orbit_estimate_from_odometry
 from rpojax.interop.ros2 import topics
+from rpojax.interop.ros2.message_builders import tick_messages
 from rpojax.interop.ros2.odometry import hill_covariance
-from rpojax.interop.ros2.tick_messages import tick_messages
 from rpojax.interop.run_replay import ReplayedRun
 
 

@@ -16,7 +16,7 @@ from synthetic_run import synthetic_run as make_synthetic_run
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.interop.rerun_viewer import rrd_recording, scene_3d, time_plots
-from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
 from rpojax.interop.run_replay import PosedImage, ReplayedRun
 from rpojax.scenario.loading import scenario_loader
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpojax.campaign import single_run
-from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.run_replay import ReplayedRun
 

@@ -10,7 +10,7 @@ import pytest
 from experiment_modules import load_experiment
 
 from rpojax.errors import RpojaxError
-from rpojax.interop.ros2 import dds_types, message_builders, message_types, topics
+from rpojax.interop.ros2 import dds_participant, message_builders, message_types, topics
 
 TYPES = sorted(message_types.typestore().types)
 BASES = {"string": "text", "bool": True}
@@ -22,7 +22,7 @@ def both(name: str, numbers: Iterator[int]) -> tuple[Any, Any]:
     pairs = {field: value(kind, numbers) for field, kind in fields}
     return (
         message_types.message_class(name)(**{field: pair[0] for field, pair in pairs.items()}),
-        dds_types.idl_struct(name)(**{field: pair[1] for field, pair in pairs.items()}),
+        dds_participant.idl_struct(name)(**{field: pair[1] for field, pair in pairs.items()}),
     )
 
 
@@ -55,7 +55,7 @@ def test_every_type_of_a_package_has_equal_bytes_in_dds_and_bags(package: str) -
         message, sample = both(name, itertools.count(1))
         data = message_types.serialize(message)
         assert sample.serialize() == data, name
-        assert dds_types.idl_struct(name).deserialize(data).serialize() == data, name
+        assert dds_participant.idl_struct(name).deserialize(data).serialize() == data, name
 
 
 def test_the_number_of_types_is_known() -> None:
@@ -63,14 +63,14 @@ def test_the_number_of_types_is_known() -> None:
 
 
 def test_dds_type_names_are_those_of_ros_2() -> None:
-    assert dds_types.dds_type_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
-    for made in (dds_types.idl_struct, dds_types.sample_class):
+    assert dds_participant.dds_type_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
+    for made in (dds_participant.idl_struct, dds_participant.sample_class):
         assert made("nav_msgs/msg/Odometry").__idl_typename__ == "nav_msgs.msg.dds_.Odometry_"
 
 
 def test_a_sample_round_trip_keeps_the_message() -> None:
     message = message_builders.wheel_command(1_200_000_000, np.array([0.1, -0.2, 0.3]))
-    made = dds_types.sample_class("sensor_msgs/msg/JointState")
+    made = dds_participant.sample_class("sensor_msgs/msg/JointState")
     data = made(message).serialize()
     assert data == message_types.serialize(message)
     # DDS pads to whole words.
@@ -86,16 +86,16 @@ def test_a_sample_round_trip_keeps_the_message() -> None:
     "data", [b"", bytes(4), b"\0\1\0\0" + b"\xff" * 60, b"\0\1\0\0" + bytes(8) + b"\2\0\0\0\xff\0"]
 )
 def test_invalid_bytes_make_an_empty_sample(data: bytes) -> None:
-    assert dds_types.sample_class("sensor_msgs/msg/JointState").deserialize(data).message is None
+    assert dds_participant.sample_class("sensor_msgs/msg/JointState").deserialize(data).message is None
 
 
 def test_an_unknown_type_is_refused_in_one_line() -> None:
     with pytest.raises(RpojaxError, match=r"^message type: found 'nav_msgs/msg/Odometer', expected [^\n]*$"):
-        dds_types.idl_struct("nav_msgs/msg/Odometer")
+        dds_participant.idl_struct("nav_msgs/msg/Odometer")
 
 
 def test_ros_wire_knows_the_types_of_all_topics() -> None:
     wire = load_experiment("ros2_interop/ros_wire.py")
     for name in {topic.type for topic in topics.ALL_TOPICS}:
-        assert wire.struct(name).__idl_typename__ == dds_types.dds_type_name(name).replace("::", ".")
+        assert wire.struct(name).__idl_typename__ == dds_participant.dds_type_name(name).replace("::", ".")
         assert wire.STORE.hash_rihs01(name) == message_types.type_hash(name)

@@ -12,9 +12,9 @@ from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.interop.ros2 import message_builders, odometry
+from rpojax.interop.ros2.message_builders import tick_messages
 from rpojax.interop.ros2.message_values import MissionStatus, RosTickValues
 from rpojax.interop.ros2.odometry import Odometry
-from rpojax.interop.ros2.tick_messages import tick_messages
 from rpojax.interop.run_replay import ReplayedRun
 
 MOTIONS = ("servicer", "relative", "target")

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from rpojax.cli.commands.output import export_bag
 from rpojax.interop.ros2 import mcap_or_sqlite3_writer
-from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
 from rpojax.interop.ros2.run_bag import ImageStorage
-from rpojax.interop.ros2.topics import ALL_TOPICS, LATCHED_QOS, STREAM_QOS
+from rpojax.interop.ros2.topics import ALL_TOPICS, CAMERA, ECI, HILL, LATCHED_QOS, SERVICER, STREAM_QOS, TARGET
 
 PAGE = (Path(__file__).parents[3] / "docs" / "how_to" / "ros2.md").read_text(encoding="utf-8")
 

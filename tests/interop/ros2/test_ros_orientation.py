@@ -5,7 +5,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rpojax.core import quaternion
-from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion, quaternion_from_orientation
+from rpojax.interop.ros2.odometry import orientation_from_quaternion, quaternion_from_orientation
 
 
 def test_the_orientation_of_a_body_rotated_by_90_degrees_about_z() -> None:

@@ -49,7 +49,7 @@ def rendered_campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 @pytest.fixture(scope="module")
 def replayed(rendered_campaign: Campaign) -> ReplayedRun[RosTickValues]:
     """Replay of the same run."""
-    return run_replay.replay(rendered_campaign, RUN, message_values.observe_tick)
+    return run_replay.replay_servicers(rendered_campaign, RUN, message_values.observe_tick)[0]
 
 
 @pytest.mark.slow
@@ -99,7 +99,7 @@ def test_the_command_stores_raw_images_by_default(
 ) -> None:
     from rpojax.cli import main
 
-    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: replayed)
+    monkeypatch.setattr(run_replay, "replay_servicers", lambda *_, **__: (replayed,))
     assert (
         main.main(
             ["export-bag", str(rendered_campaign.directory), "--run-id", str(RUN), "--out", str(tmp_path / "bag")]

@@ -14,9 +14,9 @@ import scipy.io
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
 from rpojax.errors import OutputError, RpojaxError
+from rpojax.interop import campaign_tables
+from rpojax.interop.campaign_tables import TABLE_NAMES
 from rpojax.interop.export import ExportOptions, export, export_as
-from rpojax.interop.tables import table_files
-from rpojax.interop.tables.campaign_tables import TABLE_NAMES
 
 Tables = dict[str, dict[str, np.ndarray]]
 
@@ -131,7 +131,9 @@ def test_one_run_is_exported_alone(three_runs: Campaign, tmp_path: Path) -> None
 
 
 def test_names_of_fields_are_those_of_matlab_and_differ() -> None:
-    names = table_files.mat_names(["servicer.mass_kg", "servicer mass_kg", "0_first", "a" * 70, "a" * 71, "rho_H[0]"])
+    names = campaign_tables.mat_names(
+        ["servicer.mass_kg", "servicer mass_kg", "0_first", "a" * 70, "a" * 71, "rho_H[0]"]
+    )
     assert list(names.values())[:3] == ["servicer_mass_kg", "servicer_mass_kg_2", "x_0_first"]
     assert len(set(names.values())) == 6
     assert all(name.isidentifier() and len(name) <= 63 for name in names.values())

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from report_page_parser import page_text, rendered_page
 
-from rpojax.report.coverage import coverage_section
-from rpojax.report.coverage.surface_picture import surface_picture
 from rpojax.report.figures.png_export import png_bytes
+from rpojax.report.sections import coverage_section
+from rpojax.report.sections.coverage_section import surface_picture
 from rpojax.vision.surface.facets import make_facets
 from tests import surface_meshes
 

@@ -10,8 +10,8 @@ from report_page_parser import page_text, rendered_page
 from synthetic_campaign_results import SyntheticCampaign
 
 from rpojax.flight.mission.mission_state import AbortReason, Transition
-from rpojax.report.mission import abort_section, phase_section, phase_timeline
 from rpojax.report.page.html_report import write_report
+from rpojax.report.sections import phase_section, phase_visits
 from rpojax.simulation.metrics.phase_records import MAX_TRANSITIONS
 
 NAMES = ("drift", "stay", "hold", "aborted")
@@ -92,7 +92,7 @@ def test_aborts_are_counted_by_reason_and_phase_with_their_ranges(mission: Synth
     assert aborts["least"]["final_range_m"] == {"value": 70.0, "run_id": 1, "runs": 2}
     assert aborts["least"]["final_drift_range_24_h_m"] == {"value": 9.0, "run_id": 1, "runs": 1}
     assert aborts["below_keep_out"] == {"least_range_m": 1, "final_range_m": 0, "final_drift_range_24_h_m": 1}
-    texts = abort_section.sentences(aborts)
+    texts = phase_section.abort_sentences(aborts)
     assert [alert for _, alert in texts] == [False, True, False, True]
     assert "All 2 stayed at 70 m or more at the end of the run (nearest: run 1)." in texts[2][0]
     assert texts[3][0].startswith("The 1 for which it is known")
@@ -106,7 +106,7 @@ def test_a_run_that_enters_the_sphere_after_its_abort_is_inside(mission: Synthet
 
 
 def test_shares_add_up_to_the_runs_that_go_on(mission: SyntheticCampaign) -> None:
-    chart = phase_timeline.chart(mission)
+    chart = phase_visits.share_chart(mission)
     assert chart is not None
     traces = {trace["name"]: dict(zip(trace["x"], trace["y"], strict=True)) for trace in chart["data"]}
     assert list(traces) == list(NAMES)
@@ -143,4 +143,4 @@ def test_without_phases_the_page_has_no_such_section(build: Callable[..., Synthe
     assert 'id="mission"' not in text
     assert "phase-shares" not in text
     assert json.loads((campaign.directory / "report.json").read_text())["mission"] is None
-    assert phase_timeline.chart(campaign) is None
+    assert phase_visits.share_chart(campaign) is None

@@ -9,9 +9,8 @@ from report_page_parser import page_text, rendered_page
 from synthetic_campaign_results import SyntheticCampaign, synthetic_team
 
 from rpojax.flight.mission.mission_state import Condition, Transition
-from rpojax.report.mission import phase_section, unfinished_section
-from rpojax.report.page.campaign_summary import summarise
-from rpojax.report.team import servicer_results
+from rpojax.report.page.report_json import summarise
+from rpojax.report.sections import phase_section, phase_visits, team_section
 from rpojax.simulation.metrics.phase_records import MAX_TRANSITIONS
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -67,7 +66,7 @@ def campaign(build: Callable[..., SyntheticCampaign]) -> SyntheticCampaign:
 
 
 def test_the_phase_in_which_a_run_stayed_and_what_did_not_hold_are_told(campaign: SyntheticCampaign) -> None:
-    assert unfinished_section.details(campaign) == {
+    assert phase_visits.unfinished_details(campaign) == {
         0: "stayed in near: range_sigma_m not met",
         2: "held after the timeout of approach: arrival_box_m, range_sigma_m not met",
         3: "held by command in near",
@@ -81,7 +80,7 @@ def test_the_phase_in_which_a_run_stayed_and_what_did_not_hold_are_told(campaign
 def test_a_goal_that_was_left_by_a_timeout_is_told(campaign: SyntheticCampaign) -> None:
     campaign.info["scenario"]["goal"] = {"phase": "approach"}
     campaign.phases = records([CARRIED] * 5, [0] * 5)
-    assert unfinished_section.details(campaign)[0] == "left approach by timeout"
+    assert phase_visits.unfinished_details(campaign)[0] == "left approach by timeout"
 
 
 def test_the_goal_is_that_of_the_scenario_or_the_last_phase(campaign: SyntheticCampaign) -> None:
@@ -96,7 +95,7 @@ def test_the_goal_is_that_of_the_scenario_or_the_last_phase(campaign: SyntheticC
         ({"phase": "aborted"}, ("aborted", "begin")),
         ({"phase": "none"}, None),
     ):
-        assert unfinished_section.goal({"phases": PHASES, "goal": given}) == expected
+        assert phase_visits.goal_of({"phases": PHASES, "goal": given}) == expected
     # Results of an older version.
     del campaign.phases["goal_reached_at_s"]
     found = phase_section.content(campaign)
@@ -133,7 +132,7 @@ def test_of_a_team_the_servicers_that_stayed_are_named(build: Callable[..., Synt
         "servicers": [{"name": "near"}, {"name": "far", "goal": {"phase": "hold"}}],
     }
     campaign.outcomes[1] = "unfinished"
-    assert servicer_results.unfinished_details(campaign) == {1: "near stayed in near: range_sigma_m not met"}
+    assert team_section.unfinished_details(campaign) == {1: "near stayed in near: range_sigma_m not met"}
     # A run has the outcome of its worst servicer.
     campaign.outcomes[1] = "lost"
-    assert servicer_results.unfinished_details(campaign) == {}
+    assert team_section.unfinished_details(campaign) == {}

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rpojax.report.page.campaign_summary import summarise
+from rpojax.report.page.report_json import summarise
 
 _STATISTICS = ("mean", "std", "min", "p1", "p5", "p50", "p95", "p99", "max", "p1_lower_95", "p99_upper_95")
 NO_RUNS = dict.fromkeys(

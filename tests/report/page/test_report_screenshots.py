@@ -19,7 +19,7 @@ from synthetic_campaign_results import SyntheticCampaign, synthetic_campaign
 from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
 from rpojax.analysis.statistics.paired_comparison import RunMetrics, compare_paired_runs
 from rpojax.report.page.brief_page import write_brief
-from rpojax.report.page.comparison.comparison_page import write_comparison
+from rpojax.report.page.comparison_page import write_comparison
 from rpojax.report.page.html_report import write_report
 
 pytestmark = [

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpojax.errors import ResultError
-from rpojax.report.page.run_selection import choose_run
+from rpojax.report.page.detail_values import choose_run
 
 
 def test_default_run_has_the_median_formation_error(build):

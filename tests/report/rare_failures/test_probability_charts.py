@@ -7,12 +7,12 @@ import pytest
 from probability_estimates import ESTIMATE
 from scipy.stats import binomtest
 
-from rpojax.report.rare_failures import probability_charts
+from rpojax.report import rare_failures
 
 
 def charts(**changes: Any) -> dict[str, Any]:
     """Charts of the estimate with other content, by the end of their name."""
-    found = probability_charts.charts({**ESTIMATE, **changes}, "one")
+    found = rare_failures.charts({**ESTIMATE, **changes}, "one")
     return {each.name.removeprefix("one-"): each.chart for each in found}
 
 

@@ -11,14 +11,14 @@ from synthetic_campaign_results import SyntheticCampaign
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
 from rpojax.analysis.statistics import rare_requirements
 from rpojax.errors import ResultError
+from rpojax.report import rare_failures
 from rpojax.report.page import page_templates, probability_page
-from rpojax.report.rare_failures import probability_results, probability_values
 
 
 def section(entries: list[dict[str, Any]]) -> str:
     """The section of the campaign's report."""
     return page_templates.render(
-        "parts/rare_failures.html", {}, {"rare_failures": probability_values.section_values(entries)}
+        "parts/rare_failures.html", {}, {"rare_failures": rare_failures.section_values(entries)}
     )
 
 
@@ -41,7 +41,7 @@ def test_a_rare_requirement_gets_its_command_and_the_runs_that_plain_sampling_ne
     campaign: SyntheticCampaign,
 ) -> None:
     with_requirement(campaign, 0.99999)
-    (entry,) = probability_results.content(campaign)
+    (entry,) = rare_failures.content(campaign)
     # (1 - 1e-5)^n <= 0.1 for n >= 230258.
     assert entry["plain_runs"] == 230258
     text = section([entry])
@@ -51,14 +51,14 @@ def test_a_rare_requirement_gets_its_command_and_the_runs_that_plain_sampling_ne
 
 def test_a_requirement_that_plain_runs_verify_gets_none(campaign: SyntheticCampaign) -> None:
     with_requirement(campaign, 0.99)
-    assert probability_results.content(campaign) == []
-    assert probability_values.section_values([]) is None
+    assert rare_failures.content(campaign) == []
+    assert rare_failures.section_values([]) is None
 
 
 def test_an_estimate_takes_the_place_of_the_command(campaign: SyntheticCampaign) -> None:
     with_requirement(campaign, 0.99999)
     write(campaign)
-    (entry,) = probability_results.content(campaign)
+    (entry,) = rare_failures.content(campaign)
     text = section([entry])
     for part in ("1.2e-05", "the requirement is met", "31.2", "--run-id 7", "13,000,000 runs", "another scenario"):
         assert part in text
@@ -68,7 +68,7 @@ def test_the_headline_stands_once_in_the_section_and_on_the_page(campaign: Synth
     with_requirement(campaign, 0.99999)
     write(campaign)
     page = probability_page.write_page(ESTIMATE, tmp_path).read_text()
-    for text in (section(probability_results.content(campaign)), page):
+    for text in (section(rare_failures.content(campaign)), page):
         assert text.count("min_range_m below 10 m, or undefined, as in a run that ended early") == 1
 
 
@@ -76,7 +76,7 @@ def test_a_spoilt_estimate_is_refused_in_one_line(campaign: SyntheticCampaign) -
     path = write(campaign)
     path.write_text(path.read_text().replace("1.2e-05", "1.2e-09"))
     with pytest.raises(ResultError, match="does not match its digest") as error:
-        probability_results.content(campaign)
+        rare_failures.content(campaign)
     assert "\n" not in str(error.value)
 
 

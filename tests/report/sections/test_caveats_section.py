@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from report_page_parser import page_text, rendered_page
 
-from rpojax.report.page.campaign_summary import summarise
+from rpojax.report.page.report_json import summarise
 from rpojax.report.sections import caveats_section
 
 NO_DRAWS = "The runs follow a table of given values and are not independent of one another."

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rpojax.errors import ResultError
-from rpojax.report.page.campaign_summary import summarise
 from rpojax.report.page.html_report import write_report
+from rpojax.report.page.report_json import summarise
 from rpojax.report.sections import requirement_verdict_section
 
 

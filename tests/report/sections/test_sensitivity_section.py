@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
+from rpojax.report.figures.scatter_explorer import scatter_explorer
 from rpojax.report.page.html_report import write_report
 from rpojax.report.sections import sensitivity_section
 

@@ -9,11 +9,9 @@ from report_page_parser import page_text, rendered_page
 from synthetic_campaign_results import SyntheticCampaign, synthetic_campaign, synthetic_team
 
 from rpojax.report.page.report_json import report_content
-from rpojax.report.sections import fault_section
+from rpojax.report.sections import failure_section, team_section
 from rpojax.report.sections.dispersion_section import drawn_distributions
-from rpojax.report.team import team_section, team_tables
-from rpojax.report.team.relative_orbits_figure import relative_orbits
-from rpojax.report.team.servicer_results import of_servicer
+from rpojax.report.sections.team_section import of_servicer, relative_orbits
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 RUNS = 12
@@ -28,7 +26,7 @@ def pair(tmp_path: Path) -> SyntheticCampaign:
 
 
 def tables(campaign: SyntheticCampaign) -> dict[str, list[list[str]]]:
-    found = team_tables.tables(report_content(campaign, drawn_distributions(campaign)))
+    found = team_section.tables(report_content(campaign, drawn_distributions(campaign)))
     assert found is not None
     return found
 
@@ -62,7 +60,7 @@ def test_a_fault_is_told_of_the_servicer_that_has_it(pair: SyntheticCampaign) ->
     pair.info["scenario"]["servicers"][1]["fault"] = {"kind": "camera_blackout", "start_s": 50.0, "duration_s": 20.0}
     faults = [servicer["fault"] for servicer in (team_section.content(pair) or {})["servicers"]]
     assert [fault["kind"] for fault in faults] == ["none", "camera_blackout"]
-    assert fault_section.fault_rows(pair) == []
+    assert failure_section.fault_rows(pair) == []
     assert [row[3] for row in tables(pair)["outcomes"]][1] == "camera blackout from 50 s, for 20 s"
 
 

@@ -21,8 +21,8 @@ from synthetic_channel_records import perfect_run
 import rpojax
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
-from rpojax.analysis.reliability.metric_limit import select_limit
 from rpojax.analysis.reliability.search_settings import LimitChoice
+from rpojax.analysis.reliability.simulated_limit_state import select_limit
 from rpojax.campaign.execution import block_runner
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.metrics import metric_catalogue

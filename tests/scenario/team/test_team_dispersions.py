@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.campaign.execution.teams.member_values import draw_of_members
+from rpojax.campaign.execution.teams import draw_of_members
 from rpojax.core import random_streams
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.training.detector import augmentation, geometric_augmentation
+from rpojax.training.detector import augmentation
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 SIZE = 128
@@ -53,9 +53,7 @@ def test_masks_and_known_edges_follow_the_flips() -> None:
     data = DetectionDataset(image, (box,), ("black",), (), (known,), mask)
     edges = set()
     for seed in range(40):
-        view = geometric_augmentation._random_flip(
-            np.random.default_rng(seed), geometric_augmentation.labelled_image(data, 0)
-        )
+        view = augmentation._random_flip(np.random.default_rng(seed), augmentation.labelled_image(data, 0))
         np.testing.assert_array_equal(view.coverage > 0.5, view.codes[..., 0] > 100)
         # The known edge is one of the short sides, wherever it is now.
         left, top, right, bottom = view.boxes[0]

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.training.detector.initial_weights import initial_weights
+from rpojax.training.detector.train_detector import initial_weights
 from rpojax.vision.detector import two_stage_detector
 from rpojax.vision.detector.detector_file import save_detector
 from rpojax.vision.weight_files import WeightsError, read_tensors, write_tensors

@@ -4,8 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.training.detector.evaluation.evaluate_detector import detect_images
-from rpojax.training.detector.score_calibration import EMPTY_SHARE, calibrate_score
+from rpojax.training.detector.evaluate_detector import EMPTY_SHARE, calibrate_score, detect_images
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, DetectorParams, initialize
 

@@ -6,9 +6,8 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.training.detector import train_detector, training_loop
+from rpojax.training.detector import evaluate_detector, train_detector, training_loop
 from rpojax.training.detector.augmentation import Batch
-from rpojax.training.detector.evaluation import evaluate_detector
 from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 

@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from rpojax.training.synthetic_data.scenery import earth_textures
-from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery import earth_views
+from rpojax.training.synthetic_data.scenery.earth_views import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
 
 @pytest.fixture(scope="session")
 def earth() -> EarthTextures:
     """An Earth that is red at the longitudes of training and green at those of validation."""
-    west, east = (round((longitude + 180.0) / 360.0 * 360) for longitude in earth_textures.TRAINING_LONGITUDES_DEG)
+    west, east = (round((longitude + 180.0) / 360.0 * 360) for longitude in earth_views.TRAINING_LONGITUDES_DEG)
     ground = np.zeros((180, 360, 3), np.uint8)
     ground[:, west:east, 0] = 255
     ground[:, east:, 1] = 255
     noise = np.random.default_rng(0).normal(size=(4, 1024, 1024)).astype(np.float32)
-    return EarthTextures((ground,), earth_textures.TRAINING_LONGITUDES_DEG, tuple(noise))
+    return EarthTextures((ground,), earth_views.TRAINING_LONGITUDES_DEG, tuple(noise))
 
 
 @pytest.fixture(scope="session")

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rpojax.training.detector.evaluation.pair_recall import pair_kind
+from rpojax.training.detector.average_precision import pair_kind
 from rpojax.training.synthetic_data.composites import GENERATORS, random_composite
-from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.earth_views import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
 

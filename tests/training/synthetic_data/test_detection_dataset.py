@@ -12,7 +12,7 @@ from rpojax.training.synthetic_data import (
     detection_dataset,
 )
 from rpojax.training.synthetic_data.detection_dataset import ANNOTATIONS, read_dataset, write_dataset
-from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.scenery.earth_views import EarthTextures
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
 cv2 = pytest.importorskip("cv2")

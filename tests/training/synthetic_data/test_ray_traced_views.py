@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rpojax.training.radiance_field.image_quality import silhouette_box
+from rpojax.training.radiance_field.evaluate_field import silhouette_box
 from rpojax.training.synthetic_data import ray_traced_views
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 from rpojax.training.synthetic_data.random_views import ViewSampling

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.training.synthetic_data import ray_tracing
+from rpojax.training.synthetic_data import ray_traced_views
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 from rpojax.training.synthetic_data.random_views import ViewSampling
 from rpojax.vision.pinhole import pixel_directions
@@ -11,7 +11,7 @@ from rpojax.vision.pinhole import pixel_directions
 
 def test_depth_of_face_seen_head_on(box: TargetMesh) -> None:
     sampling = ViewSampling(1, size_px=33, samples=16)
-    tracer = ray_tracing.RayTracer(box, sampling)
+    tracer = ray_traced_views.RayTracer(box, sampling)
     rotation = np.stack([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
     frame = tracer.trace(rotation, np.array([4.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), 0)
     directions = pixel_directions(33, sampling.field_of_view_deg)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rpojax.training.synthetic_data import random_views, ray_traced_views, view_cache
+from rpojax.training.synthetic_data import random_views, ray_traced_views
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 from rpojax.training.synthetic_data.random_views import ViewSampling
 
@@ -23,7 +23,7 @@ def test_cache_key_depends_on_texture_coordinates(box: TargetMesh, tmp_path: Pat
     keys = []
     for _ in range(2):
         unwrapped = dataclasses.replace(part, uv=rng.random((len(part.vertices), 2)))
-        keys.append(view_cache.ViewCache(tmp_path, TargetMesh("box", (unwrapped,)), ViewSampling(2)).key)
+        keys.append(ray_traced_views.ViewCache(tmp_path, TargetMesh("box", (unwrapped,)), ViewSampling(2)).key)
     assert keys[0] != keys[1]
 
 

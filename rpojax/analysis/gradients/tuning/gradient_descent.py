@@ -2,6 +2,14 @@
 
 Fresh runs prevent overfitting to the noise of a few. The step size decays, and the result is the mean of the last
 quarter of the iterates, which averages the remaining noise out (Polyak and Juditsky, 1992).
+
+Gradient of the tuning objective: derivatives of runs where they are smooth, finite differences where they are not.
+
+A run depends smoothly on the noises of its filter and the gains of its attitude control: there the gradient is the
+derivative of the loop. The gate, the control law and the schedule act through decisions (a box refused, a burn inside
+the dead band). Between two decisions the derivative of a run tells nothing of the next one, and its mean over runs has
+so long a tail that hundreds of runs do not determine its sign. There the gradient is a difference of two batches of the
+same runs, with a step so long that many decisions lie in between.
 """
 
 import json
@@ -9,27 +17,33 @@ import math
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import optax
 
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
-from rpojax.analysis.gradients.tuning import descent_state, gradient_estimator, tunable_parameters
-from rpojax.analysis.gradients.tuning.descent_state import DescentState, TuningStep
-from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
+from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
+from rpojax.analysis.gradients.tuning import tunable_parameters
+from rpojax.analysis.gradients.tuning.tunable_parameters import scenario_at_horizon
 from rpojax.analysis.gradients.tuning.tuning_objective import Objective, part_metrics, weight_key
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
-from rpojax.errors import Notice, RpojaxError
+from rpojax.campaign.storage import atomic_files
+from rpojax.errors import Notice, ResultError, RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.noise import run_keys
+from rpojax.untrusted.file_reading import FileKind
 
+CLIP_RATIO: Final = 10.0
+"""Longest gradient of a run over the median of all that are not zero."""
+DIFFERENCE_HALF_WIDTH: Final = 0.4
+"""Step of the differences to either side, in coordinates: a third less and a half more of a number."""
 _AVERAGED_FRACTION: Final = 0.25
 """Fraction of the steps whose mean is the result."""
 _FINAL_RATE: Final = 0.05
@@ -40,6 +54,181 @@ _RESTART_STEPS: Final = 20
 thousand times longer, and while its second moments remember them, less sensitive numbers do not move."""
 _METHOD: Final = [_AVERAGED_FRACTION, _FINAL_RATE, _ADAM_B2, _RESTART_STEPS, "undefined counts as the worst"]
 """What must be the same for a descent to be resumed."""
+
+
+@dataclass(frozen=True)
+class GradientEstimate:
+    """Metrics of a batch, and the gradient of the objective.
+
+    Attributes:
+        metrics: (runs, metrics)
+        gradient: (k,) of the objective
+        excluded_runs: runs without a finite gradient
+        clipped_runs: runs whose gradient was clipped
+    """
+
+    metrics: np.ndarray
+    gradient: np.ndarray
+    excluded_runs: int
+    clipped_runs: int
+
+
+def differentiation_mode(nonsmooth: np.ndarray) -> str:
+    """Name of the method of differentiation; flags (k,) mark the numbers that act through decisions."""
+    derivative = "forward" if len(nonsmooth) <= FORWARD_MODE_MAX_INPUTS else "reverse"
+    if nonsmooth.all():
+        return "differences"
+    return f"{derivative} and differences" if nonsmooth.any() else derivative
+
+
+def estimate_gradient(
+    evaluator: RolloutEvaluator, objective: Objective, nonsmooth: np.ndarray, x: np.ndarray, keys: np.ndarray
+) -> GradientEstimate:
+    """Gradient of the objective at coordinates `x` (k,) over runs with random keys (runs, 2).
+
+    `nonsmooth` (k,) flags the numbers that act through decisions. The gradient is not finite where no run has a finite
+    one.
+    """
+    found, gradient, excluded, clipped = _pathwise_gradient(evaluator, objective, nonsmooth, x, keys)
+    if nonsmooth.any():
+        gradient[nonsmooth] = _finite_differences(evaluator, objective, nonsmooth, x, keys)
+    return GradientEstimate(found.metrics, gradient, excluded, clipped)
+
+
+def run_gradients(
+    evaluator: RolloutEvaluator, objective: Objective, x: np.ndarray, keys: np.ndarray
+) -> tuple[RolloutResult, np.ndarray]:
+    """Metrics of runs at coordinates (k,), and the derivative (runs, k) of each run's contribution to the objective."""
+    inputs = np.tile(x, (len(keys), 1))
+    is_reverse = evaluator.input_count > FORWARD_MODE_MAX_INPUTS
+    found = evaluator.gradient(inputs, keys) if is_reverse else evaluator.jacobian(inputs, keys)
+    cotangents = np.asarray(objective.gradient(jnp.asarray(found.metrics), jnp.ones(len(keys))))[..., None]
+    # What undefined metrics contribute is constant, whatever their derivatives.
+    if found.jacobian is not None:
+        return found, np.where(cotangents == 0.0, 0.0, cotangents * found.jacobian).sum(axis=1)
+    assert found.gradient is not None
+    return found, np.where((cotangents == 0.0).all(axis=1), 0.0, found.gradient)
+
+
+def clipped_sum(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
+    """Sum (k,) of the gradients (runs, k) of runs, and how many were excluded as not finite, and clipped.
+
+    Next to a discrete event the derivative of a run may be enormous while that of the mean is not. Runs without any
+    metric have no gradient, and do not shorten those of the others.
+    """
+    finite = np.isfinite(gradients).all(axis=1)
+    kept = gradients[finite]
+    if len(kept) == 0:
+        return np.full(gradients.shape[1], math.nan), len(gradients), 0
+    norms = np.linalg.norm(kept, axis=1)
+    longest = CLIP_RATIO * np.median(norms[norms > 0.0]) if norms.any() else 0.0
+    factors = np.where(norms > longest, longest / np.where(norms > 0.0, norms, 1.0), 1.0)
+    total = (kept * factors[:, None]).sum(axis=0)
+    return total * len(gradients) / len(kept), int((~finite).sum()), int((factors < 1.0).sum())
+
+
+def _pathwise_gradient(
+    evaluator: RolloutEvaluator, objective: Objective, nonsmooth: np.ndarray, x: np.ndarray, keys: np.ndarray
+) -> tuple[RolloutResult, np.ndarray, int, int]:
+    """Metrics, and the clipped sum (k,) of the derivatives of runs, where any number is smooth."""
+    if nonsmooth.all():
+        return evaluator.evaluate(np.tile(x, (len(keys), 1)), keys), np.zeros(len(x)), 0, 0
+    found, gradients = run_gradients(evaluator, objective, x, keys)
+    return found, *clipped_sum(np.where(nonsmooth, 0.0, gradients))
+
+
+def _finite_differences(
+    evaluator: RolloutEvaluator, objective: Objective, nonsmooth: np.ndarray, x: np.ndarray, keys: np.ndarray
+) -> np.ndarray:
+    """Central differences of the objective; a run that loses a metric on one side points away from that side."""
+    differences = []
+    for index in np.flatnonzero(nonsmooth):
+        move = DIFFERENCE_HALF_WIDTH * np.eye(len(x))[index]
+        sides = [evaluator.evaluate(np.tile(x + sign * move, (len(keys), 1)), keys).metrics for sign in (1.0, -1.0)]
+        up, down = (objective(side)[0] for side in sides)
+        differences.append((up - down) / (2.0 * DIFFERENCE_HALF_WIDTH))
+    return np.array(differences)
+
+
+@dataclass(frozen=True)
+class TuningStep:
+    """Record of one step.
+
+    Attributes:
+        objective: its value
+        parts: of it, without their weights
+        undefined: by part, runs without a value of it, which count as the worst
+        gradient_norm: of the mean over runs
+        left_out: runs without a finite gradient
+        shortened: runs whose gradient was clipped
+        run_s: time without compilation [s]
+    """
+
+    objective: float
+    parts: dict[str, float]
+    undefined: dict[str, int]
+    gradient_norm: float
+    left_out: int
+    shortened: int
+    run_s: float
+
+
+@dataclass(frozen=True)
+class DescentState:
+    """State between two steps.
+
+    Attributes:
+        coordinates: (k,) present iterate
+        optimizer_leaves: leaves of the state of Adam
+        iterate_sum: (k,) sum of the averaged iterates so far
+        steps: made so far
+    """
+
+    coordinates: np.ndarray
+    optimizer_leaves: list[np.ndarray]
+    iterate_sum: np.ndarray
+    steps: tuple[TuningStep, ...]
+
+
+def initial_state(optimizer: Any, x: np.ndarray) -> DescentState:
+    """State before the first step at coordinates `x` (k,)."""
+    return DescentState(x, [np.asarray(leaf) for leaf in jax.tree.leaves(optimizer.init(x))], np.zeros_like(x), ())
+
+
+def load_state(progress_file: Path, initial: DescentState, identity: dict[str, Any]) -> DescentState:
+    """State in a file, of the same structure as an initial one.
+
+    Raises:
+        ResultError: the file holds none, or that of a tuning with another identity.
+    """
+    content = atomic_files.read_json(progress_file, "the progress of a tuning", FileKind.PROGRESS)
+    another = f"{progress_file}: found the progress of another tuning, expected that of this one"
+    try:
+        if content["of"] != identity:
+            raise ResultError(another)
+        leaves = [
+            np.asarray(leaf, dtype=kind.dtype).reshape(kind.shape)
+            for leaf, kind in zip(content["optimizer"], initial.optimizer_leaves, strict=True)
+        ]
+        steps = tuple(TuningStep(**step) for step in content["steps"])
+        coordinates, iterate_sum = (np.asarray(content[name], dtype=float) for name in ("x", "tail"))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{progress_file}: found {error!r}, expected the progress of a tuning") from None
+    if coordinates.shape != initial.coordinates.shape:
+        raise ResultError(another)
+    return DescentState(coordinates, leaves, iterate_sum, steps)
+
+
+def save_state(progress_file: Path, identity: dict[str, Any], state: DescentState) -> None:
+    """Writes a state, and the identity of its tuning."""
+    content = {
+        "of": identity,
+        "x": state.coordinates.tolist(),
+        "optimizer": [leaf.tolist() for leaf in state.optimizer_leaves],
+        "tail": state.iterate_sum.tolist(),
+        "steps": [asdict(step) for step in state.steps],
+    }
+    atomic_files.write_json(progress_file, content)
 
 
 @dataclass(frozen=True)
@@ -94,17 +283,17 @@ def descend(
     optimizer = optax.scale_by_adam(b2=_ADAM_B2)
     of_file = {"scenario_hash": scenario_digest(file), "tuning": file.tuning.model_dump()}
     identity = {**settings.descent_record(), "method": _METHOD, **of_file}
-    state = descent_state.initial_state(optimizer, tunable.initial)
+    state = initial_state(optimizer, tunable.initial)
     if resume and progress_file is not None:
-        state = descent_state.load_state(progress_file, state, json.loads(json.dumps(identity)))
+        state = load_state(progress_file, state, json.loads(json.dumps(identity)))
     while len(state.steps) < settings.steps:
         state = _step(evaluator, objective, tunable.nonsmooth, optimizer, settings, state)
         on_step(len(state.steps), state.steps[-1])
         if progress_file is not None:
-            descent_state.save_state(progress_file, identity, state)
+            save_state(progress_file, identity, state)
     x = state.iterate_sum / _averaged_steps(settings.steps)
     values = {key: np.asarray(value).tolist() for key, value in tunable.values(jax.numpy.asarray(x)).items()}
-    mode = gradient_estimator.differentiation_mode(tunable.nonsmooth)
+    mode = differentiation_mode(tunable.nonsmooth)
     return TuningResult(x, values, state.steps, mode, evaluator.compile_s, evaluator.program_memory_bytes)
 
 
@@ -123,13 +312,13 @@ def _check_start(undefined: dict[str, int], settings: TuningSettings) -> None:
             )
 
 
-def _restarts(number: int, steps: int) -> bool:
-    """Whether Adam is restarted before step `number`, counted from 0, of so many."""
-    return number % _RESTART_STEPS == 0 and number <= steps // 2
-
-
 def _averaged_steps(steps: int) -> int:
     return max(1, round(_AVERAGED_FRACTION * steps))
+
+
+def _restarts(number: int, steps: int) -> bool:
+    """Whether Adam is restarted before step `number` of `steps`, counted from 0."""
+    return number % _RESTART_STEPS == 0 and number <= steps // 2
 
 
 def _step(
@@ -144,7 +333,7 @@ def _step(
     keys = run_keys(settings.seed, number * settings.runs + np.arange(settings.runs))
     compiled = evaluator.compile_s
     begin = time.perf_counter()
-    found = gradient_estimator.estimate_gradient(evaluator, objective, nonsmooth, state.coordinates, keys)
+    found = estimate_gradient(evaluator, objective, nonsmooth, state.coordinates, keys)
     value, parts = objective(found.metrics)
     undefined = objective.undefined_runs(found.metrics)
     if not state.steps:

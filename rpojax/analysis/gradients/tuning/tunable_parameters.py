@@ -8,19 +8,71 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.analysis.gradients.tuning.coordinate_transforms import Coordinate, LogCoordinate, LogitCoordinate
-from rpojax.errors import ScenarioError
+from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.key_uses import Situation, unused_keys
 from rpojax.sensors.additional.registry import present_sensors
+
+_WEIGHTS: Final = ("formation.position_weight", "formation.velocity_weight", "formation.delta_v_weight")
+NONSMOOTH: Final = ("gate", "formation", "schedule", "navigation.edge_noise_px", "navigation.scale_sigma")
+"""Groups and keys that act through decisions: whether a box is accepted, whether and when there is a burn.
+
+The noise and scale of a box decide which boxes pass the gate: derivatives see a third of the effect of these two.
+"""
+_DEFAULT_S = 2000.0
+"""Simulated time of a run of a mission of one phase, such as station keeping [s]."""
+
+
+@dataclass(frozen=True)
+class LogCoordinate:
+    """Logarithm of positive numbers: a step of 0.1 is about ten per cent."""
+
+    def contains(self, value: np.ndarray) -> bool:
+        """Whether all are positive."""
+        return bool(np.all(value > 0.0))
+
+    def to_coordinate(self, value: np.ndarray) -> np.ndarray:
+        """Coordinate of a value."""
+        return np.asarray(np.log(value))
+
+    def from_coordinate(self, x: Array) -> Array:
+        """Value at a coordinate."""
+        return jnp.exp(x)
+
+
+@dataclass(frozen=True)
+class LogitCoordinate:
+    """Logit of numbers between two bounds."""
+
+    low: float
+    high: float
+
+    def contains(self, value: np.ndarray) -> bool:
+        """Whether all lie inside."""
+        return bool(np.all((value > self.low) & (value < self.high)))
+
+    def to_coordinate(self, value: np.ndarray) -> np.ndarray:
+        """Coordinate of a value."""
+        return np.asarray(np.log((value - self.low) / (self.high - value)))
+
+    def from_coordinate(self, x: Array) -> Array:
+        """Value at a coordinate."""
+        return self.low + (self.high - self.low) * jax.nn.sigmoid(x)
+
+
+Coordinate = LogCoordinate | LogitCoordinate
 
 
 def _lead_time_coordinate(file: ScenarioFile) -> LogitCoordinate:
@@ -29,7 +81,6 @@ def _lead_time_coordinate(file: ScenarioFile) -> LogitCoordinate:
     return LogitCoordinate(half, file.rates.formation_period_s - half)
 
 
-_WEIGHTS: Final = ("formation.position_weight", "formation.velocity_weight", "formation.delta_v_weight")
 GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordinate]]]] = {
     "navigation": {
         "navigation.gps_noise_m": LogCoordinate(),
@@ -63,11 +114,6 @@ GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordina
 }
 """Keys by group, with their coordinates or functions that make them from a scenario."""
 
-NONSMOOTH: Final = ("gate", "formation", "schedule", "navigation.edge_noise_px", "navigation.scale_sigma")
-"""Groups and keys that act through decisions: whether a box is accepted, whether and when there is a burn.
-
-The noise and scale of a box decide which boxes pass the gate: derivatives see a third of the effect of these two.
-"""
 
 TUNABLE: Final = {key: coordinate for group in GROUPS.values() for key, coordinate in group.items()}
 
@@ -170,7 +216,7 @@ def run_values(file: ScenarioFile, tunable: TunableParameters, x: Array, run_key
 
 
 def _beliefs(file: ScenarioFile) -> list[str]:
-    """Keys of what flight software believes of the additional sensors that its filter uses."""
+    """Keys of the parameters that flight software assumes of the additional sensors in use."""
     present = present_sensors(file).items()
     return [f"{name}.{key}" for name, sensor in present if sensor.is_believed() for key in sensor.beliefs]
 
@@ -185,3 +231,50 @@ def _expected(coordinate: Coordinate) -> str:
     if isinstance(coordinate, LogitCoordinate):
         return f"a start between {coordinate.low:g} and {coordinate.high:g}"
     return "a positive start: it is tuned in its logarithm"
+
+
+def scenario_at_horizon(file: ScenarioFile, settings: TuningSettings) -> ScenarioFile:
+    """The scenario with the duration of the tuning's runs.
+
+    Raises:
+        ScenarioError: the scenario cannot be tuned by gradient.
+        RpojaxError: its phases do not fit into the time.
+    """
+    check_differentiable(file)
+    if file.design.kind != "independent":
+        raise ScenarioError("design.kind", file.design.kind, "'independent', since every step draws fresh runs")
+    used = horizon(file, settings)
+    try:
+        return scenario_loader.with_duration(file, used)
+    except ScenarioError as error:
+        if not file.phases:
+            raise
+        expected = f"one in which the phases of the mission of {file.duration_s:g} s can end"
+        raise RpojaxError.of_argument("horizon_s", f"found {used:g} ({error}), expected {expected}") from None
+
+
+def horizon(file: ScenarioFile, settings: TuningSettings) -> float:
+    """Simulated time of a run of the tuning [s], at most that of the scenario.
+
+    By default it is 2000 s, and all of a mission of several phases: those that have not begun are not tuned for.
+    """
+    default = file.duration_s if len(file.phases) > 1 else _DEFAULT_S
+    return min(default if settings.horizon_s is None else settings.horizon_s, file.duration_s)
+
+
+def unreached_phases_warning(file: ScenarioFile, settings: TuningSettings) -> str | None:
+    """Why runs of a tuning may not get to all phases of a mission; None if they are as long as the mission."""
+    used = horizon(file, settings)
+    if len(file.phases) < 2 or used >= file.duration_s:
+        return None
+    return f"horizon: {used:g} s of a mission of {file.duration_s:g} s: phases that begin later are not tuned for"
+
+
+def check_differentiable(file: ScenarioFile) -> None:
+    """Refuses the rendered camera, whose images have no useful gradient.
+
+    Raises:
+        ScenarioError: the scenario has one.
+    """
+    if file.camera.model == "rendered":
+        raise ScenarioError("camera.model", "rendered", "'geometric' or 'statistical': images have no useful gradient")

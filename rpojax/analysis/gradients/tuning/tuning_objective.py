@@ -143,7 +143,7 @@ def _part(name: str, columns: dict[str, Array], counted: Array, more_is_better: 
 
 
 def _defined(values: Float[Array, " runs"]) -> tuple[Array, Array]:
-    """Values with 1 in place of what is not finite, which would enter derivatives, and which of them are finite."""
+    """Values with 1 in place of non-finite numbers, which would spoil derivatives, and flags of the finite ones."""
     is_finite = jnp.isfinite(values)
     return jnp.where(is_finite, values, 1.0), is_finite
 

@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.analysis.linear_covariance.linearisation import target_outline_ensemble, tick_noise_vector
-from rpojax.analysis.linear_covariance.linearisation.deviation_vector import DeviationLayout
+from rpojax.analysis.linear_covariance.linearisation import deviation_vector, target_outline_ensemble
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import DeviationLayout, TickNoiseVector
 from rpojax.analysis.linear_covariance.linearisation.target_outline_ensemble import RelativeBox, TargetEnsemble
-from rpojax.analysis.linear_covariance.linearisation.tick_noise_vector import TickNoiseVector
 from rpojax.batching import batching_mode
 from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import pytree
@@ -109,7 +108,7 @@ class LinearisedLoop:
             state, ensemble = carry
             outlines = target_outline_ensemble.ensemble_outlines(self.scenario, self.params, ensemble, state.truth)
             nominal = self._outline(self.params, state)
-            noise = tick_noise_vector.zero_noise(self.scenario.substeps, outlines.mean - nominal, box_allowed)
+            noise = deviation_vector.zero_noise(self.scenario.substeps, outlines.mean - nominal, box_allowed)
             after, telemetry = simulate_tick(self.scenario, self.params, state, self.stages, noise)
             sigma_H = compute_channels(self.scenario, self.params, telemetry)["relative_sigma_H"]
             point = LinearisationPoint(

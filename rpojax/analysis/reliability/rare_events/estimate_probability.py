@@ -7,8 +7,12 @@ import jax
 import numpy as np
 
 from rpojax.analysis.reliability.rare_events import method_choice
-from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LatentSpace
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction, LimitStateCalls
+from rpojax.analysis.reliability.rare_events.latent_points import (
+    LatentPoints,
+    LatentSpace,
+    LimitFunction,
+    LimitStateCalls,
+)
 from rpojax.analysis.reliability.rare_events.probability_estimate import MethodChoice, ProbabilityEstimate
 from rpojax.errors import RpojaxError
 from rpojax.runtime import jax_configuration
@@ -96,7 +100,7 @@ def _as_limit_function(limit_state: Callable[..., Any], dimension: int, noise_di
 
 
 def _noise(points: LatentPoints, dimension: int, count: int) -> np.ndarray:
-    """Noise numbers (n, count): moved ones, or those of the keys of their blocks."""
+    """Noise numbers (n, count): moved with the points, or drawn from the keys of their blocks."""
     if points.keys.shape[1] == 0:
         return points.x[:, dimension:]
     sizes = np.diff(np.linspace(0, count, points.keys.shape[1] + 1).astype(int))

@@ -12,10 +12,9 @@ import numpy as np
 from scipy.stats import t as student
 
 from rpojax.analysis.reliability.rare_events import proposal_fit
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.latent_points import LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
-    LevelRecord,
     log_normal_interval,
 )
 from rpojax.analysis.reliability.rare_events.proposal_densities import Mixture, log_nominal, mixture
@@ -99,7 +98,7 @@ def draw_round(calls: LimitStateCalls, rng: np.random.Generator, proposal: Mixtu
 def adapted(
     calls: LimitStateCalls, rng: np.random.Generator, start: WeightedFailures, count: int
 ) -> tuple[Mixture, list[Round]]:
-    """Proposal after rounds of so many points, from one for failures that are known at the start, and the rounds.
+    """Proposal after rounds of `count` points, and the rounds; the first proposal is fitted to known failures.
 
     A new proposal is fitted to the failures of all rounds, weighted as points of the mixture of their proposals.
     Weights that a few points dominate are flattened by an exponent below 1, so that the fit moves part of the way.
@@ -134,18 +133,13 @@ def _joint_failures(rounds: list[Round]) -> WeightedFailures | None:
     """Failures of all rounds, with the weights of the mixture of their proposals; None without any."""
     counts = np.array([len(each.margins) for each in rounds], dtype=float)
     joint = mixture([(count, each.proposal) for count, each in zip(counts, rounds, strict=True)])
-    failed = [each.margins <= 0.0 for each in rounds]
+    failed = [drawn_round.margins <= 0.0 for drawn_round in rounds]
     x = np.concatenate([each.x[rows] for each, rows in zip(rounds, failed, strict=True)])
     if len(x) == 0:
         return None
     nominal = np.concatenate([each.log_nominal[rows] for each, rows in zip(rounds, failed, strict=True)])
     logs = nominal - joint.log_density(x)
     return WeightedFailures(x, np.exp(logs - logs.max()), np.arange(len(x)))
-
-
-def level_record(name: str, found: Round) -> LevelRecord:
-    """Record of a round."""
-    return LevelRecord(name, len(found.margins), found.probability)
 
 
 def interval(found: Round) -> tuple[float, float]:
@@ -195,4 +189,4 @@ def design_points(found: Round) -> tuple[DesignPoint, ...]:
         DesignPoint(centres[row], float(np.linalg.norm(centres[row])), float(share))
         for row, share in zip(chosen, shares_of, strict=True)
     ]
-    return tuple(sorted((each for each in points if each.share > 0.01), key=lambda each: -each.share))
+    return tuple(sorted((point for point in points if point.share > 0.01), key=lambda each: -each.share))

@@ -13,8 +13,7 @@ from scipy.special import ndtr
 from scipy.stats import t as student
 
 from rpojax.analysis.reliability.rare_events import subset_simulation
-from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls, undefined_fault
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitStateCalls, undefined_fault
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
     LevelRecord,

@@ -1,28 +1,28 @@
 """Estimates by a method that was asked for, or by the one that suits what was found."""
 
+import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from rpojax.analysis.reliability.rare_events import (
-    exploration,
-    importance_sampling,
-    line_sampling,
-    plain_sampling,
-    subset_simulation,
-)
+from rpojax.analysis.reliability.rare_events import exploration, importance_sampling, line_sampling, subset_simulation
 from rpojax.analysis.reliability.rare_events.exploration import Exploration
 from rpojax.analysis.reliability.rare_events.importance_sampling import Round
-from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls, undefined_fault
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitStateCalls, undefined_fault
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
+    LevelRecord,
     MethodChoice,
     ProbabilityEstimate,
     log_normal_interval,
 )
 from rpojax.analysis.reliability.rare_events.subset_simulation import SubsetResult
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 
+MIN_FAILURES = 10
+"""Failures below which the interval is too wide to rest a decision on."""
+_BATCH = 4096
 _PLAIN_VARIATION = 0.06
 """Coefficient of variation that plain sampling must reach with the whole budget to be chosen."""
 _ROUND_SHARE = 0.07
@@ -34,19 +34,51 @@ _SURPRISE = 3.0
 """Standard deviations by which two estimates must differ to contradict each other."""
 _SUBSET_CAUTION = 1.3
 """Factor on the coefficient of variation of subset simulation for the dependence of its levels."""
-
 _ANNEALING_VARIATION = 0.7
 _UNCOVERED = 0.1
 _ASKED = "asked for"
 """Reason of a method that the user names."""
-
 Samples = tuple[LatentPoints, np.ndarray]
+
+
+def plain_estimate(
+    calls: LimitStateCalls, rng: np.random.Generator, reason: str, earlier: Sequence[np.ndarray] = ()
+) -> ProbabilityEstimate:
+    """Probability from all evaluations that are left, and from margins of independent points that are there already."""
+    margins = list(earlier)
+    while calls.left > 0:
+        margins.append(calls.margins(calls.space.sample(rng, min(_BATCH, calls.left))))
+    return from_margins(np.concatenate(margins), calls, reason)
+
+
+def from_margins(margins: np.ndarray, calls: LimitStateCalls, reason: str) -> ProbabilityEstimate:
+    """Probability from margins (n,) of independent points."""
+    runs, failures = len(margins), int((margins <= 0.0).sum())
+    probability = failures / runs
+    warnings = []
+    if failures == 0:
+        warnings.append(f"no failure in {runs} plain samples: the upper end of the interval is all that is known")
+    elif failures < MIN_FAILURES:
+        warnings.append(f"{failures} failures in {runs} plain samples are few")
+    faults = undefined_fault(margins, np.ones(runs))
+    return ProbabilityEstimate(
+        probability=probability,
+        interval_95=clopper_pearson_interval(failures, runs),
+        coefficient_of_variation=math.sqrt((1.0 - probability) / failures) if failures else math.inf,
+        evaluations=calls.used,
+        method="plain",
+        trusted=failures >= MIN_FAILURES and not faults,
+        warnings=(*warnings, *faults, *calls.undefined_remark()),
+        reason=reason,
+        effective_sample_size=float(failures),
+        levels=(LevelRecord("plain samples", runs, probability),),
+    )
 
 
 def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodChoice) -> ProbabilityEstimate:
     """Probability of failure by a method, or by the one that suits the limit state."""
     if method == "plain":
-        return plain_sampling.estimate(calls, rng, _ASKED)
+        return plain_estimate(calls, rng, _ASKED)
     points = calls.space.sample(rng, int(exploration.FIRST_SHARE * calls.budget), in_blocks=True)
     first = (points, calls.margins(points))
     if method == "subset":
@@ -55,12 +87,12 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
         return line_sampling.estimate(calls, rng, first, _ASKED)
     if method == "auto" and _plain_is_enough(first[1], calls.budget):
         reason = "failures are so frequent that plain sampling is accurate enough"
-        return plain_sampling.estimate(calls, rng, reason, (first[1],))
+        return plain_estimate(calls, rng, reason, (first[1],))
     found = exploration.explore(calls, rng, first)
     failures = found.failures
     if failures is None:
         reason = "neither subset simulation nor wider distributions found a failure"
-        return plain_sampling.estimate(calls, rng, reason, (first[1],))
+        return plain_estimate(calls, rng, reason, (first[1],))
     size = min(max(20, int(_ROUND_SHARE * calls.budget)), calls.left // 2)
     proposal, rounds = importance_sampling.adapted(calls, rng, failures, size)
     expected = math.sqrt(rounds[-1].variance_of_one / max(1, calls.left))
@@ -72,9 +104,8 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
         reason = f"a proposal fitted to the failures promises a coefficient of variation of {100.0 * expected:.2g} %"
     else:
         reason = _ASKED if method == "importance" else "margins do not rank the points, but failures were found"
-    return _by_importance(
-        calls, rng, importance_sampling.draw_round(calls, rng, proposal, calls.left), found, rounds, reason
-    )
+    last = importance_sampling.draw_round(calls, rng, proposal, calls.left)
+    return _by_importance(calls, last, found, rounds, reason)
 
 
 def _plain_is_enough(margins: np.ndarray, budget: int) -> bool:
@@ -84,15 +115,9 @@ def _plain_is_enough(margins: np.ndarray, budget: int) -> bool:
 
 
 def _by_importance(
-    calls: LimitStateCalls,
-    rng: np.random.Generator,
-    last: Round,
-    found: Exploration,
-    rounds: list[Round],
-    reason: str,
+    calls: LimitStateCalls, last: Round, found: Exploration, rounds: list[Round], reason: str
 ) -> ProbabilityEstimate:
     """Estimate by the last round of importance sampling, and what earlier stages say about it."""
-    del rng
     faults = importance_sampling.weight_warnings(last)
     faults += _missed_failures(found, last)
     remarks = []
@@ -102,7 +127,7 @@ def _by_importance(
     faults += undefined_fault(last.margins, last.weights)
     remarks += calls.undefined_remark()
     levels = [*found.subset.levels, *found.annealing.levels]
-    levels += [importance_sampling.level_record("importance round", each) for each in (*rounds, last)]
+    levels += [LevelRecord("importance round", len(each.margins), each.probability) for each in (*rounds, last)]
     has_failed = last.probability > 0.0
     return ProbabilityEstimate(
         probability=last.probability,
@@ -120,7 +145,7 @@ def _by_importance(
 
 
 def _missed_failures(found: Exploration, last: Round) -> list[str]:
-    """Earlier estimates that are so much larger than that of importance sampling that it misses something.
+    """Warnings about earlier estimates so much larger that importance sampling must have missed failures.
 
     A small subset simulation may be far off, too: its failures must also lie where the proposal hardly draws.
     """
@@ -164,7 +189,7 @@ def _by_subset(
     per_level = int(calls.left / (1.0 + 0.92 * levels))
     if per_level >= 50 and not results[0].flat:
         results.append(subset_simulation.simulate(calls, rng, per_level, calls.left))
-    complete = [each for each in results if each.complete]
+    complete = [result for result in results if result.complete]
     used = complete or results
     precisions = np.array([1.0 / max(each.variation, 1e-3) ** 2 for each in used])
     shares = precisions / precisions.sum()
@@ -199,7 +224,7 @@ def _by_subset(
 def _subset_faults(results: list[SubsetResult], complete: list[SubsetResult], variation: float) -> list[str]:
     """What speaks against subset simulations."""
     faults = []
-    if any(each.flat for each in results):
+    if any(result.flat for result in results):
         faults.append("margins are flat: subset simulation cannot rank the points")
     if len(complete) < len(results):
         faults.append("failure was not reached by all chains")
@@ -225,16 +250,6 @@ def _without_failure(
 ) -> ProbabilityEstimate:
     """Plain estimate with what is left of the budget where chains did not reach failure."""
     reason = f"subset simulation, {reason}, did not reach failure" if reason == _ASKED else reason
-    found = plain_sampling.estimate(calls, rng, reason, (first[1],))
-    return ProbabilityEstimate(
-        probability=found.probability,
-        interval_95=found.interval_95,
-        coefficient_of_variation=found.coefficient_of_variation,
-        evaluations=calls.used,
-        method="plain",
-        trusted=found.trusted,
-        warnings=(*faults, *found.warnings),
-        reason=reason,
-        effective_sample_size=found.effective_sample_size,
-        levels=(*(level for each in results for level in each.levels), *found.levels),
-    )
+    found = plain_estimate(calls, rng, reason, (first[1],))
+    levels = (*(level for result in results for level in result.levels), *found.levels)
+    return dataclasses.replace(found, warnings=(*faults, *found.warnings), levels=levels)

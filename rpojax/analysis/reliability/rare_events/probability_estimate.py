@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy.stats import beta, norm
+from scipy.stats import norm
 
 from rpojax.optional_packages import require_package
 
@@ -100,20 +100,12 @@ class ProbabilityEstimate:
         }
 
     def to_dataframe(self) -> "pandas.DataFrame":
-        """Stages of the estimate, one a row: what `LevelRecord` holds.
+        """Stages of the estimate, one row each, with the fields of `LevelRecord`.
 
         Raises:
             MissingExtraError: pandas is not installed.
         """
         return require_package("pandas").DataFrame([vars(level) for level in self.levels])
-
-
-def binomial_interval(failures: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Interval of a probability from independent runs (Clopper and Pearson 1934)."""
-    rest = 0.5 * (1.0 - confidence)
-    low = 0.0 if failures == 0 else float(beta.ppf(rest, failures, runs - failures + 1))
-    high = 1.0 if failures == runs else float(beta.ppf(1.0 - rest, failures + 1, runs - failures))
-    return low, high
 
 
 def log_normal_interval(probability: float, variation: float, confidence: float = 0.95) -> tuple[float, float]:

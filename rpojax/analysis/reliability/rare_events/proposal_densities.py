@@ -123,7 +123,7 @@ class Mixture:
 
 
 def mixture(parts: Sequence[tuple[float, Density]]) -> Mixture:
-    """Mixture of weighted densities, of which mixtures are opened."""
+    """Mixture of weighted densities; a density that is a mixture itself adds its parts."""
     densities: list[Density] = []
     weights: list[float] = []
     for weight, part in parts:

@@ -7,20 +7,26 @@ carries a digest of its content; the margins also that of the points they belong
 
 import hashlib
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_type_hints
 
 import numpy as np
+from pydantic import BaseModel, FiniteFloat, ValidationError
 
-from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.campaign.storage import atomic_files, safe_paths
 from rpojax.errors import OutputError, ResultError
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.schema import ScenarioFile
 from rpojax.untrusted.file_reading import FileKind
 
 CONFIGURATION_NAME, RESULT_NAME, BATCHES_NAME = "estimate.json", "probability.json", "evaluations"
 _MOST_POINTS = 4096
 """Points of one file."""
+_TYPES: dict[str, type] = {"scenario": dict, "failure": dict, "budget": int, "method": str, "seed": int}
+_METHODS = get_args(get_type_hints(EstimateSettings)["method"])
 
 
 class EstimateFolder:
@@ -145,3 +151,137 @@ def _digest_of_points(points: LatentPoints) -> str:
     digest = hashlib.sha256(np.ascontiguousarray(points.x, dtype="<f8").tobytes())
     digest.update(np.ascontiguousarray(points.keys, dtype="<u4").tobytes())
     return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class RecordedEstimate:
+    """What decides the bits of an estimate, besides the versions of the packages.
+
+    Attributes:
+        file: the scenario
+        choice: which runs fail
+        settings: budget and method
+        seed: master seed of runs and of the estimate
+    """
+
+    file: ScenarioFile
+    choice: FailureChoice
+    settings: EstimateSettings
+    seed: int
+
+
+def read_estimate(directory: Path) -> RecordedEstimate:
+    """What the estimate in a folder was asked for, finished or not.
+
+    Raises:
+        ResultError: the folder has no estimate, or one that is not as it was written.
+        RpojaxError: its scenario is not one.
+    """
+    record = EstimateFolder(directory).read(CONFIGURATION_NAME)
+    path = directory / CONFIGURATION_NAME
+    for key, kind in _TYPES.items():
+        if type(record.get(key)) is not kind:
+            raise ResultError(f"{path}: found {record.get(key)!r:.60} as {key}, expected {kind.__name__}")
+    if record["method"] not in _METHODS:
+        raise ResultError(f"{path}: found method {record['method']!r:.60}, expected one of {', '.join(_METHODS)}")
+    return RecordedEstimate(
+        file=scenario_loader.validate_recorded(record["scenario"]),
+        choice=_choice(path, record["failure"]),
+        settings=EstimateSettings(budget=record["budget"], method=record["method"]),
+        seed=record["seed"],
+    )
+
+
+def _choice(path: Path, failure: dict[str, Any]) -> FailureChoice:
+    """The options that name a recorded failure."""
+    outcome, metric, limit, bound = (failure.get(key) for key in ("outcome", "metric", "limit", "bound"))
+    if isinstance(outcome, str) and metric is None:
+        return FailureChoice(outcome=outcome)
+    if not isinstance(metric, str) or not isinstance(bound, str) or type(limit) not in (int, float):
+        raise ResultError(f"{path}: found failure {failure!r:.60}, expected an outcome, or a metric with its limit")
+    if failure.get("required_probability") is not None:
+        return FailureChoice(requirement=metric)
+    return FailureChoice(metric=metric, limit=limit, bound=bound)
+
+
+class _Failure(BaseModel):
+    metric: str | None
+    words: str
+
+
+class _Requirement(BaseModel):
+    allowed_probability_of_failure: FiniteFloat
+    verdict: Literal["met", "violated", "open"]
+
+
+class _Level(BaseModel):
+    name: str
+    evaluations: int
+    probability: float | None
+    threshold: float | None
+    acceptance: float | None
+
+
+class _PointDispersion(BaseModel):
+    name: str
+    sigmas: dict[str, float]
+    values: dict[str, float | list[float]]
+    nominal: dict[str, float | list[float]]
+
+
+class _Point(BaseModel):
+    distance_sigmas: FiniteFloat
+    share: FiniteFloat
+    dispersions: list[_PointDispersion]
+
+
+class _RunDispersion(BaseModel):
+    name: str
+    sigmas: dict[str, float]
+
+
+class _Run(BaseModel):
+    distance_sigmas: FiniteFloat
+    command: str
+    dispersions: list[_RunDispersion]
+
+
+class _Result(BaseModel):
+    scenario: str
+    scenario_hash: str
+    seed: int
+    probability: FiniteFloat
+    interval_95: tuple[FiniteFloat, FiniteFloat]
+    coefficient_of_variation: float | None
+    evaluations: int
+    method: str
+    trusted: bool
+    warnings: list[str]
+    reason: str
+    remark: str
+    noise: str
+    unmapped: list[str]
+    plain_runs_for_equal_accuracy: float | None
+    failure: _Failure
+    requirement: _Requirement | None
+    levels: list[_Level]
+    design_points: list[_Point]
+    failing_runs: list[_Run]
+
+
+def read_result(directory: Path) -> dict[str, Any]:
+    """Content of the result in a folder.
+
+    Raises:
+        ResultError: there is none, or it has not what a result has.
+    """
+    content = EstimateFolder(directory).read(RESULT_NAME)
+    try:
+        _Result.model_validate(content)
+    except ValidationError as error:
+        fault = error.errors(include_url=False, include_input=False)[0]
+        key = ".".join(map(str, fault["loc"]))
+        raise ResultError(
+            f"{directory / RESULT_NAME}: found {key:.80}: {fault['msg']:.80}, expected a result"
+        ) from None
+    return content

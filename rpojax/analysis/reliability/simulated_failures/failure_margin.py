@@ -6,19 +6,23 @@ range for keep-out. A count, which is equal for most runs, is ranked by the cont
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure
+from rpojax.analysis.reliability.search_settings import Bound, FailureChoice
+from rpojax.errors import RpojaxError
+from rpojax.metrics import metric_catalogue
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.phases.phase_sections import NO_GOAL
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.simulation.metrics import mission_goal, recorded_metrics
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 Arrays = Mapping[str, np.ndarray]
-
 LEAST = 1e-9
 """Size of a margin that only tells failure from success."""
 _RANKED_BY: Final = {
@@ -27,6 +31,108 @@ _RANKED_BY: Final = {
     "outage_count": "outage_longest_s",
 }
 """Metrics that are equal for most runs, and continuous ones that come near failure with them."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """The failure of a run.
+
+    Attributes:
+        metric: whose limit it breaks; None for an outcome
+        bound: side of the limit on which the metric must stay
+        limit: in the unit of the metric
+        outcome: with which it ends; None for a metric
+        required_probability: least probability of success that the scenario asks for; None without a requirement
+    """
+
+    metric: str | None = None
+    bound: Bound = "at most"
+    limit: float = 0.0
+    outcome: Outcome | None = None
+    required_probability: float | None = None
+
+    @property
+    def words(self) -> str:
+        """The failure in words."""
+        if self.outcome is not None:
+            return f"outcome {self.outcome}"
+        side = "above" if self.bound == "at most" else "below"
+        assert self.metric is not None
+        unit = metric_catalogue.unit_of(self.metric)
+        limit = f"{self.limit:g}{'' if unit == '-' else f' {unit}'}"
+        return f"{self.metric} {side} {limit}, or undefined, as in a run that ended early"
+
+    def to_record(self) -> dict[str, Any]:
+        """Content for JSON."""
+        return {**vars(self), "outcome": None if self.outcome is None else str(self.outcome), "words": self.words}
+
+
+def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
+    """The failure that options name.
+
+    Raises:
+        RpojaxError: naming the argument.
+    """
+    named = [name for name in ("requirement", "metric", "outcome") if getattr(choice, name) is not None]
+    if len(named) != 1:
+        found = " and ".join(named) or "none"
+        raise RpojaxError.of_argument("requirement, metric, outcome", f"found {found}, expected one of the three")
+    if choice.metric is None and choice.limit is not None:
+        raise RpojaxError.of_argument("limit", f"found {choice.limit:g}, expected it with metric only")
+    if choice.metric is None and choice.bound is not None:
+        raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected it with metric only")
+    if choice.outcome is not None:
+        return _of_outcome(file, choice.outcome)
+    if choice.requirement is not None:
+        return _of_requirement(file, choice.requirement)
+    assert choice.metric is not None
+    _check_metric(file, choice.metric)
+    if choice.limit is None or not -1e300 < choice.limit < 1e300:
+        raise RpojaxError.of_argument("limit", f"found {choice.limit}, expected a number, with metric")
+    metric = metric_catalogue.find(choice.metric)
+    default: Bound = "at least" if metric is not None and metric.low_is_bad else "at most"
+    if choice.bound not in (None, "at most", "at least"):
+        raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected 'at most' or 'at least'")
+    bound: Bound = default if choice.bound is None else "at most" if choice.bound == "at most" else "at least"
+    return Failure(choice.metric, bound, choice.limit)
+
+
+def _of_outcome(file: ScenarioFile, name: str) -> Failure:
+    """Failure with an outcome; refuses an outcome that no run can have, since its probability would be zero."""
+    reach, is_mission = DispersedReach(file), bool(file.phases)
+    possible = {
+        Outcome.UNFINISHED: is_mission and file.goal.phase != NO_GOAL,
+        Outcome.ABORTED: is_mission,
+        Outcome.LOST: reach.low("limits.lost_after_s") <= file.duration_s,
+        Outcome.OFF_STATION: reach.low("limits.arrive_by_s") <= file.duration_s,
+    }
+    known = [str(outcome) for outcome in Outcome if outcome.is_failure and possible.get(outcome, True)]
+    if name not in known:
+        found = f"{name!r} in runs of {file.duration_s:g} s"
+        raise RpojaxError.of_argument("outcome", f"found {found}, expected one that can occur: {', '.join(known)}")
+    return Failure(outcome=Outcome(name))
+
+
+def _of_requirement(file: ScenarioFile, name: str) -> Failure:
+    of_runs = [requirement for requirement in file.requirements if requirement.is_of_all_runs]
+    chosen = [each for each in of_runs if each.metric == name]
+    if not chosen:
+        known = ", ".join(each.metric for each in of_runs) or "none"
+        expected = f"the metric of a requirement on whole runs of the scenario ({known})"
+        raise RpojaxError.of_argument("requirement", f"found {name!r}, expected {expected}")
+    _check_metric(file, name)
+    strictest = max(chosen, key=lambda each: each.probability)
+    return Failure(name, strictest.bound, strictest.limit, None, strictest.probability)
+
+
+def _check_metric(file: ScenarioFile, name: str) -> None:
+    """Refuses metrics that runs of the scenario do not have."""
+    own = plugin_registry.metrics_of(file)
+    metric = metric_catalogue.find(name)
+    if name in own or (metric is not None and metric.source in ("records", "drifts") and "," not in name):
+        return
+    known = [each for each, metric in metric_catalogue.METRICS.items() if metric.source in ("records", "drifts")]
+    raise RpojaxError.of_argument("metric", f"found {name!r}, expected one of {', '.join([*known, *own])}")
 
 
 @dataclass(frozen=True)
@@ -55,7 +161,7 @@ def needs_drifts(failure: Failure) -> bool:
 
 
 def ranking_remark(failure: Failure) -> str:
-    """Which metric ranks the runs, where the one of the limit is equal for most of them; else empty."""
+    """Remark on the metric that ranks the runs if the limited metric is equal in most of them; else empty."""
     by = _RANKED_BY.get(failure.metric or "")
     return f"{failure.metric} is equal for most runs and cannot rank them: {by} does" if by else ""
 
@@ -100,7 +206,7 @@ def _with_sign(distance: np.ndarray, failed: np.ndarray) -> np.ndarray:
 
 
 def _outcome_distance(runs: SimulatedRuns, outcome: Outcome) -> np.ndarray:
-    """Distance (runs,) from an outcome, in the unit of what decides it; flat for those that no quantity decides."""
+    """Distance (runs,) from an outcome, in the unit of the quantity that decides it; constant if none does."""
     file, records, used = runs.file, runs.records, runs.used
     tick_s = 1.0 / file.rates.camera_hz
 

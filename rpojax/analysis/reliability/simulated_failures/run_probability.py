@@ -1,26 +1,28 @@
 """Probability that a run of a scenario fails, estimated from simulated runs in a folder that can be resumed."""
 
+import heapq
+import itertools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
 
+from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
 from rpojax.analysis.reliability.rare_events import method_choice
 from rpojax.analysis.reliability.rare_events.estimate_probability import MIN_BUDGET
-from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction, LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import ProbabilityEstimate
-from rpojax.analysis.reliability.simulated_failures import failing_runs, failure_margin
-from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
-from rpojax.analysis.reliability.simulated_failures.failing_runs import FailureLog
-from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure, choose_failure
-from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
+from rpojax.analysis.reliability.simulated_failures import failure_margin
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder, read_result
+from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure, choose_failure
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
 from rpojax.campaign import preflight
-from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.atomic_outputs import to_json_types, write_atomically
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import Progress, ProgressCallback
@@ -30,8 +32,118 @@ from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
 
+MOST = 10
+_RUN_ID_MASK = np.uint32(2**31 - 1)
 _REPEATS = 256
 """Runs with which failures of chains are repeated, so that a run command can show them."""
+
+
+@dataclass(frozen=True)
+class FailingRun:
+    """A failing run.
+
+    Attributes:
+        run_id: whose noise it has
+        z: (k,) standard normal variables of its dispersions
+        margin: to the failure
+    """
+
+    run_id: int
+    z: np.ndarray
+    margin: float
+
+    @property
+    def distance(self) -> float:
+        """Distance of its dispersions from the median run [sigmas]."""
+        return float(np.linalg.norm(self.z))
+
+
+class FailureLog:
+    """Keeps the most likely failures of all points that pass through.
+
+    Attributes:
+        own_noise: failures with the noise of a run number, which a run command can repeat
+        any_noise: all failures
+    """
+
+    def __init__(self) -> None:
+        self.own_noise: list[tuple[float, int, FailingRun]] = []
+        self.any_noise: list[tuple[float, int, FailingRun]] = []
+        self._count = itertools.count()
+
+    def watched(self, function: LimitFunction) -> LimitFunction:
+        """The function, whose failures are kept."""
+
+        def margins(points: LatentPoints) -> np.ndarray:
+            found = function(points)
+            for row in np.flatnonzero(found <= 0.0):
+                run = FailingRun(int(points.keys[row, 0] & _RUN_ID_MASK), points.x[row].copy(), float(found[row]))
+                self._keep(self.any_noise, run)
+                if not points.keys[row, 1:].any():
+                    self._keep(self.own_noise, run)
+            return found
+
+        return margins
+
+    def _keep(self, heap: list[tuple[float, int, FailingRun]], run: FailingRun) -> None:
+        if any(entry[2].run_id == run.run_id and np.array_equal(entry[2].z, run.z) for entry in heap):
+            return
+        entry = (-run.distance, next(self._count), run)
+        if len(heap) < MOST:
+            heapq.heappush(heap, entry)
+        else:
+            heapq.heappushpop(heap, entry)
+
+    @property
+    def most_likely(self) -> list[FailingRun]:
+        """Failures that can be repeated, the most likely dispersions first."""
+        return sorted((entry[2] for entry in self.own_noise), key=lambda run: run.distance)
+
+    @property
+    def unrepeatable(self) -> list[FailingRun]:
+        """Most likely failures whatever their noise."""
+        return sorted((entry[2] for entry in self.any_noise), key=lambda run: run.distance)
+
+
+def repeated_with_own_noise(log: FailureLog, margins: LimitFunction, rng: np.random.Generator, tries: int) -> int:
+    """Simulates the dispersions of failures that cannot be repeated with the noise of new runs; the runs it took.
+
+    Failures among them enter the log. `margins` are those of a function that the log watches.
+    """
+    starts = log.unrepeatable
+    if len(log.own_noise) >= MOST or not starts:
+        return 0
+    x = np.stack([starts[number % len(starts)].z for number in range(tries)])
+    keys = np.zeros((tries, 2), dtype=np.uint32)
+    keys[:, 0] = rng.integers(1, 2**31, tries)
+    margins(LatentPoints(x, keys))
+    return tries
+
+
+def write_scenarios(
+    space: StandardNormalSpace, seed: int, runs: list[FailingRun], directory: Path
+) -> list[dict[str, Any]]:
+    """Writes a scenario with the dispersions of each run into a folder; entries with the command that simulates it."""
+    import tomli_w
+
+    entries = []
+    for number, run in enumerate(runs, 1):
+        values = values_of(space, seed, run.z, run.run_id)
+        path = directory / "failing_runs" / f"{number:02d}.toml"
+        command = run_command(space, path, seed, run.run_id, f"{directory.name}_run_{number:02d}")
+        fixed = standard_normal_space.with_fixed_values(space, values)
+        write_atomically(path, (f"# {command}\n\n" + tomli_w.dumps(fixed.model_dump(mode="json"))).encode())
+        entries.append(
+            {
+                "run_id": run.run_id,
+                "distance_sigmas": run.distance,
+                "margin": run.margin,
+                "scenario": f"failing_runs/{path.name}",
+                "command": command,
+                "dispersions": dispersions_at(space, run.z, values),
+            }
+        )
+    return entries
 
 
 def run_probability(
@@ -108,7 +220,7 @@ def _estimated(
     remembered = log.watched(folder.remembered(simulated))
     calls = LimitStateCalls(lambda points: watch.counted(points, remembered), simulated.latent, settings.budget)
     found = method_choice.estimate(calls, np.random.default_rng(seed), settings.method)
-    repeats = failing_runs.repeated_with_own_noise(log, remembered, np.random.default_rng([seed, 1]), _REPEATS)
+    repeats = repeated_with_own_noise(log, remembered, np.random.default_rng([seed, 1]), _REPEATS)
     return to_json_types(
         {
             **_without_points(found),
@@ -126,13 +238,11 @@ def _estimated(
                 {
                     "distance_sigmas": point.distance,
                     "share": point.share,
-                    "dispersions": failing_runs.described(
-                        space, point.x, failing_runs.values_of(space, seed, point.x, 0)
-                    ),
+                    "dispersions": dispersions_at(space, point.x, values_of(space, seed, point.x, 0)),
                 }
                 for point in found.design_points
             ],
-            "failing_runs": failing_runs.write_scenarios(space, seed, log.most_likely, folder.directory),
+            "failing_runs": write_scenarios(space, seed, log.most_likely, folder.directory),
         }
     )
 

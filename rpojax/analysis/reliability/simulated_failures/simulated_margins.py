@@ -14,8 +14,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LatentSpace
-from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure
-from rpojax.analysis.reliability.simulated_failures.failure_margin import SimulatedRuns, margins, needs_drifts
+from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure, SimulatedRuns, margins, needs_drifts
 from rpojax.campaign.execution.batch_engine import BatchEngine, RedrawnNoise
 from rpojax.campaign.execution.block_recording import ChannelRecorder, recorded_channels
 from rpojax.campaign.execution.passive_safety import PassiveSafety

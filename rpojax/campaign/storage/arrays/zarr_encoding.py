@@ -13,10 +13,21 @@ import numpy as np
 import zarr
 from zarr.storage import MemoryStore
 
+from rpojax.metrics import metric_catalogue
+from rpojax.scenario import key_units
+from rpojax.simulation.metrics import phase_records, trace_channels
+
 _MAX_CHUNK_RUNS = 64
 """Largest number of runs in an inner chunk of a shard, which can be read without the rest of the block."""
 NOT_RECORDED = -1
 """Fill value of integers, for runs that were never written."""
+CHANNEL_UNITS = {
+    **dict.fromkeys(("rho_H", "rho_estimate_H", "rho_desired_H", "r_ST_N", "r_TN_N"), "m"),
+    **dict.fromkeys(("relative_error_H", "servicer_error_H", "target_error_H"), "m"),
+    **dict.fromkeys(("relative_sigma_H", "servicer_sigma_H", "target_sigma_H"), "m"),
+    "v_ST_N": "m/s",
+}
+"""Units of the channels of histories whose names do not end with them."""
 
 
 @dataclass(frozen=True)
@@ -138,10 +149,30 @@ def group_metadata(attributes: Mapping[str, Any] | None = None) -> bytes:
 
 
 def digest(arrays: Mapping[str, np.ndarray], binding: str = "") -> str:
-    """SHA-256 of names, types, shapes and values, and of what binds them to their place in a campaign."""
+    """SHA-256 of names, types, shapes and values, and of the text that binds them to their place in a campaign."""
     total = hashlib.sha256(binding.encode())
     for name in sorted(arrays):
         values = np.asarray(arrays[name])
         total.update(f"{name} {values.dtype.str} {values.shape}\n".encode())
         total.update(values.tobytes())
     return total.hexdigest()
+
+
+def array_units(group: str, name: str) -> str:
+    """Unit of an array of a group as text; 1 for dimensionless quantities."""
+    match group.removeprefix("servicer_"):
+        case "metrics":
+            unit = metric_catalogue.unit_of(name)
+        case "traces":
+            unit = trace_channels.TRACE_UNITS.get(name, "-")
+        case "status" | "events":
+            unit = "s" if name.endswith("_s") else "-"
+        case "phases":
+            unit = phase_records.UNITS.get(name, "-")
+        case "coverage":
+            unit = "-"
+        case "histories":
+            unit = CHANNEL_UNITS.get(name) or key_units.unit_symbol(name)
+        case _:
+            unit = key_units.unit_symbol(name)
+    return "1" if unit == "-" else unit

@@ -9,9 +9,8 @@ import numpy as np
 
 from rpojax.campaign.storage import atomic_files, safe_paths
 from rpojax.campaign.storage.arrays import zarr_encoding
-from rpojax.campaign.storage.arrays.array_units import array_units
-from rpojax.campaign.storage.arrays.zarr_encoding import ArrayEncoder, ArrayLayout
-from rpojax.campaign.storage.seal.record_seal import array_binding
+from rpojax.campaign.storage.arrays.zarr_encoding import ArrayEncoder, ArrayLayout, array_units
+from rpojax.campaign.storage.campaign_seal import array_binding
 
 
 class ZarrWriter:

@@ -36,7 +36,7 @@ def compare(
     prepare_jax(cache=True)
     from rpojax.analysis.statistics import campaign_comparison
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.page.comparison import comparison_page
+    from rpojax.report.page import comparison_page
 
     comparison_page.check_count(2 + len(more))
     with stage("comparing runs", quiet=as_json, announce=False):
@@ -67,9 +67,8 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
-    from rpojax.report.number_format import format_number
-    from rpojax.report.page.comparison.comparison_tables import interval_text, signed
+    from rpojax.report.labels import format_number, in_display_order, metric_label, of_all_servicers
+    from rpojax.report.page.comparison_page import interval_text, signed
 
     console = Console(highlight=False)
     for each in changed:

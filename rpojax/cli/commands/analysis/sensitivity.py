@@ -67,7 +67,7 @@ def _show(found: "SensitivityAnalysis") -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.number_format import format_number
+    from rpojax.report.labels import format_number
 
     console = Console(highlight=False)
     for one, other in zip(found.metrics, found.agreements, strict=True):

@@ -62,10 +62,10 @@ def tune(
     show_unused_keys(file, quiet=session.as_json)
     prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.gradients.tuning import tunable_scenario
+    from rpojax.analysis.gradients.tuning import tunable_parameters
     from rpojax.analysis.gradients.tuning import tune as analysis
 
-    warning = tunable_scenario.unreached_phases_warning(file, settings)
+    warning = tunable_parameters.unreached_phases_warning(file, settings)
     if warning is not None and not session.as_json:
         print(f"rpojax: warning: {warning}", file=sys.stderr)
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -97,8 +97,7 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import metric_label
-    from rpojax.report.number_format import format_number
+    from rpojax.report.labels import format_number, metric_label
 
     shown = Console(highlight=False)
     for key, change in content["changes"].items():

@@ -58,7 +58,7 @@ def _show(content: dict[str, Any], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.number_format import format_number
+    from rpojax.report.labels import format_number
 
     console = Console(highlight=False)
     rule = f"{content['metric']} {content['bound']} {content['limit']:g} {content['unit']}"

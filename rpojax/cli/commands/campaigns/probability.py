@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
 from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
@@ -15,7 +15,7 @@ from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress import run_progress
 
 if TYPE_CHECKING:
-    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import RecordedEstimate
 
 
 def probability(
@@ -30,7 +30,7 @@ def probability(
     force: Annotated[bool, arg(help="Replace another estimate in the folder.")] = False,
 ) -> int:
     """How likely a run is to break a requirement or a limit, or to end with an outcome; the same command resumes it."""
-    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import RecordedEstimate
 
     file = load(scenario, overrides)
     show_unused_keys(file, quiet=session.as_json)
@@ -57,9 +57,11 @@ def resume_estimate(directory: Path, session: Session) -> int:
     Raises:
         ResultError: the folder is not as it was written, or other versions of the packages began the estimate.
     """
-    from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
-    from rpojax.analysis.reliability.simulated_failures.recorded_estimate import read_estimate
-    from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
+    from rpojax.analysis.reliability.simulated_failures.estimate_folder import (
+        EstimateFolder,
+        read_estimate,
+        read_result,
+    )
 
     asked = read_estimate(directory)
     if EstimateFolder(directory).is_finished:
@@ -82,7 +84,7 @@ def _present(content: dict[str, Any], session: Session, out: Path) -> int:
 def _show(content: dict[str, Any], out: Path) -> None:
     from rich.console import Console
 
-    from rpojax.report.rare_failures.probability_rows import sentences
+    from rpojax.report.rare_failures import sentences
 
     console = Console(highlight=False)
     for sentence in sentences(content):

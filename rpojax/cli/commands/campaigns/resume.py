@@ -29,14 +29,14 @@ def resume(
     with stage("starting", quiet=session.as_json, announce=False):
         prepare_jax(cache=not session.no_cache)
         from rpojax.campaign import run_and_resume
-        from rpojax.campaign.storage import stale_files
+        from rpojax.campaign.storage import folder_creation
         from rpojax.campaign.storage.campaign_folder import Campaign
 
     shard = executor.parse_shard()
     found = Campaign(directory)
     set_loop_fusion_flag(rendered=found.file.camera.model == "rendered")
     if run_and_resume.is_complete(found):
-        stale_files.remove_stale_files(found.directory)
+        folder_creation.remove_stale_files(found.directory)
         found.verify()
         if found.configuration.options.report and not has_whole_report(found):
             return conclude(found, report=True, as_json=session.as_json)

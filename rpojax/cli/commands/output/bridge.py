@@ -101,8 +101,7 @@ def _show(content: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import in_display_order, metric_label
-    from rpojax.report.number_format import format_number
+    from rpojax.report.labels import format_number, in_display_order, metric_label
 
     console = Console(highlight=False)
     end = content["failure"] or content["stopped"] or str(content["outcome"]).replace("_", " ")

@@ -16,7 +16,7 @@ from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress import items
 
 if TYPE_CHECKING:
-    from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+    from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
     from rpojax.interop.run_replay import PosedImage, ReplayedRun
 
 
@@ -37,11 +37,11 @@ def export_rrd(
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.interop import run_replay
-    from rpojax.interop.rerun_viewer import rrd_recording, viewer_channels
+    from rpojax.interop.rerun_viewer import rrd_chunks, rrd_recording
 
     rrd_recording.require_rerun()
     found = Campaign(directory)
-    runs = replay.replay_servicers(found, run_id, viewer_channels.observe_tick, as_json)
+    runs = replay.replay_servicers(found, run_id, rrd_chunks.observe_tick, as_json)
     agreement = run_replay.compare_with_campaign(run := runs[0], found)
     with items("writing the recording", quiet=as_json) as watch:
         written = rrd_recording.write_servicers(runs, out, [_shots(each, every, watch) for each in runs])

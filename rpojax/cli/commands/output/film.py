@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.figures.camera.camera_overlay import CameraFrame, TeamFrame
+    from rpojax.report.figures.camera_pictures import CameraFrame, TeamFrame
     from rpojax.scenario.schema import ScenarioFile
 
 
@@ -47,15 +47,15 @@ def film(
     from rpojax.campaign import rerender
     from rpojax.campaign.storage.atomic_outputs import write_atomically
     from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
-    from rpojax.report.figures.camera import camera_film, camera_stills
+    from rpojax.report.figures import camera_pictures
 
-    camera_film.check_codec(codec)
+    camera_pictures.check_codec(codec)
     found = Campaign(directory)
     file = rerender.rendered_scenario(found.configuration.scenario, found.configuration.scenario_hash)
     run, history = _history_of(found, file, run_id)
     end = rerender.valid_tick_count(history)
     # The stills of a team are chosen by what its first servicer does.
-    ticks = camera_stills.select_stills(of_servicer(history, 0) if file.servicers else history, end)
+    ticks = camera_pictures.select_stills(of_servicer(history, 0) if file.servicers else history, end)
     ticks = ticks if suffix == ".png" else list(range(0, end, every))
     with items("taking pictures", quiet=False) as watch:
         options = found.configuration.options
@@ -68,9 +68,9 @@ def film(
         )
         shots = _counted(pictures, len(ticks), watch)
         if suffix == ".png":
-            write_atomically(out, camera_stills.png_bytes(camera_stills.contact_sheet(shots)))
+            write_atomically(out, camera_pictures.png_bytes(camera_pictures.contact_sheet(shots)))
         else:
-            camera_film.write_film(shots, out, codec)
+            camera_pictures.write_film(shots, out, codec)
     print(out)
     return Status.DONE
 
@@ -78,8 +78,7 @@ def film(
 def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
     """Number and full history of a run, replayed if none is stored."""
     from rpojax.campaign import rerender
-    from rpojax.campaign.history_replay import replay_history
-    from rpojax.campaign.rerun import check_run_id
+    from rpojax.campaign.rerun import check_run_id, replay_history
 
     kept = found.history_ids
     run = run_id if run_id is not None else (kept or [found.configuration.options.first_run])[0]
@@ -99,7 +98,7 @@ def _pictures(
     if not file.servicers:
         return render(history, None)
     from rpojax.campaign.storage.campaign_folder import of_servicer
-    from rpojax.report.figures.camera.camera_overlay import TeamFrame
+    from rpojax.report.figures.camera_pictures import TeamFrame
     from rpojax.scenario.team.members import member_names
 
     names = member_names(file)

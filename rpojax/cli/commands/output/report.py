@@ -31,7 +31,7 @@ def report(
     prepare_jax(cache=True)
     from rpojax.campaign.requirement_revision import change_requirements
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.page.run_selection import choose_run
+    from rpojax.report.page.detail_values import choose_run
 
     found = Campaign(directory)
     found.verify()

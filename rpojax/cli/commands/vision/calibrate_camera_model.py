@@ -44,7 +44,7 @@ def calibrate_camera_model(
 
     file = scenarios.load(scenario, overrides)
     target_checks.check_field(file)
-    from rpojax.analysis.calibration import view_sampling
+    from rpojax.analysis.calibration import detection_outcomes
     from rpojax.scenario.plugins.command_lines import command_line
     from rpojax.scenario.trained import fitted_camera
     from rpojax.sensors import statistical_camera_file
@@ -67,7 +67,7 @@ def calibrate_camera_model(
         "command": command_line("calibrate-camera-model", *words, plugin=file.plugin),
         "fitted_for": fitted_camera.fitted_for(tables),
         "made_with": fitted_camera.made_with(tables),
-        "limits": view_sampling.view_limits(file),
+        "limits": detection_outcomes.view_limits(file),
     }
     statistical_camera_file.save_statistics(statistics, out, card)
     shown = {"file": str(out), **{name: value for name, value in card.items() if name not in _NOT_PRINTED}}
@@ -82,15 +82,17 @@ def _fit(
     file: "ScenarioFile", samples: int, sequences: int, seed: int, quiet: bool
 ) -> "tuple[CameraFit, CameraStatistics, dict[str, Any]]":
     """Fit to rendered views, its camera with the correlation of errors, and a summary of the detector's outcomes."""
-    from rpojax.analysis.calibration import camera_fit, detection_outcomes, error_correlation, view_sampling
+    from rpojax.analysis.calibration import camera_fit, detection_outcomes
 
     with items("rendering", quiet=quiet) as watch:
-        found = detection_outcomes.detect_in_views(file, view_sampling.sample_views(file, samples, seed), seed, watch)
+        found = detection_outcomes.detect_in_views(
+            file, detection_outcomes.sample_views(file, samples, seed), seed, watch
+        )
     threshold = file.imaging.score_threshold
     with items("rendering sequences", quiet=quiet) as watch:
-        turning = error_correlation.sample_tumble_sequences(file, sequences, seed + 1)
+        turning = camera_fit.sample_tumble_sequences(file, sequences, seed + 1)
         seen = detection_outcomes.detect_in_views(file, turning.views, seed + 1, watch)
     with stage("fitting", quiet=quiet):
         fit = camera_fit.fit_camera(found, threshold, seed)
-        statistics = error_correlation.with_error_correlation(fit.statistics, seen, turning.turn_per_frame, threshold)
+        statistics = camera_fit.with_error_correlation(fit.statistics, seen, turning.turn_per_frame, threshold)
     return fit, statistics, camera_fit.outcome_summary(found, threshold)

@@ -120,14 +120,14 @@ class _DataPart:
 def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quiet: bool) -> None:
     """Traces the spacecraft of a data set, and composes its pictures."""
     from rpojax.training.synthetic_data import detection_dataset, spacecraft_sprites
-    from rpojax.training.synthetic_data.scenery import earth_textures
+    from rpojax.training.synthetic_data.scenery import earth_views
 
     with items(f"ray tracing for {part.name}", quiet=quiet) as watch:
         found = spacecraft_sprites.trace_sprites(
             work / "sprites", part.craft, part.views, part.seed, part.held_out, watch
         )
     with items(f"composing for {part.name}", quiet=quiet) as watch:
-        earth = earth_textures.load_earth_textures(part.held_out, part.seed)
+        earth = earth_views.load_earth_textures(part.held_out, part.seed)
         number = 2 * part.seed + part.held_out
         detection_dataset.write_dataset(out / part.name, part.number, number, found, earth, part.provenance, watch, mix)
 
@@ -156,10 +156,9 @@ def train(
     import numpy as np
 
     from rpojax.scenario.plugins.command_lines import command_line
-    from rpojax.training.detector import train_detector
-    from rpojax.training.detector.evaluation import evaluate_detector
-    from rpojax.training.detector.initial_weights import initial_weights
-    from rpojax.training.detector.score_calibration import calibrate_score
+    from rpojax.training.detector import evaluate_detector, train_detector
+    from rpojax.training.detector.evaluate_detector import calibrate_score
+    from rpojax.training.detector.train_detector import initial_weights
     from rpojax.training.labelled_pictures.box_plausibility import pictures_in_both
     from rpojax.training.labelled_pictures.dataset_faults import noticed
     from rpojax.training.synthetic_data.detection_dataset import concatenate
@@ -253,7 +252,7 @@ def evaluate(
         raise RpojaxError.of_argument("limit", f"found {limit}, expected at least 1")
     if form == "coco" and not (labels is None and limit is None):
         raise RpojaxError.of_argument("format", "found 'coco', expected another one with --labels or --limit")
-    from rpojax.training.detector.evaluation import evaluate_detector
+    from rpojax.training.detector import evaluate_detector
     from rpojax.training.public_data import data_formats
     from rpojax.vision.detector.detector_file import load_detector
 

@@ -302,10 +302,10 @@ def _compare(path: Path, shown: "RenderedViews", traced: "Views", count: int = 8
     import numpy as np
 
     from rpojax.campaign.storage.atomic_outputs import write_atomically
-    from rpojax.training.radiance_field import image_quality
+    from rpojax.training.radiance_field import evaluate_field
     from rpojax.vision.imaging import contact_sheets
 
-    error = np.abs(image_quality.srgb_codes(shown.rgb[:count]) - image_quality.srgb_codes(traced.rgb[:count]))
+    error = np.abs(evaluate_field.srgb_codes(shown.rgb[:count]) - evaluate_field.srgb_codes(traced.rgb[:count]))
     rows = [contact_sheets.over_backdrop(p.rgb[:count], p.alpha[:count]) for p in (traced, shown)]
     captions = [f"{name} {i}" for name in ("ray trace", "field", "difference") for i in range(len(error))]
     write_atomically(path, contact_sheets.contact_sheet_png(np.concatenate([*rows, error]), len(error), captions))

@@ -114,7 +114,7 @@ def _read_mesh(path: Path, scale: float) -> TargetMesh:
 
 
 def _parts(source: MeshSource, surfaces: Iterable[Surface], scale: float) -> Iterable[MeshPart]:
-    """Parts of one colour or picture each, without triangles of zero area and those that cannot be seen."""
+    """Parts, each of one colour or picture, without invisible triangles and triangles of zero area."""
     for surface in surfaces:
         vertices = surface.vertices * scale
         corners = vertices[surface.faces]

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from rpojax.training.synthetic_data.meshes import mesh_primitives
-from rpojax.training.synthetic_data.meshes.mesh_primitives import Solids
-from rpojax.training.synthetic_data.meshes.packaged_target import FOIL
-from rpojax.training.synthetic_data.meshes.spacecraft_parts import (
+from rpojax.training.synthetic_data.meshes.mesh_primitives import (
     DARK,
     WHITE,
+    Solids,
     nozzle,
     random_antenna,
     random_appendages,
@@ -21,9 +20,11 @@ from rpojax.training.synthetic_data.meshes.spacecraft_parts import (
     random_wing,
     random_wings,
 )
+from rpojax.training.synthetic_data.meshes.packaged_target import FOIL
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, TargetMesh
 
 Rng = np.random.Generator
+_FAMILY_PROBABILITIES = np.array([0.16, 0.09, 0.11, 0.14, 0.1, 0.08, 0.1, 0.05, 0.06, 0.05, 0.06])
 
 
 def random_spacecraft(seed: list[int]) -> TargetMesh:
@@ -286,4 +287,3 @@ _FAMILIES: dict[str, Callable[[Rng], Solids]] = {
     "probe": _probe,
     "laboratory": _modular_station,
 }
-_FAMILY_PROBABILITIES = np.array([0.16, 0.09, 0.11, 0.14, 0.1, 0.08, 0.1, 0.05, 0.06, 0.05, 0.06])

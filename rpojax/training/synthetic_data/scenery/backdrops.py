@@ -1,24 +1,64 @@
 """Random backdrops of synthetic images: space, stars, Moon, and the Earth by day, at night, at its limb, with glint."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures, noise_patch
 from rpojax.training.synthetic_data.scenery.earth_views import (
+    EarthTextures,
+    EarthView,
     atmosphere,
     daylight,
     ground_image,
+    noise_patch,
     random_earth_view,
     unit,
     unit_rows,
 )
-from rpojax.training.synthetic_data.scenery.flight_backdrop import paint_flight_backdrop
+from rpojax.vision.imaging.sky_background import background
+from rpojax.vision.imaging.sky_maps import Sky, random_sky
+from rpojax.vision.pinhole import Intrinsics
 
 Rng = np.random.Generator
 
+_SKIES = 12
+"""Different skies, each with its own stars and clouds."""
+_LIMB_SHARE = 0.4
+_FIRST_SEED = 1000
+"""Of the skies; scenarios have small seeds."""
 BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon", "city", "flight")
+
+
+def paint_flight_backdrop(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
+    """Linear image (p, p, 3) of the Earth or its limb by `vision.imaging.sky_background`, by day or in twilight."""
+    limb = bool(rng.random() < _LIMB_SHARE)
+    view = random_earth_view(rng, earth, size_px, limb, sun_height=(-0.2, 1.0))
+    return np.asarray(_render(_sky(int(rng.integers(_SKIES))), *_camera(view, size_px), size_px=size_px))
+
+
+@functools.lru_cache(maxsize=_SKIES)
+def _sky(index: int) -> Sky:
+    """A sky whose clouds cover between a tenth and nine tenths of it."""
+    return random_sky(_FIRST_SEED + index, 0.1 + 0.8 * index / (_SKIES - 1))
+
+
+def _camera(view: EarthView, size_px: int) -> tuple[Intrinsics, jax.Array, jax.Array, jax.Array]:
+    """Intrinsics, R_KN, position and direction to the Sun of a view, with Earth axes as N."""
+    center = jnp.full(2, 0.5 * size_px, jnp.float32)
+    intrinsics = Intrinsics(focal_px=jnp.asarray(view.focal_px, jnp.float32), center_px=center)
+    axes, position, sun = (jnp.asarray(values, jnp.float32) for values in (view.axes, view.position, view.sun))
+    return intrinsics, axes, position, sun
+
+
+@functools.partial(jax.jit, static_argnames="size_px")
+def _render(
+    sky: Sky, intrinsics: Intrinsics, R_KN: jax.Array, position: jax.Array, sun: jax.Array, size_px: int
+) -> jax.Array:
+    return background(sky, intrinsics, size_px, size_px, R_KN, position, sun, jnp.zeros((), jnp.float32))
 
 
 def paint_backdrop(rng: Rng, kind: str, earth: EarthTextures, size_px: int) -> np.ndarray:
@@ -213,3 +253,43 @@ _BACKDROPS: dict[str, Callable[[Rng, EarthTextures, int], np.ndarray]] = {
     "city": _city,
     "flight": paint_flight_backdrop,
 }
+
+
+def add_structure(rng: Rng, image: np.ndarray) -> np.ndarray:
+    """A linear image (p, p, 3) with an out-of-focus piece of the camera's own vehicle at one edge of the frame."""
+    import cv2
+
+    size = image.shape[0]
+    depth = rng.uniform(-0.05, 0.3, 2) * size
+    outline = np.array([[-2.0, -2.0], [size + 2.0, -2.0], [size + 2.0, depth[1]], [-2.0, depth[0]]])
+    cover = np.zeros((size, size), np.float32)
+    cv2.fillPoly(cover, [np.round(outline).astype(np.int32)], 1.0)
+    for _ in range(int(rng.integers(0, 4))):  # gaps of a truss, or of a window's frame
+        start, end = (tuple(int(v) for v in rng.uniform(0.0, 1.0, 2) * [size, 0.3 * size]) for _ in range(2))
+        cv2.line(cover, start, end, 0.0, int(rng.integers(1, 6)))
+    light = float(np.exp(rng.uniform(np.log(0.01), np.log(0.9)))) * rng.uniform(0.8, 1.0, 3)
+    stripes = 1.0 + rng.uniform(0.0, 0.5) * np.sign(np.sin(np.arange(size) * rng.uniform(0.1, 1.5)))
+    color = (stripes[None, :, None] * light * np.ones((size, 1, 1))).astype(np.float32)
+    turns = int(rng.integers(4))
+    cover, color = np.rot90(cover, turns), np.rot90(color, turns)
+    blur = float(rng.uniform(0.4, 2.5))
+    cover = cv2.GaussianBlur(np.ascontiguousarray(cover), (0, 0), blur)[..., None]
+    return image * (1.0 - cover) + np.ascontiguousarray(color) * cover
+
+
+def add_reflections(rng: Rng, image: np.ndarray) -> np.ndarray:
+    """A linear image (p, p, 3) with soft patches of light that a window reflects."""
+    import cv2
+
+    size = image.shape[0]
+    for _ in range(int(rng.integers(1, 4))):
+        patch = np.zeros((size, size), np.float32)
+        center = tuple(int(v) for v in rng.uniform(0.0, size, 2))
+        axes = tuple(int(v) for v in np.exp(rng.uniform(np.log(0.02), np.log(0.4), 2)) * size + 1)
+        cv2.ellipse(patch, center, axes, float(rng.uniform(0.0, 180.0)), 0.0, 360.0, 1.0, -1)
+        if rng.random() < 0.5:
+            patch -= cv2.erode(patch, np.ones((3, 3)), iterations=int(rng.integers(1, 5)))  # a rim only
+        patch = cv2.GaussianBlur(patch, (0, 0), float(rng.uniform(0.8, 6.0)))
+        light = float(np.exp(rng.uniform(np.log(0.004), np.log(0.15)))) * rng.uniform(0.6, 1.0, 3)
+        image = image + patch[..., None] * light.astype(np.float32)
+    return image

@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpojax.analysis.gradients.tuning.coordinate_transforms import Coordinate, LogCoordinate, LogitCoordinate
+from rpojax.analysis.gradients.tuning.tunable_parameters import Coordinate, LogCoordinate, LogitCoordinate
 
 
 @given(st.floats(1e-6, 1e6), st.sampled_from([LogCoordinate(), LogitCoordinate(-1e-9, 2e6)]))

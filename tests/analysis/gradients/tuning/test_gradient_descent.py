@@ -11,7 +11,7 @@ from quadratic_runs import ONE_WEIGHT, TUNED, QuadraticRuns
 import rpojax
 from rpojax.analysis.gradients.rollout_evaluator import RolloutResult
 from rpojax.analysis.gradients.tuning import gradient_descent
-from rpojax.analysis.gradients.tuning.descent_state import TuningStep
+from rpojax.analysis.gradients.tuning.gradient_descent import TuningStep
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.errors import Notice, ResultError, RpojaxError
 from rpojax.scenario.schema import ScenarioFile

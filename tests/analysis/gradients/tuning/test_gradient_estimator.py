@@ -8,7 +8,7 @@ from quadratic_runs import ONE_WEIGHT, QuadraticRuns
 
 import rpojax
 from rpojax.analysis.gradients.rollout_evaluator import RolloutResult
-from rpojax.analysis.gradients.tuning import gradient_estimator, tunable_parameters
+from rpojax.analysis.gradients.tuning import gradient_descent, tunable_parameters
 from rpojax.analysis.gradients.tuning.tuning_objective import Objective
 from rpojax.simulation.noise import run_keys
 
@@ -27,7 +27,7 @@ def test_numbers_that_act_through_decisions_are_differentiated_by_differences(
     names: tuple[str, ...], mode: str
 ) -> None:
     assert (
-        gradient_estimator.differentiation_mode(
+        gradient_descent.differentiation_mode(
             tunable_parameters.select_parameters(rpojax.load("inspection"), names).nonsmooth
         )
         == mode
@@ -48,7 +48,7 @@ def test_differences_point_away_from_the_side_where_a_run_loses_its_metric(monke
         return replace(found, metrics=metrics)
 
     monkeypatch.setattr(QuadraticRuns, "evaluate", lose_the_last)
-    found = gradient_estimator.estimate_gradient(evaluator, objective, nonsmooth, x, keys).gradient
+    found = gradient_descent.estimate_gradient(evaluator, objective, nonsmooth, x, keys).gradient
     # One of four runs goes from 10 m to the worst, 1e7 m, over twice 0.4.
     np.testing.assert_allclose(found[2:], np.log(1e6) / 4.0 / 0.8, rtol=1e-12)
 
@@ -68,5 +68,5 @@ def test_differences_point_away_from_the_side_where_a_run_loses_its_metric(monke
 def test_gradients_are_clipped_at_ten_times_the_median(
     gradients: list[float], total: float, excluded: int, clipped: int
 ) -> None:
-    found = gradient_estimator.clipped_sum(np.array(gradients)[:, None])
+    found = gradient_descent.clipped_sum(np.array(gradients)[:, None])
     assert found == (pytest.approx([total]), excluded, clipped)

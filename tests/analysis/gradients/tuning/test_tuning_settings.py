@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon, unreached_phases_warning
+from rpojax.analysis.gradients.tuning.tunable_parameters import scenario_at_horizon, unreached_phases_warning
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.errors import RpojaxError
 

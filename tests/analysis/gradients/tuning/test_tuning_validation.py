@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.gradients.tuning.tuning_validation import compare_means
+from rpojax.analysis.gradients.tuning.tune import compare_means
 from rpojax.analysis.statistics.paired_comparison import RunMetrics
 
 RUNS = 40

@@ -3,9 +3,8 @@
 import jax
 import numpy as np
 
-from rpojax.analysis.linear_covariance.linearisation import dispersion_linearisation, initial_conditions
-from rpojax.analysis.linear_covariance.linearisation.deviation_vector import make_layout
-from rpojax.analysis.linear_covariance.linearisation.error_sources import HANDOVER
+from rpojax.analysis.linear_covariance.linearisation import dispersion_linearisation
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import HANDOVER, make_layout
 from rpojax.core.frames import hill_frame
 from rpojax.scenario import params
 from rpojax.scenario.loading import scenario_loader
@@ -24,7 +23,7 @@ def test_the_hand_over_error_is_the_true_one_and_the_filter_keeps_what_it_is_tol
     key = run_key(0, 0)
     layout = make_layout(jax.eval_shape(lambda: initial_state.init(static, nominal, key)), nominal, ())
     found = dispersion_linearisation.linearise_dispersions(file)
-    start = initial_conditions.initial_conditions(static, nominal, layout, key, found)[0]
+    start = dispersion_linearisation.initial_conditions(static, nominal, layout, key, found)[0]
     R_HN = np.asarray(hill_frame(start.state.truth.r_TN_N, start.state.truth.v_TN_N)[0])
     columns = R_HN @ start.columns[HANDOVER][layout.slices["flight.orbit.relative.r_TS_N"]]
     np.testing.assert_allclose(columns @ columns.T, np.diag(np.square(SIGMA_H)), atol=1e-9)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.linear_covariance.linearisation import target_outline_ensemble, tick_noise_vector
+from rpojax.analysis.linear_covariance.linearisation import deviation_vector, target_outline_ensemble
 from rpojax.analysis.linear_covariance.linearisation.deviation_vector import PENDING_BURN, make_layout
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS, LinearisedLoop
 from rpojax.core.pytree import replace
@@ -74,7 +74,7 @@ def tick(nominal: Nominal, loop: LinearisedLoop) -> tuple[Callable[[jax.Array], 
     _, base, state = nominal
     own = target_outline_ensemble.target_outline(loop.scenario, base, state.truth.q_TN, state.truth)
     larger = own + jnp.array([-2.0, -1.0, 3.0, 1.0])
-    drawn = tick_noise_vector.zero_noise(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
+    drawn = deviation_vector.zero_noise(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
     step = loop.step(state, drawn, target_outline_ensemble.relative_box(own, larger))
     return step, np.asarray(loop.nominal_vector(state))
 
@@ -113,7 +113,7 @@ def test_the_step_function_is_a_tick_of_the_loop(
     step, point = tick
     found = np.asarray(quick(step)(jnp.asarray(point)))
     shift = jnp.array([-2.0, -1.0, 3.0, 1.0])
-    drawn = tick_noise_vector.zero_noise(static.substeps, shift, jnp.ones((), dtype=bool))
+    drawn = deviation_vector.zero_noise(static.substeps, shift, jnp.ones((), dtype=bool))
     after, _ = quick(lambda state: simulate_tick(static, base, state, Stages(), drawn))(state)
     for path in loop.layout.states:
         expected = np.ravel(params.get_leaf(after, path))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from rpojax.analysis.reliability.rare_events import gaussian_mixture_fit, proposal_fit
+from rpojax.analysis.reliability.rare_events import proposal_fit
 from rpojax.analysis.reliability.rare_events.proposal_densities import (
     Density,
     RadialDensity,
@@ -42,7 +42,7 @@ def test_weights_of_the_nominal_density_have_mean_one(density: Density) -> None:
 def test_a_fit_finds_two_clusters() -> None:
     rng = np.random.default_rng(4)
     y = np.concatenate([rng.normal(3.0, 0.3, (300, 2)), rng.normal(-3.0, 0.3, (100, 2))])
-    found = gaussian_mixture_fit.fit(rng, y, np.full(400, 1 / 400), 2)
+    found = proposal_fit.fit(rng, y, np.full(400, 1 / 400), 2)
     order = np.argsort(found.means[:, 0])
     np.testing.assert_allclose(found.means[order], [[-3.0, -3.0], [3.0, 3.0]], atol=0.15)
     np.testing.assert_allclose(found.weights[order], [0.25, 0.75], atol=0.02)

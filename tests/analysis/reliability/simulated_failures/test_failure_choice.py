@@ -8,9 +8,9 @@ import pytest
 from isolated_plugins import forgotten_plugins
 
 import rpojax
-from rpojax.analysis.reliability.simulated_failures import failing_runs
-from rpojax.analysis.reliability.simulated_failures.estimate_options import FailureChoice
-from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
+from rpojax.analysis.reliability.search_settings import FailureChoice
+from rpojax.analysis.reliability.simulated_failures import run_probability
+from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure
 from rpojax.errors import RpojaxError
 from rpojax.scenario.dispersed_numbers.standard_normal_space import make_space
 from rpojax.scenario.loading import scenario_loader
@@ -86,8 +86,8 @@ def test_the_command_of_a_failing_run_allows_its_plugin_and_is_quoted(
     monkeypatch.chdir(tmp_path)
     with forgotten_plugins():
         space = make_space(scenario_loader.load("own.toml", allow_plugin=True))
-        run = failing_runs.FailingRun(7, np.zeros(space.dimension), -1.0)
-        [entry] = failing_runs.write_scenarios(space, 3, [run], Path("out/a b"))
+        run = run_probability.FailingRun(7, np.zeros(space.dimension), -1.0)
+        [entry] = run_probability.write_scenarios(space, 3, [run], Path("out/a b"))
     file = tmp_path / "out" / "a b" / "failing_runs" / "01.toml"
     words = ["rpojax", "run", str(file), "--seed", "3", "--run-id", "7", "--out", "a b_run_01", "--allow-plugin"]
     assert shlex.split(entry["command"]) == words

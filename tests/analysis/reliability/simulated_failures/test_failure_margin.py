@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from rpojax.analysis.reliability.simulated_failures import failure_margin
-from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure
-from rpojax.analysis.reliability.simulated_failures.failure_margin import SimulatedRuns
+from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure, SimulatedRuns
 from rpojax.scenario.loading import scenario_loader
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 from rpojax.simulation.outcomes.outcome_events import EventArrays

@@ -6,11 +6,10 @@ from typing import Any
 
 import pytest
 
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures import run_probability
-from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
-from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
-from rpojax.analysis.reliability.simulated_failures.recorded_estimate import read_estimate
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder, read_estimate
+from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure
 from rpojax.cli import main
 from rpojax.errors import ResultError
 from rpojax.scenario.loading import scenario_loader

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
-from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder, read_result
 from rpojax.errors import ResultError
 from rpojax.report.page.probability_page import write_page
 

@@ -10,9 +10,9 @@ import pytest
 from shared_compilation import shared_programs
 
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
+from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
-from rpojax.analysis.reliability.simulated_failures.estimate_options import EstimateSettings, FailureChoice
-from rpojax.analysis.reliability.simulated_failures.failure_choice import choose_failure
+from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure
 from rpojax.analysis.reliability.simulated_failures.run_probability import run_probability
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
 from rpojax.campaign.run_and_resume import run_campaign

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.consistency.nees import average_nees, mean_nees_interval
+from rpojax.analysis.statistics.consistency import average_nees, mean_square_interval
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from rpojax.analysis.statistics.consistency.nees import average_nees, mean_nees_
 def test_interval_of_the_mean_nees_against_worked_numbers(
     runs: int, components: int, interval: tuple[float, float]
 ) -> None:
-    assert mean_nees_interval(components, runs) == pytest.approx(interval, abs=5.1e-6)
+    assert mean_square_interval(components, runs) == pytest.approx(interval, abs=5.1e-6)
 
 
 def test_average_nees_tells_overconfident_conservative_and_consistent_filters_apart() -> None:
@@ -28,8 +28,8 @@ def test_average_nees_tells_overconfident_conservative_and_consistent_filters_ap
     values[:, 6] = np.nan
     found = average_nees(values, 6)
     assert found.fraction_above + found.fraction_below == pytest.approx(0.05, abs=0.05)
-    assert (found.low[0], found.high[0]) == pytest.approx(mean_nees_interval(6, 200), rel=1e-12)
-    assert (found.low[5], found.high[5]) == pytest.approx(mean_nees_interval(6, 197), rel=1e-12)
+    assert (found.low[0], found.high[0]) == pytest.approx(mean_square_interval(6, 200), rel=1e-12)
+    assert (found.low[5], found.high[5]) == pytest.approx(mean_square_interval(6, 197), rel=1e-12)
     assert np.isnan([found.mean[6], found.low[6]]).all()
     assert average_nees(2.0 * values, 6).fraction_above == 1.0
     assert average_nees(0.5 * values, 6).fraction_below == 1.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.dependence.hsic import kernel_factor, normalised_hsic
+from rpojax.analysis.statistics.dependence import kernel_factor, normalised_hsic
 
 
 def hsic(x: np.ndarray, y: np.ndarray) -> float:

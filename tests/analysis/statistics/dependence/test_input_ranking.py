@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.dependence.input_ranking import rank_inputs
+from rpojax.analysis.statistics.dependence import rank_inputs
 
 
 def ishigami(points: np.ndarray) -> np.ndarray:

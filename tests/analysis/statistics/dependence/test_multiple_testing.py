@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.dependence.multiple_testing import holm_correction
+from rpojax.analysis.statistics.dependence import holm_correction
 
 
 def test_holms_correction_against_a_worked_example() -> None:

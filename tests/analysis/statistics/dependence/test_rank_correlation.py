@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rpojax.analysis.statistics.dependence.rank_correlation import spearman, spearman_p
+from rpojax.analysis.statistics.dependence import spearman, spearman_p
 
 STEPS = np.arange(1.0, 9.0)
 SWAPPED = np.array([2.0, 1.0, 4.0, 3.0, 6.0, 5.0, 8.0, 7.0])

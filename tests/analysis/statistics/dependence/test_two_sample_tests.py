@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.dependence.two_sample_tests import group_difference, separate_failing_runs
+from rpojax.analysis.statistics.dependence import group_difference, separate_failing_runs
 
 
 def test_failing_against_passing_inputs_against_worked_numbers() -> None:

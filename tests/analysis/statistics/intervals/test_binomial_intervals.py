@@ -3,7 +3,7 @@
 import pytest
 from scipy.stats import binom
 
-from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval, success_bounds
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval, success_bounds
 
 
 def test_clopper_pearson_against_worked_numbers() -> None:

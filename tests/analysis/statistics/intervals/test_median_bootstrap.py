@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals.median_bootstrap import resampled_medians
+from rpojax.analysis.statistics.intervals import resampled_medians
 
 
 def test_resampled_medians_are_those_of_pairs_drawn_with_replacement() -> None:

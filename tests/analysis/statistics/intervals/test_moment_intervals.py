@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.intervals.moment_intervals import deviation_interval, mean_interval
+from rpojax.analysis.statistics.intervals import deviation_interval, mean_interval
 
 
 def test_bootstrap_of_a_mean_against_a_worked_number() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpojax.analysis.statistics.intervals.normal_distribution import Z_95, coverage_per_axis
+from rpojax.analysis.statistics.intervals import Z_95, coverage_per_axis
 
 
 def test_coverage_against_worked_numbers() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rpojax.analysis.statistics.intervals import order_statistics
-from rpojax.analysis.statistics.intervals.order_statistics import (
+from rpojax.analysis.statistics import intervals
+from rpojax.analysis.statistics.intervals import (
     allowed_failures,
     consumer_risk_reached,
     percentiles_over_runs,
@@ -42,7 +42,7 @@ class CountedBinomial:
 def test_the_search_for_a_number_of_runs_halves_an_interval(
     monkeypatch: pytest.MonkeyPatch, quantile: float, confidence: float, runs: int
 ) -> None:
-    monkeypatch.setattr(order_statistics, "binom", CountedBinomial(2 * runs.bit_length() + 2))
+    monkeypatch.setattr(intervals, "binom", CountedBinomial(2 * runs.bit_length() + 2))
     assert runs_for_bound(quantile, confidence) == runs
 
 

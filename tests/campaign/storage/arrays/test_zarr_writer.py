@@ -13,7 +13,7 @@ import zarr
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
 import rpojax
-from rpojax.campaign.storage import atomic_files, stale_files
+from rpojax.campaign.storage import atomic_files, folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import UnfinishedError
 from rpojax.scenario.schema import ScenarioFile
@@ -61,7 +61,7 @@ def test_two_writers_one_killed_leave_what_a_single_writer_leaves(
     other.communicate()
     assert (killed.returncode, other.returncode) == (-signal.SIGKILL, 0)
     assert shared.missing_blocks() == []
-    stale_files.remove_stale_files(shared.directory)
+    folder_creation.remove_stale_files(shared.directory)
     assert list(shared.directory.rglob("*.partial")) == []
     found, expected = contents(shared.directory / "results.zarr"), contents(alone.directory / "results.zarr")
     assert found == expected

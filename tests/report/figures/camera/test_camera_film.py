@@ -9,20 +9,20 @@ import pytest
 from synthetic_camera_frames import camera_frame
 
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.report.figures.camera import camera_film, camera_overlay
+from rpojax.report.figures import camera_pictures
 
 
-@pytest.mark.parametrize("codec", camera_film.CODECS)
+@pytest.mark.parametrize("codec", camera_pictures.CODECS)
 def test_film_contains_every_frame(tmp_path: Path, codec: str) -> None:
     import cv2
 
-    path = camera_film.write_film(
+    path = camera_pictures.write_film(
         [camera_frame(), camera_frame(box_present=False), camera_frame()], tmp_path / "seen.mp4", codec
     )
     capture = cv2.VideoCapture(str(path))
     found, picture = capture.read()
     assert found
-    expected = camera_overlay.annotated_frame(camera_frame())
+    expected = camera_pictures.annotated_frame(camera_frame())
     assert picture.shape == expected.shape
     assert expected.shape[0] % 2 == expected.shape[1] % 2 == 0
     # Lossy, but red is red and blue is blue.
@@ -33,7 +33,7 @@ def test_film_contains_every_frame(tmp_path: Path, codec: str) -> None:
 
 def test_h264_film_has_its_index_in_front_and_reproducible_bytes(tmp_path: Path) -> None:
     one, two = (
-        camera_film.write_film([camera_frame(), camera_frame()], tmp_path / name, "h264").read_bytes()
+        camera_pictures.write_film([camera_frame(), camera_frame()], tmp_path / name, "h264").read_bytes()
         for name in ("1.mp4", "2.mp4")
     )
     assert b"avc1" in one
@@ -43,11 +43,11 @@ def test_h264_film_has_its_index_in_front_and_reproducible_bytes(tmp_path: Path)
 
 def test_unknown_codec_and_missing_package_are_errors(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(OutputError, match=r"codec: found 'av1', expected vp9 or h264"):
-        camera_film.check_codec("av1")
+        camera_pictures.check_codec("av1")
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    camera_film.check_codec("vp9")
+    camera_pictures.check_codec("vp9")
     with pytest.raises(RpojaxError, match=r"imageio_ffmpeg: not installed, expected: pip install 'rpojax\[viz\]'"):
-        camera_film.check_codec("h264")
+        camera_pictures.check_codec("h264")
 
 
 def test_interrupted_film_leaves_the_existing_file(tmp_path: Path) -> None:
@@ -59,6 +59,6 @@ def test_interrupted_film_leaves_the_existing_file(tmp_path: Path) -> None:
         raise OutputError("no more")
 
     with pytest.raises(OutputError, match="no more"):
-        camera_film.write_film(broken(), path)
+        camera_pictures.write_film(broken(), path)
     assert path.read_text() == "mine"
     assert list(tmp_path.iterdir()) == [path]

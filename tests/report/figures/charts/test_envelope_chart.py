@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rpojax.report.figures.charts.envelope_chart import envelope_chart, worst_run
 from rpojax.report.labels import CHANNEL_LABELS
+from rpojax.report.sections.envelope_section import envelope_chart, worst_run
 
 
 def test_envelope_bands_contain_the_stated_percentage():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.report.figures.charts.histogram_chart import histogram_bins
+from rpojax.report.figures.plotly_charts import histogram_bins
 
 
 @pytest.mark.parametrize("values", [[0.0], [0.3, 0.3 + 1e-16, 0.3], [1.0, 2.0, 5.0], [-1e9, 1e9], [1e-9, 2e-9]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.figures.paper.bearing_and_range_figure import bearing_and_range
+from rpojax.report.figures.paper_figures import bearing_and_range
 
 
 def _lines(axes):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.figures.paper.estimation_error_figure import estimation_error
+from rpojax.report.figures.paper_figures import estimation_error
 
 
 def test_relative_error_is_that_of_the_servicer_from_the_target(campaign):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from rpojax.report.figures.paper.paper_figures import (
+from rpojax.report.figures.paper_figures import (
     FIGURES,
     write_figures,
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.figures.paper.relative_position_figure import relative_position
+from rpojax.report.figures.paper_figures import relative_position
 
 
 def test_figure_8_flips_the_sign_and_states_it(campaign):

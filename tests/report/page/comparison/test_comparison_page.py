@@ -11,7 +11,7 @@ from synthetic_campaign_results import synthetic_campaign
 from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
 from rpojax.analysis.statistics.paired_comparison import RunMetrics, compare_paired_runs
 from rpojax.errors import ResultError
-from rpojax.report.page.comparison.comparison_page import write_comparison
+from rpojax.report.page.comparison_page import write_comparison
 
 
 def compared(campaigns, warnings=()):

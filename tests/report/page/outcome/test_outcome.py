@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 from report_page_parser import page_text, rendered_page
 
-from rpojax.report.number_format import format_number
+from rpojax.report.labels import format_number
 from rpojax.report.page import report_json
-from rpojax.report.page.outcome.leading_figures import leading_figures
-from rpojax.report.page.outcome.next_steps import next_steps
-from rpojax.report.page.outcome.outcome_sentence import entry_margin, outcome_sentence, weakest_requirement
-from rpojax.report.page.outcome.verdict_tiles import verdict_tiles
+from rpojax.report.page.first_screen import (
+    entry_margin,
+    leading_figures,
+    next_steps,
+    outcome_sentence,
+    verdict_tiles,
+    weakest_requirement,
+)
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rpojax.report.page.single_run.kept_histories import KeptHistories
+from rpojax.report.page.html_report import KeptHistories
 
 
 class Recorded:

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from rpojax.report.page.single_run.burns import find_burns
-from rpojax.report.page.single_run.relative_path import path_scene
-from rpojax.report.page.single_run.run_series import MAX_SAMPLES, run_series, thinned_peaks
-from rpojax.report.page.single_run.run_timeline import timeline
-from rpojax.report.page.single_run.shown_runs import worst_runs
+from rpojax.report.page.detail_values import worst_runs
+from rpojax.report.page.run_page import find_burns
+from rpojax.report.page.run_series import MAX_SAMPLES, path_scene, run_series, thinned_peaks
+from rpojax.report.page.run_timeline import timeline
 
 
 def test_thinning_keeps_every_peak():

@@ -20,7 +20,7 @@ from rpojax.campaign import single_run
 from rpojax.core.orbits import keplerian_elements
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.errors import Notice, ScenarioError
-from rpojax.interop.ccsds import navigation_messages
+from rpojax.interop import ccsds_messages
 from rpojax.interop.spacecraft_states import SpacecraftStates
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.loading.starts import inertial_frames, orbit_states
@@ -209,7 +209,7 @@ def oem_of(spacecraft: Any, position: np.ndarray, velocity: np.ndarray, times: n
     epoch = instant("2026-03-20T14:46:00")
     attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1))
     states = SpacecraftStates(spacecraft, epoch, times, position, velocity, attitude, ("By hand",))
-    return navigation_messages.oem(states, datetime.datetime(2026, 1, 1))
+    return ccsds_messages.oem(states, datetime.datetime(2026, 1, 1))
 
 
 def circular(times: np.ndarray, phase: float) -> tuple[np.ndarray, np.ndarray]:
@@ -243,7 +243,7 @@ def test_a_run_begins_where_the_opm_that_was_exported_says(tmp_path: Path) -> No
     attitude = np.array([[1.0, 0.0, 0.0, 0.0]])
     for name, phase in (("target", 0.3), ("servicer", 0.3 - 50.0 / 7e6)):
         states = SpacecraftStates(name, epoch, times, *circular(times, phase), attitude, ("By hand",))
-        (tmp_path / f"{name}.opm").write_text(navigation_messages.opm(states, datetime.datetime(2026, 1, 1)))
+        (tmp_path / f"{name}.opm").write_text(ccsds_messages.opm(states, datetime.datetime(2026, 1, 1)))
     file = rpojax.load(write_scenario(tmp_path, 'target = "target.opm"\nservicer = "servicer.opm"'))
     assert file.epoch_utc == "2016-12-31T23:59:60.123456"
     # A message has positions to 1e-6 m and velocities to 1e-9 m/s.

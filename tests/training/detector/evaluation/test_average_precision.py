@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from rpojax.training.detector.evaluation.average_precision import average_precisions, match_detections
+from rpojax.training.detector.average_precision import average_precisions, match_detections
 
 Boxes = list[np.ndarray]
 MIN_SIDE_PX = 16.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.training.detector.evaluation.box_ranges import box_contrast, outside_contrast_range, outside_size_range
+from rpojax.training.detector.average_precision import box_contrast, outside_contrast_range, outside_size_range
 
 
 def test_contrast_is_the_difference_of_mean_codes() -> None:

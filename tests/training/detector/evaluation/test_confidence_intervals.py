@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.training.detector.evaluation.confidence_intervals import bootstrap_interval, wilson_interval
+from rpojax.training.detector.average_precision import bootstrap_interval, wilson_interval
 
 
 def test_wilson_interval_matches_worked_values() -> None:

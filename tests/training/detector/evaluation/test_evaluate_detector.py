@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rpojax.training.detector.evaluation import evaluate_detector
-from rpojax.training.detector.evaluation.evaluate_detector import ImageDetections
+from rpojax.training.detector import evaluate_detector
+from rpojax.training.detector.evaluate_detector import ImageDetections
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 SIZE = 128

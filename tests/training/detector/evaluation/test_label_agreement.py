@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rpojax.training.detector.evaluation.label_agreement import implausible_labels
+from rpojax.training.detector.evaluate_detector import implausible_labels
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 WIDTH, HEIGHT, SIZE, COUNT = 200.0, 100.0, 128, 20

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.training.detector.evaluation.pair_recall import pair_kind, pair_recalls
+from rpojax.training.detector.average_precision import pair_kind, pair_recalls
 
 LEFT = [10.0, 10.0, 40.0, 40.0]
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from rpojax.training.synthetic_data.scenery import backdrops, earth_textures, earth_views
-from rpojax.training.synthetic_data.scenery.backdrops import paint_backdrop
-from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures
-from rpojax.training.synthetic_data.scenery.flight_backdrop import paint_flight_backdrop
+from rpojax.training.synthetic_data.scenery import backdrops, earth_views
+from rpojax.training.synthetic_data.scenery.backdrops import paint_backdrop, paint_flight_backdrop
+from rpojax.training.synthetic_data.scenery.earth_views import EarthTextures
 
 
 @pytest.mark.parametrize("kind", backdrops.BACKDROP_KINDS)
@@ -23,7 +22,7 @@ def test_training_backdrops_exclude_validation_longitudes(earth: EarthTextures) 
         image = paint_backdrop(np.random.default_rng([4, index]), "earth", earth, 48)
         # Clouds are grey, and air has little more green than red.
         assert (image[..., 1] - image[..., 0]).max() < 0.15
-    other = EarthTextures(earth.ground, earth_textures.VALIDATION_LONGITUDES_DEG, earth.noise)
+    other = EarthTextures(earth.ground, earth_views.VALIDATION_LONGITUDES_DEG, earth.noise)
     greens = [paint_backdrop(np.random.default_rng([4, i]), "earth", other, 48) for i in range(20)]
     assert max(float((p[..., 1] - p[..., 0]).max()) for p in greens) > 0.3
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.training.synthetic_data.scenery.foreground import add_reflections, add_structure
+from rpojax.training.synthetic_data.scenery.backdrops import add_reflections, add_structure
 
 SIZE = 64
 

@@ -85,7 +85,7 @@ def read_surfaces(source: MeshSource) -> Iterator[Surface]:
 
 def _check_extensions(file: GltfFile) -> None:
     required = file.json.get("extensionsRequired", [])
-    lacking = sorted({str(each) for each in required} - _KNOWN_EXTENSIONS)
+    lacking = sorted({str(extension) for extension in required} - _KNOWN_EXTENSIONS)
     if lacking:
         expected = f"none, or {', '.join(sorted(_KNOWN_EXTENSIONS))}"
         raise file.source.fault(f"required extensions {', '.join(lacking)[:200]}", expected)

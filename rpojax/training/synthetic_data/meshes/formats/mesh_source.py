@@ -59,7 +59,7 @@ class MeshNotes:
         self._found: dict[str, dict[str, int]] = {}
 
     def add(self, kind: str, detail: object = "", number: int = 1) -> None:
-        """Counts `number` findings of a kind, with what was found, such as the name of a picture."""
+        """Counts `number` findings of a kind, with an example such as the name of a picture."""
         details = self._found.setdefault(kind, {})
         words = cut(str(detail), _LONGEST_DETAIL)
         details[words] = details.get(words, 0) + number
@@ -100,7 +100,7 @@ class MeshSource:
         return MeshError(f"{self.path}: found {found}, expected {expected}")
 
     def triangles(self, points: np.ndarray, sizes: np.ndarray) -> Triangles:
-        """Triangles of polygons of so many corners (p,), with `points` (c, 3) of all corners; notes what is unusual.
+        """Triangles of polygons with `sizes` (p,) corners at `points` (c, 3); notes unusual polygons.
 
         Raises:
             MeshError: the outline of a polygon crosses itself, or it has too many corners.

@@ -46,7 +46,7 @@ def read_surfaces(source: MeshSource) -> Iterator[Surface]:
 
 def _corners(source: MeshSource, face: Element, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices of the corners of all faces, and the number of corners of each face."""
-    name = next((each for each in _INDICES if each in face.lists), None)
+    name = next((kind for kind in _INDICES if kind in face.lists), None)
     if name is None:
         raise source.fault(f"faces with {', '.join(face.properties)!r:.80}", "their vertices as vertex_indices")
     found = face.lists[name]
@@ -107,7 +107,7 @@ class _Appearance:
 
     def _codes(self, element: Element) -> np.ndarray | None:
         """sRGB codes (n, 3) in 0..1 of the rows of an element."""
-        names = next((each for each in _COLORS if set(each) <= set(element.columns)), None)
+        names = next((color for color in _COLORS if set(color) <= set(element.columns)), None)
         if names is None or not element.count:
             return None
         self._used |= set(names)

@@ -111,7 +111,7 @@ def read_header(source: MeshSource) -> Header:
 
 
 def _header_lines(source: MeshSource) -> Iterator[tuple[str, int]]:
-    """Lines of the header, each with where the next one begins; line ends are those of any system."""
+    """Lines of the header, each with the place at which the next line begins; any line end is accepted."""
     start = 0
     while start < min(len(source.content), _LONGEST_HEADER):
         ends = [place for mark in (b"\n", b"\r") if (place := source.content.find(mark, start)) >= 0]
@@ -130,7 +130,7 @@ def read_elements(source: MeshSource, header: Header) -> dict[str, Element]:
     read = _Text(source, header.end) if not header.order else _Binary(source, header.end, header.order)
     found = {}
     for name, (count, properties) in header.elements.items():
-        if len({each.name for each in properties}) < len(properties):
+        if len({entry.name for entry in properties}) < len(properties):
             raise source.fault(f"a property twice in {name!r:.40}", "distinct names")
         found[name] = read.element(name, count, properties)
     read.finish()
@@ -166,11 +166,11 @@ class _Text:
                 size = int(block[0, place])
                 lists[each.name] = Lists(np.full(count, size), block[:, place + 1 : place + 1 + size].reshape(-1))
                 place += 1 + size
-        return Element(count, {each.name: each for each in properties}, columns, lists)
+        return Element(count, {entry.name: entry for entry in properties}, columns, lists)
 
     def _fixed_width(self, count: int, properties: list[Property]) -> int | None:
         """Numbers of a row if all rows have lists of the lengths of the first one."""
-        if not any(each.length_kind for each in properties):
+        if not any(entry.length_kind for entry in properties):
             return len(properties)
         places, width = [], 0
         for each in properties:
@@ -241,7 +241,7 @@ class _Binary:
                 columns[each.name] = values
             else:
                 lists[each.name] = Lists(np.full(count, sizes[index]), values.reshape(-1))
-        return Element(count, {each.name: each for each in properties}, columns, lists)
+        return Element(count, {entry.name: entry for entry in properties}, columns, lists)
 
     def _first_sizes(self, count: int, properties: list[Property]) -> dict[int, int] | None:
         """Lengths of the lists of the first row by number of their property; None if it does not fit the file."""
@@ -289,7 +289,7 @@ class _Rows:
 
     def __init__(self, properties: list[Property]) -> None:
         self._properties = properties
-        self._found: dict[str, list[np.ndarray]] = {each.name: [] for each in properties}
+        self._found: dict[str, list[np.ndarray]] = {entry.name: [] for entry in properties}
 
     def add(self, each: Property, values: np.ndarray) -> None:
         self._found[each.name].append(values)
@@ -303,7 +303,7 @@ class _Rows:
                 columns[each.name] = values
             else:
                 lists[each.name] = Lists(np.array([len(row) for row in rows], np.int64), values)
-        return Element(count, {each.name: each for each in self._properties}, columns, lists)
+        return Element(count, {entry.name: entry for entry in self._properties}, columns, lists)
 
 
 def _length(source: MeshSource, value: float) -> int:

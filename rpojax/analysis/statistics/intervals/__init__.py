@@ -1,1 +1,0 @@
-"""Confidence intervals and bounds of probabilities, quantiles, means and standard deviations."""

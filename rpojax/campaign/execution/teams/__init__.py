@@ -1,1 +1,0 @@
-"""Teams of servicers in a batch of runs: their values, free drifts from each other, and what is stored of them."""

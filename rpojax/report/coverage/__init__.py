@@ -1,1 +1,0 @@
-"""Inspection coverage in the report: what was seen of the target's surface, and a picture of it."""

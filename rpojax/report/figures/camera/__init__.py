@@ -1,1 +1,0 @@
-"""Annotated camera images, contact sheets and films of one run."""

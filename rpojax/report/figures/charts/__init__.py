@@ -1,1 +1,0 @@
-"""Charts of the report page as figures in plotly's format, which the page draws itself."""

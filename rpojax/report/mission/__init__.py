@@ -1,1 +1,0 @@
-"""Missions of several phases in the report: when phases began and how they ended, their figures, and aborts."""

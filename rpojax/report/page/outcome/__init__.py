@@ -1,1 +1,0 @@
-"""Outcome of a campaign, as the first screen shows it: sentence, verdicts, three figures, what to look at next."""

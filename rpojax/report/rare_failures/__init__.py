@@ -1,1 +1,0 @@
-"""Rare failures in the report: estimated probabilities, and requirements that plain runs cannot verify."""

@@ -1,1 +1,0 @@
-"""Teams of servicers in the report: where they move, who sees what, links, consistency and separation."""
