@@ -1,10 +1,12 @@
 """Output of commands that simulate campaigns: tables, report, exit status, and the hint after an interrupt."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rpojax.analysis.statistics import rare_requirements
 from rpojax.campaign.execution.dask_executor import DaskExecutor
 from rpojax.campaign.execution.executor import Executor
 from rpojax.campaign.execution.process_executor import ProcessExecutor
@@ -23,6 +25,7 @@ from rpojax.report.worked_out import Notes
 from rpojax.runtime.progress import stage
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.plugins.command_lines import command_line
+from rpojax.scenario.schema import ScenarioFile
 
 
 @contextmanager
@@ -118,3 +121,22 @@ def executor_factory(options: ExecutorOptions) -> Callable[[Campaign], Executor]
     if (workers := options.workers) is not None:
         return lambda result: ProcessExecutor(result, workers)
     return None
+
+
+def show_rare_requirements(file: ScenarioFile, out: Path, quiet: bool) -> None:
+    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them.
+
+    It takes the copy of the scenario in the folder of the campaign, `out`, which has all that was set by `--set`.
+    """
+    for each in [] if quiet else file.requirements:
+        if rare_requirements.is_rare(each.probability) and each.is_of_all_runs:
+            runs = rare_requirements.plain_runs(each.probability, each.consumer_risk)
+            line = (
+                f"rpojax: {each.metric} {each.bound} {each.limit:g} with probability {each.probability:.9g} takes "
+                f"{runs:,} plain runs without a violation"
+            )
+            if rare_requirements.can_be_estimated(each.metric, len(file.servicers)):
+                place = out / "probability" / each.metric
+                command = rare_requirements.command(out / "scenario.toml", each.metric, place, file.plugin)
+                line += f"; instead, after the campaign: {command}"
+            print(line, file=sys.stderr)

@@ -33,7 +33,7 @@ from rpojax.cli.standard_streams import (
     silence_output,
 )
 from rpojax.errors import RpojaxError, UnfinishedError
-from rpojax.runtime import signal_handling
+from rpojax.runtime import blas_threads, signal_handling
 from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress import stage
 from rpojax.runtime.warning_lines import silence_libraries
@@ -142,6 +142,8 @@ def _work(command: Command, arguments: Sequence[str], as_json: bool) -> Callable
     is_long = command.prepares_jax or allowed
     if is_long:
         prepare_jax(cache=command.keeps_programs and not _NO_CACHE & {*arguments})
+    if command.has_small_matrices:
+        blas_threads.start_with_one_thread()
     with stage("starting", quiet=as_json or not is_long, announce=False):
         if allowed:
             pkgutil.resolve_name("rpojax.scenario.plugins.plugin_registry:permit")()

@@ -33,6 +33,7 @@ class LincovCommand(Command):
     """Mean, spread and error budget of a scenario's runs by linear covariance, without sampling."""
 
     work = "analysis.lincov:lincov"
+    has_small_matrices = True
 
     scenario: Source
     out: Out

@@ -40,6 +40,8 @@ class Command:
     """Function that gets this record and returns the exit status, as 'module:function' below `rpojax.cli.commands`."""
     prepares_jax: ClassVar[bool] = True
     """Whether JAX is prepared before the function is imported."""
+    has_small_matrices: ClassVar[bool] = False
+    """Whether threads of the linear algebra would only wait for each other."""
     keeps_programs: ClassVar[bool] = True
     """Whether compiled programs are kept in the cache folder, unless `--no-cache` is given."""
 

@@ -25,7 +25,6 @@ class ValidateCommand(Command):
     """Check a scenario without running it."""
 
     work = "scenarios.scenario:validate"
-    prepares_jax = False
 
     scenario: Source
     overrides: Overrides = ()

@@ -15,8 +15,6 @@ from rpojax.cli.output_paths import claim
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.report.figures import linear_covariance_figures as figures
-from rpojax.runtime import blas_threads
-from rpojax.runtime.jax_environment import set_loop_fusion_flag
 from rpojax.runtime.progress import stage
 
 _RECORD, _ARRAYS = "lincov.json", "lincov.npz"
@@ -27,12 +25,8 @@ def lincov(asked: LincovCommand) -> int:
     """Exit status of the command."""
     for name in (_RECORD, _ARRAYS, *_FIGURES):
         claim(asked.out / name, asked.force)
-    # The matrices are small: threads of the linear algebra would only wait for each other.
-    blas_threads.start_with_one_thread()
-    file = load(asked.scenario, asked.overrides)
+    file = load(asked.scenario, asked.overrides, rendered=False)
     show_unused_keys(file, quiet=asked.as_json)
-    set_loop_fusion_flag(rendered=False)
-
     found = analysis.linear_covariance(
         file, members=asked.members, runs=asked.runs, seed=asked.seed, progress=not asked.as_json
     )

@@ -9,7 +9,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.analysis import SensitivityCommand
 from rpojax.cli.output_paths import claim
-from rpojax.cli.scenario_files import load_to_simulate
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.report.number_format import format_number
 
@@ -18,7 +18,8 @@ def sensitivity(asked: SensitivityCommand) -> int:
     """Exit status of the command."""
     if asked.out is not None:
         claim(asked.out, asked.force, (".json",))
-    file = load_to_simulate(asked.scenario, asked.overrides, quiet=asked.as_json)
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.as_json)
 
     sampled = None if asked.campaign is None else Campaign(asked.campaign)
     found = derivative_sensitivity.sensitivity(

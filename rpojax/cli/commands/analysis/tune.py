@@ -15,7 +15,7 @@ from rpojax.analysis.gradients.tuning import tune as analysis
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.analysis import TuneCommand
 from rpojax.cli.output_paths import claim, resumable
-from rpojax.cli.scenario_files import load_to_simulate
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import OutputError
 from rpojax.report.labels import metric_label
@@ -42,7 +42,8 @@ def tune(asked: TuneCommand) -> int:
     for path, suffix in ((asked.out, ".toml"), (report, ".json")):
         claim(path, asked.force, (suffix,))
     _check_progress(progress, asked.resume, asked.force)
-    file = load_to_simulate(asked.scenario, asked.overrides, quiet=asked.session.as_json)
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.session.as_json)
 
     warning = tunable_scenario.unreached_phases_warning(file, settings)
     if warning is not None and not asked.session.as_json:

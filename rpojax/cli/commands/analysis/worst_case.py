@@ -12,7 +12,7 @@ from rpojax.campaign.storage.atomic_outputs import check_replaceable
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.analysis import WorstCaseCommand
 from rpojax.cli.output_paths import claim_folder
-from rpojax.cli.scenario_files import load_to_simulate
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.report.number_format import format_number
 
@@ -21,7 +21,8 @@ _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
 
 def worst_case(asked: WorstCaseCommand) -> int:
     """Exit status of the command."""
-    file = load_to_simulate(asked.scenario, asked.overrides, quiet=asked.session.as_json)
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.session.as_json)
     _claim(asked.out, asked.force)
 
     found = analysis.find_worst_case(

@@ -17,7 +17,7 @@ from rpojax.cli.options.campaigns import PARTS, BenchCommand
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
-from rpojax.runtime.jax_environment import environment_without_loop_fusion, set_loop_fusion_flag
+from rpojax.runtime.jax_environment import environment_without_loop_fusion
 from rpojax.runtime.progress import stage
 
 
@@ -27,12 +27,11 @@ def bench(asked: BenchCommand) -> int:
     if parts == ["vision"] and (asked.overrides or asked.scenario != "inspection"):
         expected = "loop or kernels, too: its pictures are those of the packaged target in any scenario"
         raise RpojaxError.of_argument("only", f"found 'vision' with a scenario or --set, expected {expected}")
-    file = load(asked.scenario, (f"duration_s={asked.duration_s}", *asked.overrides))
-    show_unused_keys(file, quiet=asked.as_json)
     # XLA reads its fusion options once per process, and rendering is faster with others.
+    rendered = True if parts == ["vision"] else None
+    file = load(asked.scenario, (f"duration_s={asked.duration_s}", *asked.overrides), rendered)
+    show_unused_keys(file, quiet=asked.as_json)
     apart = len(parts) > 1 and "vision" in parts
-    set_loop_fusion_flag(rendered=parts == ["vision"] or file.camera.model == "rendered")
-
     batches = asked.runs or closed_loop_speed.default_batches(file)
     closed_loop_speed.check_batches(batches)
     if "kernels" in parts:

@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.console import Console
 
-from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import CONFIGURATION_NAME, EstimateFolder
 from rpojax.analysis.reliability.simulated_failures.recorded_estimate import RecordedEstimate, read_estimate
 from rpojax.analysis.reliability.simulated_failures.recorded_result import read_result
 from rpojax.analysis.reliability.simulated_failures.run_probability import run_probability
@@ -13,11 +13,10 @@ from rpojax.cli.exit_status import Status
 from rpojax.cli.options.arguments import Session
 from rpojax.cli.options.campaigns import ProbabilityCommand
 from rpojax.cli.output_paths import claim_folder, resumable
-from rpojax.cli.scenario_files import load, show_unused_keys
+from rpojax.cli.scenario_files import fuse_loops_of, load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.report.page.probability_page import write_page
 from rpojax.report.rare_failures.probability_rows import sentences
-from rpojax.runtime.jax_environment import set_loop_fusion_flag
 from rpojax.runtime.progress import run_progress
 
 
@@ -33,7 +32,6 @@ def probability(asked: ProbabilityCommand) -> int:
 def estimate(asked: RecordedEstimate, session: Session, out: Path, force: bool = False) -> int:
     """Makes, resumes or shows the estimate in the folder `out`, and returns the exit status."""
     claim_folder(out)
-    set_loop_fusion_flag(rendered=asked.file.camera.model == "rendered")
     with run_progress(asked.file.duration_s, quiet=session.as_json) as watch, resumable(out):
         content = run_probability(
             asked.file, asked.choice, asked.settings, asked.seed, out, force=force, on_progress=watch
@@ -47,8 +45,10 @@ def resume_estimate(directory: Path, session: Session) -> int:
     Raises:
         ResultError: the folder is not as it was written, or other versions of the packages began the estimate.
     """
+    folder = EstimateFolder(directory)
+    fuse_loops_of(folder.read(CONFIGURATION_NAME).get("scenario", {}))
     asked = read_estimate(directory)
-    if EstimateFolder(directory).is_finished:
+    if folder.is_finished:
         return _present(read_result(directory), session, directory)
     return estimate(asked, session, directory)
 

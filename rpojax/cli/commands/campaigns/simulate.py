@@ -17,13 +17,13 @@ from rpojax.cli.campaign_output import (
     has_whole_report,
     keeping_results,
     report_of,
+    show_rare_requirements,
     show_results,
 )
 from rpojax.cli.commands.campaigns.probability import resume_estimate
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.campaigns import CampaignCommand, RerunCommand, ResumeCommand, RunCommand
-from rpojax.cli.scenario_files import load, show_rare_requirements, show_warnings
-from rpojax.runtime.jax_environment import set_loop_fusion_flag
+from rpojax.cli.scenario_files import fuse_loops_of, load, show_warnings
 from rpojax.runtime.progress import run_progress
 
 
@@ -31,7 +31,6 @@ def run(asked: RunCommand) -> int:
     """Exit status of the command."""
     file = load(asked.scenario, asked.overrides)
     show_warnings(file, quiet=asked.as_json)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     options = CampaignOptions(runs=1, seed=asked.seed, first_run=asked.run_id, block_size=asked.block_size, report=True)
     with keeping_results(asked.out):
         with run_progress(file.duration_s, quiet=asked.as_json) as watch:
@@ -44,7 +43,6 @@ def campaign(asked: CampaignCommand) -> int:
     asked.dry_run.check(asked.out, asked.output.force)
     file = load(asked.scenario, asked.overrides)
     asked.executor.check(asked.output.force)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     execution = run_and_resume.Execution(shard=asked.executor.parse_shard(), executor=executor_factory(asked.executor))
     if asked.dry_run.dry_run:
         dry_run_output.show(file, asked.options, asked.dry_run, asked.out, asked.output.force, asked.session.as_json)
@@ -72,7 +70,7 @@ def resume(asked: ResumeCommand) -> int:
         return resume_estimate(asked.directory, asked.session)
     shard = asked.executor.parse_shard()
     found = Campaign(asked.directory)
-    set_loop_fusion_flag(rendered=found.file.camera.model == "rendered")
+    fuse_loops_of(found.configuration.scenario)
     if run_and_resume.is_complete(found):
         stale_files.remove_stale_files(found.directory)
         found.verify()
@@ -91,7 +89,7 @@ def resume(asked: ResumeCommand) -> int:
 def rerun(asked: RerunCommand) -> int:
     """Exit status of the command."""
     found = Campaign(asked.directory)
-    set_loop_fusion_flag(rendered=found.file.camera.model == "rendered")
+    fuse_loops_of(found.configuration.scenario)
     duration_s = float(found.configuration.scenario["duration_s"])
     with keeping_results(asked.out), run_progress(duration_s, quiet=asked.as_json) as watch:
         outcome = again.rerun(found, asked.run_id, asked.out, force=asked.force, on_progress=watch)

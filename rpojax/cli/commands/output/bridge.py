@@ -11,7 +11,7 @@ from rich.table import Table
 from rpojax.campaign import preflight
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.output import BridgeCommand
-from rpojax.cli.scenario_files import load_to_simulate
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.interop.cosimulation import live_run
 from rpojax.interop.cosimulation.live_run import LiveRunResult
@@ -23,7 +23,8 @@ from rpojax.scenario.schema import ScenarioFile
 
 def bridge(asked: BridgeCommand) -> int:
     """Exit status of the command."""
-    file = load_to_simulate(asked.scenario, asked.overrides, quiet=asked.session.as_json)
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.session.as_json)
     preflight.check_numbers(1, asked.run_id, asked.seed, None)
     settings = replace(asked.settings, send_images=not asked.no_pictures)
 
