@@ -759,7 +759,7 @@ for words in (["--help"], ["campaign", "--help"], ["--version"], ["schema"], ["-
         main(words)
     except SystemExit:
         pass
-print("loaded:", *{"jax", "zarr", "plotly", "matplotlib", "scipy"} & set(sys.modules))
+print("loaded:", *{"jax", "zarr", "plotly", "matplotlib", "scipy.stats"} & set(sys.modules))
 """
 
 

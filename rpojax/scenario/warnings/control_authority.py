@@ -13,7 +13,6 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
 from rpojax.scenario.params import section_record
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.sections import PointingSection
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
 
@@ -53,12 +52,11 @@ def largest_delta_v_m_s(file: ScenarioFile, reach: DispersedReach, sight: np.nda
 
     The look-away limit leaves this on-time between two turns: from the camera's look at the target, and back.
     """
+    pointing = _pointing_tuning(tuple(file.pointing.model_dump().items()))
     thruster, boresight = file.thruster, np.asarray(_boresight(np.array(file.camera.mounting)))
     # The roll about the line of sight is not known; off the boresight the thruster may have to turn by both angles.
     angle = np.minimum(_angle(sight, push) + _angle(boresight, np.array(thruster.direction)), np.pi)
-    on_time = np.asarray(
-        _longest_on_times(_pointing_tuning(file.pointing), angle.ravel(), 1.0 / file.rates.camera_hz)
-    ).reshape(angle.shape)
+    on_time = np.asarray(_longest_on_times(pointing, angle.ravel(), 1.0 / file.rates.camera_hz)).reshape(angle.shape)
     on_time = np.where(on_time >= thruster.minimum_on_time_s, on_time, 0.0)
     acceleration = reach.low("thruster.force_n") * reach.low("thruster.force_scale") / reach.high("servicer.mass_kg")
     return np.asarray(acceleration * on_time)
@@ -71,8 +69,9 @@ def _boresight(mounting: Float[Array, "4"]) -> Float[Array, "3"]:
 
 
 @functools.lru_cache(maxsize=8)
-def _pointing_tuning(section: PointingSection) -> PointingTuning:
-    return section_record(PointingTuning, section.model_dump())
+def _pointing_tuning(section: tuple[tuple[str, float], ...]) -> PointingTuning:
+    """Record of the section `pointing`, from its entries."""
+    return section_record(PointingTuning, dict(section))
 
 
 @functools.partial(jax.jit, static_argnames="dt")

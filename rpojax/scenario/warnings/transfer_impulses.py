@@ -14,6 +14,7 @@ from rpojax.core.orbits.two_impulse_transfer import state_on_arc
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, transition_matrix
 from rpojax.flight.guidance.references import transfer as transfers
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.scenario.params import section_record
 from rpojax.scenario.phases.reference_sections import TransferSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.orbit_geometry import at_latitudes, latitudes_after, mean_motion, orbit_from
@@ -114,12 +115,7 @@ def _flown_from(
     file: ScenarioFile, transfer: TransferSection, start: np.ndarray, latitudes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Transfers from rest at places (p,) on the orbit: states, place and size of the impulse on the way, by arc."""
-    reference = transfers.Transfer(
-        position=jnp.asarray(transfer.position_m, dtype=jnp.float64),
-        duration=jnp.float64(transfer.duration_s),
-        pulses=jnp.float64(transfer.pulses),
-        speed_ratio=jnp.float64(transfer.speed_ratio),
-    )
+    reference = section_record(transfers.Transfer, transfer.model_dump())
     at_rest = jnp.concatenate([jnp.asarray(start, dtype=jnp.float64), jnp.zeros(3)])
     states, points, impulses = _arcs(reference, at_rest, orbit_from(file, 0.0), latitudes, transfer.pulses - 1)
     return np.asarray(states), np.asarray(points), np.asarray(impulses)

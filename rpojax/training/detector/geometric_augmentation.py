@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import cv2
 import numpy as np
 
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
@@ -82,8 +83,6 @@ def _random_flip(rng: Rng, view: LabelledImage) -> LabelledImage:
 
 def _random_zoom(rng: Rng, view: LabelledImage) -> LabelledImage:
     """A smaller window, enlarged to the size of the image."""
-    import cv2
-
     size = view.pixels.shape[0]
     zoom = float(np.exp(rng.uniform(0.0, np.log(1.9))))
     corner = rng.uniform(0.0, size - size / zoom, 2)
@@ -118,8 +117,6 @@ def _mosaic(parts: list[LabelledImage]) -> LabelledImage:
 
 
 def _half_size(view: LabelledImage) -> LabelledImage:
-    import cv2
-
     half = view.pixels.shape[0] // 2
     small = np.asarray(cv2.resize(view.pixels, (half, half), interpolation=cv2.INTER_AREA))
     return dataclasses.replace(view, pixels=small, boxes=0.5 * view.boxes)

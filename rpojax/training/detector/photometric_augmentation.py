@@ -1,5 +1,6 @@
 """Photometric augmentation of images: exposure, glare, blur, noise, colour, compression."""
 
+import cv2
 import numpy as np
 
 Rng = np.random.Generator
@@ -10,8 +11,6 @@ NOISE_SIDE_PX = 512
 
 def augment_appearance(rng: Rng, image: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Codes (p, p, 3) in 0..1 float32 after random changes of tone, glare, blur, noise, colour and compression."""
-    import cv2
-
     values = np.ascontiguousarray(image).astype(np.float32) / np.float32(255.0)
     if rng.random() < 0.5:
         values = _random_tone(rng, values)

@@ -1,5 +1,6 @@
 """Image quality: PSNR and SSIM of sRGB codes, boxes and agreement of silhouettes."""
 
+import cv2
 import jax.numpy as jnp
 import numpy as np
 
@@ -21,7 +22,6 @@ def psnr(squared_errors: np.ndarray) -> float:
 
 def ssim(a: np.ndarray, b: np.ndarray) -> float:
     """Structural similarity of two images (p, p, 3), Gaussian window of sigma 1.5 px (Wang et al., 2004)."""
-    import cv2
 
     def blur(image: np.ndarray) -> np.ndarray:
         return cv2.GaussianBlur(image, (11, 11), 1.5)

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,8 +31,6 @@ class TrainingRays(NamedTuple):
 
 def training_rays(views: Views, first: int, last: int) -> TrainingRays:
     """Rays of the views from `first` up to `last`."""
-    import cv2
-
     size = views.alpha.shape[1]
     disc = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
     direction_K = pixel_directions(size, views.field_of_view_deg)

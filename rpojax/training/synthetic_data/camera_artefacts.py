@@ -1,5 +1,6 @@
 """Random artefacts of a camera: hot pixels, particle tracks, ghosts of the Sun."""
 
+import cv2
 import numpy as np
 
 Rng = np.random.Generator
@@ -7,8 +8,6 @@ Rng = np.random.Generator
 
 def add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:
     """The image with random camera artefacts: hot pixels, particle tracks, ghosts of the Sun."""
-    import cv2
-
     size = image.shape[0]
     image = np.ascontiguousarray(image, np.float32)
     if rng.random() < 0.12:

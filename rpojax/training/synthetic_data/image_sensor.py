@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import cv2
 import numpy as np
 
 from rpojax.vision.imaging.srgb import linear_to_srgb_numpy
@@ -22,8 +23,6 @@ class ImageSensor:
 
 def expose_image(rng: np.random.Generator, image: np.ndarray, sensor: ImageSensor) -> np.ndarray:
     """8 bit sRGB codes (p, p, 3) of a linear image after blur, shot and read noise."""
-    import cv2
-
     blurred = np.maximum(cv2.GaussianBlur(image, (0, 0), float(rng.uniform(0.2, 0.9))), 0.0)
     noisy = blurred + sensor.noise_sigma(blurred) * rng.normal(size=image.shape)
     return np.round(255.0 * linear_to_srgb_numpy(noisy)).astype(np.uint8)

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 
 from rpojax.training.synthetic_data.scenery.earth_textures import EarthTextures, noise_patch
@@ -32,8 +33,6 @@ def _black(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
 
 def _stars(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """Stars of all brightnesses, sometimes trailed, with or without a faint glow."""
-    import cv2
-
     image = np.zeros((size_px, size_px, 3), np.float32)
     count = int(rng.integers(1, 120))
     place = rng.integers(0, size_px, (count, 2))
@@ -134,8 +133,6 @@ def _night(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
 
 def _city(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """City lights near by: clusters of lamps and the roads between them, over dark ground under faint clouds."""
-    import cv2
-
     view = random_earth_view(rng, earth, size_px, limb=bool(rng.random() < 0.3), sun_height=(-1.0, -0.2))
     ground = ground_image(rng, earth, view, float(rng.beta(1.0, 2.0)))
     centers = rng.uniform(-0.2, 1.2, (int(rng.integers(1, 8)), 2)) * size_px

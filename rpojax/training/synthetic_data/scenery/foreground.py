@@ -1,5 +1,6 @@
 """What lies between a camera and its scene: structure at the frame's edge, and reflections in a window."""
 
+import cv2
 import numpy as np
 
 Rng = np.random.Generator
@@ -7,8 +8,6 @@ Rng = np.random.Generator
 
 def add_structure(rng: Rng, image: np.ndarray) -> np.ndarray:
     """A linear image (p, p, 3) with an out-of-focus piece of the camera's own vehicle at one edge of the frame."""
-    import cv2
-
     size = image.shape[0]
     depth = rng.uniform(-0.05, 0.3, 2) * size
     outline = np.array([[-2.0, -2.0], [size + 2.0, -2.0], [size + 2.0, depth[1]], [-2.0, depth[0]]])
@@ -29,8 +28,6 @@ def add_structure(rng: Rng, image: np.ndarray) -> np.ndarray:
 
 def add_reflections(rng: Rng, image: np.ndarray) -> np.ndarray:
     """A linear image (p, p, 3) with soft patches of light that a window reflects."""
-    import cv2
-
     size = image.shape[0]
     for _ in range(int(rng.integers(1, 4))):
         patch = np.zeros((size, size), np.float32)
