@@ -17,7 +17,6 @@ from element_sets import TLE
 from markdown_blocks import code_blocks
 
 import rpojax
-from rpojax import Stages
 from rpojax.analysis.statistics.intervals import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
@@ -26,6 +25,7 @@ from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
 from rpojax.flight import stage_use
 from rpojax.flight.mission.mission_state import AbortReason
+from rpojax.flight.stages import Stages
 from rpojax.metrics import metric_catalogue
 from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric_label
@@ -165,8 +165,8 @@ def test_every_verb_that_a_page_uses_is_one_of_the_command_line(page: Path) -> N
 
     text = "\n".join([*blocks(page.read_text(encoding="utf-8"), ""), *quoted(page.read_text(encoding="utf-8"))])
     verbs = set(re.findall(r"\brpojax ([a-z][a-z-]*)\b", text))
-    known = {command.__name__.replace("_", "-") for command in (*main.COMMANDS, *main.VISION_COMMANDS)}
-    assert verbs <= known | {"field", "detector"}
+    known = {*main.COMMANDS}
+    assert verbs <= known
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -212,12 +212,12 @@ def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
 def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
     import inspect
 
-    from rpojax.cli.commands.vision import field
+    from rpojax.cli.options import vision
 
     page = (ROOT / "docs" / "how_to" / "field.md").read_text(encoding="utf-8")
     code = "\n".join([*blocks(page, ""), *quoted(page)])
-    verbs = (field.train, field.evaluate, field.render)
-    records = (field.MeshPlacement, field.FreshViews)
+    verbs = (vision.TrainFieldCommand, vision.EvaluateFieldCommand, vision.RenderFieldCommand)
+    records = (vision.MeshPlacement, vision.FreshViews)
     names = {name for each in (*verbs, *records) for name in inspect.signature(each).parameters}
     known = {name.replace("_", "-") for name in names}
     assert set(re.findall(r"--([a-z][a-z-]*)", code)) <= known | {"json"}

@@ -6,26 +6,17 @@ import os
 import re
 from collections.abc import Iterator
 
-_GROUPS = {"field": ("train", "evaluate", "render"), "detector": ("data", "train", "evaluate")}
-"""Commands with commands of their own, which the parser does not list."""
 _FRAMES = re.compile(r"[│╭╮╰╯─]")
 
 
 def helps() -> Iterator[tuple[str, str]]:
     """The words of each command, such as `field train`, and its help without frames."""
-    from rpojax.cli import main
+    from rpojax.cli.main import COMMANDS
+    from rpojax.cli.options.arguments import Group
 
-    for command in main.COMMANDS:
-        yield _named(command.__name__.replace("_", "-"))
-    for group in _GROUPS:
-        for name in _GROUPS[group]:
-            yield _named(f"{group} {name}")
-    for command in main.VISION_COMMANDS:
-        yield _named(command.__name__.replace("_", "-"))
-
-
-def _named(words: str) -> tuple[str, str]:
-    return words, help_of(words)
+    for name, command in COMMANDS.items():
+        inner = [f"{name} {each}" for each in command.commands] if isinstance(command, Group) else [name]
+        yield from ((words, help_of(words)) for words in inner)
 
 
 def help_of(words: str) -> str:

@@ -1,18 +1,31 @@
 """Output of commands that simulate campaigns: tables, report, exit status, and the hint after an interrupt."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rpojax.analysis.statistics import rare_requirements
+from rpojax.campaign.execution.dask_executor import DaskExecutor
+from rpojax.campaign.execution.executor import Executor
+from rpojax.campaign.execution.process_executor import ProcessExecutor
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import console
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.campaigns import ExecutorOptions
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError, UnfinishedError
+from rpojax.metrics import metric_catalogue
+from rpojax.report.notes import Notes
+from rpojax.report.page import written_report
+from rpojax.report.page.brief_page import write_brief
+from rpojax.report.page.html_report import write_report
+from rpojax.report.page.report_json import summarise
 from rpojax.runtime.progress import stage
-
-if TYPE_CHECKING:
-    from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.plugins.command_lines import command_line
+from rpojax.scenario.schema import ScenarioFile
 
 
 @contextmanager
@@ -27,9 +40,6 @@ def keeping_results(directory: Path) -> Iterator[None]:
 
 
 def _kept_blocks_sentence(directory: Path) -> str:
-    from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.scenario.plugins.command_lines import command_line
-
     try:
         found = Campaign(directory)
     except RpojaxError:
@@ -42,7 +52,7 @@ def _kept_blocks_sentence(directory: Path) -> str:
 
 
 def conclude(
-    result: "Campaign",
+    result: Campaign,
     report: bool,
     as_json: bool,
     film: bool = True,
@@ -66,14 +76,9 @@ def conclude(
 
 
 def show_results(
-    result: "Campaign", report: Callable[[], Path | None], as_json: bool, more: dict[str, Any] | None = None
+    result: Campaign, report: Callable[[], Path | None], as_json: bool, more: dict[str, Any] | None = None
 ) -> None:
     """Prints the results as tables, or as JSON; tables come before the report is written."""
-    from rpojax.metrics import metric_catalogue
-    from rpojax.report.notes import Notes
-    from rpojax.report.page.report_json import summarise
-    from rpojax.scenario.plugins import plugin_registry
-
     with metric_catalogue.metrics_of_scenario(plugin_registry.recorded_metrics(result.info)):
         with stage("evaluating the results", quiet=as_json, announce=False):
             summary = Notes().part("The summary", summarise, result)
@@ -86,30 +91,52 @@ def show_results(
         console.show_places(result.directory, report())
 
 
-def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id: int | None = None) -> Path:
+def write_campaign_report(result: Campaign, as_json: bool, film: bool, run_id: int | None = None) -> Path:
     """Writes the report of a campaign, with a message while it lasts, and returns its path."""
-    from rpojax.report.page.html_report import write_report
-
     with stage("writing the report", quiet=as_json):
         return write_report(result, run_id, film=film, progress=False)
 
 
-def write_brief_report(result: "Campaign", as_json: bool, run_id: int | None = None) -> Path:
+def write_brief_report(result: Campaign, as_json: bool, run_id: int | None = None) -> Path:
     """Writes the brief report of a campaign, with a message while it lasts, and returns its path."""
-    from rpojax.report.page.brief_page import write_brief
-
     with stage("writing the brief report", quiet=as_json):
         return write_brief(result, run_id)
 
 
-def has_whole_report(result: "Campaign") -> bool:
+def has_whole_report(result: Campaign) -> bool:
     """Whether a complete report on all runs exists as it was written; one that was changed does not count."""
-    from rpojax.report.page import written_report
-
     return written_report.is_as_written(result.directory, result.configuration.seal)
 
 
-def report_of(result: "Campaign") -> Path | None:
+def report_of(result: Campaign) -> Path | None:
     """Path of the report of a campaign, None if there is none."""
     path = result.directory / "report.html"
     return path if path.is_file() else None
+
+
+def executor_factory(options: ExecutorOptions) -> Callable[[Campaign], Executor] | None:
+    """Maker of the executor of a campaign's blocks, None for this process."""
+    if options.executor == "dask":
+        return lambda result: DaskExecutor(result, options.scheduler or "")
+    if (workers := options.workers) is not None:
+        return lambda result: ProcessExecutor(result, workers)
+    return None
+
+
+def show_rare_requirements(file: ScenarioFile, out: Path, quiet: bool) -> None:
+    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them.
+
+    It takes the copy of the scenario in the folder of the campaign, `out`, which has all that was set by `--set`.
+    """
+    for each in [] if quiet else file.requirements:
+        if rare_requirements.is_rare(each.probability) and each.is_of_all_runs:
+            runs = rare_requirements.plain_runs(each.probability, each.consumer_risk)
+            line = (
+                f"rpojax: {each.metric} {each.bound} {each.limit:g} with probability {each.probability:.9g} takes "
+                f"{runs:,} plain runs without a violation"
+            )
+            if rare_requirements.can_be_estimated(each.metric, len(file.servicers)):
+                place = out / "probability" / each.metric
+                command = rare_requirements.command(out / "scenario.toml", each.metric, place, file.plugin)
+                line += f"; instead, after the campaign: {command}"
+            print(line, file=sys.stderr)

@@ -4,15 +4,15 @@ import contextlib
 import difflib
 import functools
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import tyro
 from tyro.conf import FlagCreatePairsOff, SuppressFixed
 
+from rpojax.cli.options.arguments import Command, Group
 from rpojax.errors import RpojaxError
 from rpojax.printable_text import cut
 
-Command = Callable[..., int]
 _EDGES = "│| "
 _CORNERS = ("╭", "╰", "+-")
 _FRAME = _EDGES + "─-"
@@ -23,32 +23,28 @@ class UsageError(RpojaxError):
     """A command line cannot be understood."""
 
 
-def add_command(app: tyro.extras.SubcommandApp, command: Command, name: str | None = None) -> None:
-    """Adds a command, of which `parse` returns the call instead of calling it."""
-
-    @functools.wraps(command)
-    def deferred(*positional: object, **named: object) -> Callable[[], int]:
-        return functools.partial(command, *positional, **named)
-
-    app.command(name=name or command.__name__.replace("_", "-"))(deferred)
-
-
-def parse(
-    app: tyro.extras.SubcommandApp, words: Sequence[str], names: Mapping[str, Sequence[str]], description: str
-) -> Callable[[], int]:
-    """Call of the command that a command line names.
+def parse(commands: Mapping[str, type[Command] | Group], words: Sequence[str], description: str) -> Command:
+    """Options of the command that a command line names.
 
     Args:
-        app: with the commands
+        commands: by name
         words: of the command line
-        names: command -> its own commands, empty for most
         description: first part of the help
 
     Raises:
         UsageError: there is no such command, or an option cannot be understood.
         SystemExit: the help was printed.
     """
-    _check_names(words, names)
+    _check_names(words, commands)
+    app = tyro.extras.SubcommandApp()
+    for name, each in commands.items():
+        if isinstance(each, Group):
+            inner = tyro.extras.SubcommandApp()
+            for inner_name, command in each.commands.items():
+                inner.command(name=inner_name)(command)
+            app.command(inner, name=name, help=each.help)
+        else:
+            app.command(name=name)(each)
     parsed = functools.partial(
         app.cli, prog="rpojax", description=description, args=words, config=(FlagCreatePairsOff, SuppressFixed)
     )
@@ -59,18 +55,18 @@ def parse(
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             return parsed()
     except SystemExit:
-        command = " ".join(["rpojax", *(word for word in words[:1] if word in names)])
+        command = " ".join(["rpojax", *(word for word in words[:1] if word in commands)])
         raise UsageError(f"{_one_line(printed.getvalue())}; see {command} --help") from None
 
 
-def _check_names(words: Sequence[str], names: Mapping[str, Sequence[str]]) -> None:
+def _check_names(words: Sequence[str], commands: Mapping[str, type[Command] | Group]) -> None:
     """Refuses a command that does not exist, with the nearest one that does."""
     if not words or words[0].startswith("-"):
         return
-    _check_name(words[0], list(names), "command")
-    inner = names[words[0]]
-    if inner and len(words) > 1 and not words[1].startswith("-"):
-        _check_name(words[1], inner, f"command of {words[0]}")
+    _check_name(words[0], list(commands), "command")
+    group = commands[words[0]]
+    if isinstance(group, Group) and len(words) > 1 and not words[1].startswith("-"):
+        _check_name(words[1], list(group.commands), f"command of {words[0]}")
 
 
 def _check_name(word: str, known: Sequence[str], what: str) -> None:

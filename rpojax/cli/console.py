@@ -3,14 +3,15 @@
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
+from rpojax.metrics.metric_catalogue import find
+from rpojax.report.labels import format_number, metric_label
 from rpojax.runtime.progress import count_runs
-
-if TYPE_CHECKING:
-    from rpojax.scenario.schema import ScenarioFile
 
 _KEY_METRICS = (
     "formation_error_rms_m",
@@ -29,11 +30,6 @@ _KEY_METRICS = (
 
 def show_campaign(summary: Mapping[str, Any]) -> None:
     """Prints key metrics and those of a plugin, runs by outcome, and the verdicts on requirements."""
-    from rich.table import Table
-    from rich.text import Text
-
-    from rpojax.report.labels import format_number, metric_label
-
     console = Console(highlight=False)
     runs = summary["runs"]
     ended = runs["requested"] - runs["missing"]
@@ -109,8 +105,6 @@ def _failed_without_value(summary: Mapping[str, Any]) -> int:
 
 def _shown_metrics(summary: Mapping[str, Any]) -> list[str]:
     """Metrics of the table: the key ones, and those of the scenario's plugin."""
-    from rpojax.metrics.metric_catalogue import find
-
     own = [name for name in summary["metrics"] if (metric := find(name)) is not None and metric.source == "plugin"]
     return [*_KEY_METRICS, *own]
 
@@ -129,42 +123,7 @@ def _with_detail(failure: Mapping[str, Any]) -> str:
     return f"{failure['reason']}: {failure['detail']}" if failure["detail"] else str(failure["reason"])
 
 
-def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
-    """Prints on stderr why the mission may not work as the scenario declares it, unless `quiet`."""
-    from rpojax.scenario.loading.scenario_warnings import scenario_warnings
-
-    show_lines([] if quiet else scenario_warnings(file))
-
-
-def show_unused_keys(file: "ScenarioFile", quiet: bool) -> None:
-    """Prints on stderr which keys were given and have no effect in the scenario, unless `quiet`."""
-    from rpojax.scenario.loading.scenario_warnings import unused_key_warnings
-
-    show_lines([] if quiet else unused_key_warnings(file))
-
-
 def show_lines(warnings: Iterable[str]) -> None:
     """Prints warnings on stderr, a line for each."""
     for warning in warnings:
         print(f"rpojax: warning: {warning}", file=sys.stderr)
-
-
-def show_rare_requirements(file: "ScenarioFile", out: Path, quiet: bool) -> None:
-    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them.
-
-    It takes the copy of the scenario in the folder of the campaign, `out`, which has all that was set by `--set`.
-    """
-    from rpojax.analysis.statistics import rare_requirements
-
-    for each in [] if quiet else file.requirements:
-        if rare_requirements.is_rare(each.probability) and each.is_of_all_runs:
-            runs = rare_requirements.plain_runs(each.probability, each.consumer_risk)
-            line = (
-                f"rpojax: {each.metric} {each.bound} {each.limit:g} with probability {each.probability:.9g} takes "
-                f"{runs:,} plain runs without a violation"
-            )
-            if rare_requirements.can_be_estimated(each.metric, len(file.servicers)):
-                place = out / "probability" / each.metric
-                command = rare_requirements.command(out / "scenario.toml", each.metric, place, file.plugin)
-                line += f"; instead, after the campaign: {command}"
-            print(line, file=sys.stderr)

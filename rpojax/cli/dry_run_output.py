@@ -1,54 +1,22 @@
 """Output of `rpojax campaign --dry-run`: what would be drawn, and the resources it would take."""
 
 import datetime
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
-
+from rpojax.campaign import dry_run as plans
+from rpojax.campaign import preflight
+from rpojax.campaign.dry_run import Plan
 from rpojax.campaign.options.campaign_options import CampaignOptions
-from rpojax.cli.output_paths import claim
+from rpojax.campaign.storage.atomic_outputs import write_atomically
+from rpojax.cli.options.campaigns import DryRunOptions
 from rpojax.cli.standard_streams import print_json
-from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import stage
-
-if TYPE_CHECKING:
-    from rpojax.campaign.dry_run import Plan
-    from rpojax.scenario.schema import ScenarioFile
-
-
-@dataclass(frozen=True)
-class DryRunOptions:
-    """Whether nothing is simulated, and what is shown then."""
-
-    dry_run: Annotated[
-        bool, arg(help="Simulate nothing: show what the runs would draw, and the resources they would take.")
-    ] = False
-    plan: Annotated[Path | None, arg(metavar="FILE", help="CSV file to write in a dry run, one row per run.")] = None
-    speed: Annotated[
-        float | None,
-        arg(metavar="X", help="Run-seconds per second for the estimate of a dry run, as measured by `rpojax bench`."),
-    ] = None
-
-    def check(self, out: Path | None, force: bool) -> None:
-        """Raises on options that contradict each other, before any work.
-
-        Raises:
-            RpojaxError: naming the option.
-        """
-        if not self.dry_run:
-            for option, value in (("plan", self.plan), ("speed", self.speed)):
-                if value is not None:
-                    raise RpojaxError.of_argument(option, f"found {str(value)!r}, expected it with --dry-run only")
-            if out is None:
-                raise RpojaxError.of_argument("out", "found nothing, expected a folder to make (or --dry-run)")
-        if self.plan is not None:
-            claim(self.plan, force, (".csv",))
+from rpojax.scenario.loading.scenario_warnings import scenario_warnings
+from rpojax.scenario.schema import ScenarioFile
 
 
 def show(
-    file: "ScenarioFile",
+    file: ScenarioFile,
     options: CampaignOptions,
     dry_run: DryRunOptions,
     out: Path | None,
@@ -60,10 +28,6 @@ def show(
     Raises:
         RpojaxError: the campaign would be refused, or the table cannot be written.
     """
-    from rpojax.campaign import dry_run as plans
-    from rpojax.campaign import preflight
-    from rpojax.campaign.storage.atomic_outputs import write_atomically
-
     if out is not None:
         preflight.check_folder(out, force)
     with stage("drawing", quiet=as_json):
@@ -76,9 +40,7 @@ def show(
         print("\n".join(_lines(plan, dry_run.plan)))
 
 
-def _lines(plan: "Plan", table: Path | None) -> list[str]:
-    from rpojax.scenario.loading.scenario_warnings import scenario_warnings
-
+def _lines(plan: Plan, table: Path | None) -> list[str]:
     found = plan.estimate
     lines = [
         f"{plan.file.name}: {len(plan.run_ids)} runs of {plan.file.duration_s:g} s, seed {plan.seed}, "

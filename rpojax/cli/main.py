@@ -14,39 +14,16 @@ Environment: compiled programs are kept in the user's cache folder unless RPOJAX
 each core unless XLA_FLAGS says how many. RPOJAX_BATCHING=jax batches runs by jax.vmap, which is slower.
 """
 
+import pkgutil
 import sys
 from collections.abc import Callable, Sequence
+from typing import Final
 
-import tyro
-
-from rpojax.cli.command_parsing import add_command, parse
-from rpojax.cli.commands.analysis.compare import compare
-from rpojax.cli.commands.analysis.lincov import lincov
-from rpojax.cli.commands.analysis.sensitivity import sensitivity
-from rpojax.cli.commands.analysis.tune import tune
-from rpojax.cli.commands.analysis.worst_case import worst_case
-from rpojax.cli.commands.campaigns.bench import bench
-from rpojax.cli.commands.campaigns.campaign import campaign
-from rpojax.cli.commands.campaigns.probability import probability
-from rpojax.cli.commands.campaigns.rerun import rerun
-from rpojax.cli.commands.campaigns.resume import resume
-from rpojax.cli.commands.campaigns.run import run
-from rpojax.cli.commands.campaigns.status import status
-from rpojax.cli.commands.output.bridge import bridge
-from rpojax.cli.commands.output.export import export
-from rpojax.cli.commands.output.export_bag import export_bag
-from rpojax.cli.commands.output.export_rrd import export_rrd
-from rpojax.cli.commands.output.film import film
-from rpojax.cli.commands.output.report import report
-from rpojax.cli.commands.scenarios.new import new
-from rpojax.cli.commands.scenarios.schema import schema
-from rpojax.cli.commands.scenarios.validate import validate
-from rpojax.cli.commands.vision import detector, field
-from rpojax.cli.commands.vision.calibrate_camera_model import calibrate_camera_model
-from rpojax.cli.commands.vision.detect import detect
-from rpojax.cli.environment_faults import environment_fault
-from rpojax.cli.error_text import error_text
+from rpojax.cli.command_parsing import parse
+from rpojax.cli.error_text import environment_fault, error_text
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options import analysis, campaigns, output, scenarios, vision
+from rpojax.cli.options.arguments import Command, Group
 from rpojax.cli.standard_streams import (
     OutputFailure,
     flush_output,
@@ -56,54 +33,56 @@ from rpojax.cli.standard_streams import (
     silence_output,
 )
 from rpojax.errors import RpojaxError, UnfinishedError
-from rpojax.runtime import signal_handling
+from rpojax.runtime import blas_threads, signal_handling
+from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.runtime.progress import stage
 from rpojax.runtime.warning_lines import silence_libraries
 from rpojax.version import __version__
 
-COMMANDS: tuple[Callable[..., int], ...] = (
-    run,
-    campaign,
-    resume,
-    status,
-    rerun,
-    compare,
-    lincov,
-    report,
-    tune,
-    sensitivity,
-    worst_case,
-    export,
-    probability,
-    export_bag,
-    export_rrd,
-    bridge,
-    bench,
-    film,
-    new,
-    validate,
-    schema,
-)
-"""Commands in the order of `--help`, before those of the radiance field and the detector."""
-
-VISION_COMMANDS: tuple[Callable[..., int], ...] = (detect, calibrate_camera_model)
-"""Commands after those of the radiance field and the detector."""
-
-_ALLOW_PLUGIN, _NO_CACHE = "--allow-plugin", "--no-cache"
-
-app = tyro.extras.SubcommandApp()
-for command in COMMANDS:
-    add_command(app, command)
-app.command(field.app, name="field", help="Train, evaluate and show radiance fields of targets.")
-app.command(detector.app, name="detector", help="Make data for the detector, train it and evaluate it.")
-for command in VISION_COMMANDS:
-    add_command(app, command)
-
-_NAMES: dict[str, Sequence[str]] = {
-    **{command.__name__.replace("_", "-"): () for command in (*COMMANDS, *VISION_COMMANDS)},
-    "field": [command.__name__ for command in field.COMMANDS],
-    "detector": [command.__name__ for command in detector.COMMANDS],
+COMMANDS: Final[dict[str, type[Command] | Group]] = {
+    "run": campaigns.RunCommand,
+    "campaign": campaigns.CampaignCommand,
+    "resume": campaigns.ResumeCommand,
+    "status": campaigns.StatusCommand,
+    "rerun": campaigns.RerunCommand,
+    "compare": analysis.CompareCommand,
+    "lincov": analysis.LincovCommand,
+    "report": output.ReportCommand,
+    "tune": analysis.TuneCommand,
+    "sensitivity": analysis.SensitivityCommand,
+    "worst-case": analysis.WorstCaseCommand,
+    "export": output.ExportCommand,
+    "probability": campaigns.ProbabilityCommand,
+    "export-bag": output.ExportBagCommand,
+    "export-rrd": output.ExportRrdCommand,
+    "bridge": output.BridgeCommand,
+    "bench": campaigns.BenchCommand,
+    "film": output.FilmCommand,
+    "new": scenarios.NewCommand,
+    "validate": scenarios.ValidateCommand,
+    "schema": scenarios.SchemaCommand,
+    "field": Group(
+        "Train, evaluate and show radiance fields of targets.",
+        {
+            "train": vision.TrainFieldCommand,
+            "evaluate": vision.EvaluateFieldCommand,
+            "render": vision.RenderFieldCommand,
+        },
+    ),
+    "detector": Group(
+        "Make data for the detector, train it and evaluate it.",
+        {
+            "data": vision.MakeDataCommand,
+            "train": vision.TrainDetectorCommand,
+            "evaluate": vision.EvaluateDetectorCommand,
+        },
+    ),
+    "detect": vision.DetectCommand,
+    "calibrate-camera-model": vision.CalibrateCameraModelCommand,
 }
-"""Command -> its own commands."""
+"""The commands by name, in the order of `--help`."""
+
+_ALLOW_PLUGIN, _NO_CACHE = "--allow-plugin", {"--no-cache", "--no_cache"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -126,8 +105,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status(arguments: Sequence[str], as_json: bool) -> int:
     """Exit status of a command line; errors are printed."""
     try:
-        words = _repeat_set_flag(_permit_plugin(arguments))
-        status = parse(app, words, _NAMES, __doc__ or "")()
+        words = _repeat_set_flag([word for word in arguments if word != _ALLOW_PLUGIN])
+        command = parse(COMMANDS, words, __doc__ or "")
+        status = _work(command, arguments, as_json)(command)
         flush_output()
         return status
     except BrokenPipeError:
@@ -153,17 +133,21 @@ def _status(arguments: Sequence[str], as_json: bool) -> int:
         return Status.BAD_INPUT
 
 
-def _permit_plugin(arguments: Sequence[str]) -> list[str]:
-    """The arguments without `--allow-plugin`, which lets the process execute the plugins of scenarios."""
-    words = [word for word in arguments if word != _ALLOW_PLUGIN]
-    if len(words) < len(arguments):
-        from rpojax.runtime.jax_environment import prepare_jax
-        from rpojax.scenario.plugins import plugin_registry
+def _work(command: Command, arguments: Sequence[str], as_json: bool) -> Callable[[Command], int]:
+    """Function that does the work of a command, imported when JAX is prepared and plugins are allowed or not.
 
-        # Plugins import JAX when the scenario is loaded, before the command prepares it.
-        prepare_jax(cache=_NO_CACHE not in words)
-        plugin_registry.permit()
-    return words
+    `--allow-plugin` lets the process execute the plugins of scenarios, which may import JAX.
+    """
+    allowed = _ALLOW_PLUGIN in arguments
+    is_long = command.prepares_jax or allowed
+    if is_long:
+        prepare_jax(cache=command.keeps_programs and not _NO_CACHE & {*arguments})
+    if command.has_small_matrices:
+        blas_threads.start_with_one_thread()
+    with stage("starting", quiet=as_json or not is_long, announce=False):
+        if allowed:
+            pkgutil.resolve_name("rpojax.scenario.plugins.plugin_registry:permit")()
+        return pkgutil.resolve_name(f"rpojax.cli.commands.{command.work}")
 
 
 def _repeat_set_flag(arguments: Sequence[str]) -> list[str]:

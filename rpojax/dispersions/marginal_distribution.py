@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+import scipy
 
 
 @runtime_checkable
@@ -61,9 +62,8 @@ def discrete_distribution(listed: np.ndarray) -> DiscreteDistribution:
 
 def normal_distributions(means: np.ndarray, sigma: float | Sequence[float] | np.ndarray) -> list[Distribution | None]:
     """Normal distributions with `means` (n,) and `sigma`, one number or (n,); None for constants and unknown means."""
-    from scipy.stats import norm
-
     sigmas = np.broadcast_to(np.asarray(sigma, dtype=np.float64), means.shape)
     return [
-        norm(mean, one) if one > 0.0 and np.isfinite(mean) else None for mean, one in zip(means, sigmas, strict=True)
+        scipy.stats.norm(mean, one) if one > 0.0 and np.isfinite(mean) else None
+        for mean, one in zip(means, sigmas, strict=True)
     ]

@@ -1,31 +1,33 @@
 """What kinds of dispersion draw from, in one run."""
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    import jax
+    from jax import Array
+else:
+    Array = Any  # the schema, which the kinds are part of, is printed without JAX
 
 
 @runtime_checkable
 class RandomSource(Protocol):
     """Random numbers of one dispersion in one run; exactly one method is called, once."""
 
-    def normals(self, shape: tuple[int, ...]) -> "jax.Array":
+    def normals(self, shape: tuple[int, ...]) -> Array:
         """Standard normal numbers."""
         ...
 
-    def uniforms(self, shape: tuple[int, ...]) -> "jax.Array":
+    def uniforms(self, shape: tuple[int, ...]) -> Array:
         """Numbers uniform in the unit interval."""
         ...
 
-    def integer(self, count: int) -> "jax.Array":
+    def integer(self, count: int) -> Array:
         """Integer uniform in [0, count)."""
         ...
 
-    def direction(self) -> "jax.Array":
+    def direction(self) -> Array:
         """Unit vector (3,) uniform on the sphere."""
         ...
 
-    def attitude(self) -> "jax.Array":
+    def attitude(self) -> Array:
         """Unit quaternion (4,) uniform over all attitudes."""
         ...

@@ -186,7 +186,9 @@ up, and do not average out."""
 def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Parameters from the sections of a scenario; the flight software is configured with the nominal vehicle."""
     records = {
-        section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items() if section != "navigation"
+        section: section_record(cls, tables[section])
+        for section, (_, cls) in _SECTIONS.items()
+        if section != "navigation"
     }
     records["navigation"] = _navigation(tables)
     plant = PlantParams(
@@ -224,14 +226,14 @@ def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
     belief = {key.removeprefix(prefix): value for key, value in tables["navigation"].items() if key.startswith(prefix)}
     return {
         "link": RadioLink(outage_start=starts, outage_end=ends, **_fields(RadioLink, tables["link"])),
-        "gps_differences": _record(GpsDifferences, tables["gps_differences"]),
-        "link_range": _record(LinkRange, tables["link_range"]),
-        "baseline": _record(BaselineTuning, belief),
-        "team": _record(TeamTuning, tables["team"]),
+        "gps_differences": section_record(GpsDifferences, tables["gps_differences"]),
+        "link_range": section_record(LinkRange, tables["link_range"]),
+        "baseline": section_record(BaselineTuning, belief),
+        "team": section_record(TeamTuning, tables["team"]),
     }
 
 
-def _record(cls: type, table: Mapping[str, Any]) -> Any:
+def section_record(cls: type, table: Mapping[str, Any]) -> Any:
     """Record of one section; keys without a field are static settings and are skipped."""
     return cls(**_fields(cls, table))
 
@@ -252,7 +254,7 @@ def _handover_errors(table: Mapping[str, Any] | None) -> HandoverErrors | None:
         return None
     if "covariance" in table:
         return HandoverErrors(covariance_factor=_array(cholesky_factor(np.array(table["covariance"]))))
-    return _record(HandoverErrors, table)
+    return section_record(HandoverErrors, table)
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
@@ -289,7 +291,7 @@ def _navigation(tables: Mapping[str, Any]) -> OrbitFilterTuning:
         "detector_boxes": float(tables["camera"]["model"] != "geometric"),
         "burn_scale_as_new": 0.0 if tables["navigation"]["sharing"] == "none" else _BURNS_WITH_THE_SAME_ERROR,
     }
-    return _record(OrbitFilterTuning, {**tables["navigation"], **others})
+    return section_record(OrbitFilterTuning, {**tables["navigation"], **others})
 
 
 @jax.jit

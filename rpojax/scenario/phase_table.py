@@ -6,10 +6,11 @@ from dataclasses import fields
 from typing import Any, Final
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.core.constants import MU_EARTH
+from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.flight.control import periodic_lqr_gain
 from rpojax.flight.guidance.references.approach import Approach
 from rpojax.flight.guidance.references.fly_around import FlyAround
@@ -65,7 +66,7 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
     def gains(control_period: float) -> int:
         if file.orbit.eccentricity < _NEAR_CIRCLE:
             return 1
-        orbit_period = 2.0 * math.pi * math.sqrt(file.orbit.semi_major_axis_m**3 / MU_EARTH)
+        orbit_period = 2.0 * math.pi / float(mean_motion(jnp.float64(file.orbit.semi_major_axis_m)))
         return periodic_lqr_gain.burns_per_orbit(orbit_period, control_period)
 
     return MissionSettings(

@@ -1,7 +1,6 @@
 """Static settings of a run: the hashable part of a scenario, for which the simulation is compiled."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from rpojax.errors import ScenarioError
 from rpojax.flight.cooperation.team_settings import TeamSettings
@@ -17,9 +16,7 @@ from rpojax.scenario.team.team_options import team_settings
 from rpojax.scenario.trained import image_sampling
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.registry import present_sensors
-
-if TYPE_CHECKING:
-    from rpojax.vision.radiance_field.ray_budget import RaySampling
+from rpojax.vision.radiance_field.ray_budget import RaySampling
 
 
 @dataclass(frozen=True)
@@ -57,7 +54,7 @@ class Scenario:
     navigation_zonal_degree: int
     navigation_luni_solar: bool
     effects: Effects
-    ray_sampling: "RaySampling | None"
+    ray_sampling: RaySampling | None
     chamber_pressure: bool = False
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     records_poses: bool = False

@@ -5,6 +5,8 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
 
 from rpojax.errors import RpojaxError
 from rpojax.untrusted.file_reading import FileError, FileKind, check_readable
@@ -23,8 +25,6 @@ def packaged_file(name: str) -> Path:
 
 def write_tensors(path: Path, tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> None:
     """Writes arrays by name; the file is replaced as a whole."""
-    from safetensors.numpy import save
-
     partial = path.with_name(path.name + ".part")
     content = save({name: np.asarray(value, order="C") for name, value in tensors.items()}, dict(metadata))
     try:
@@ -37,8 +37,6 @@ def write_tensors(path: Path, tensors: Mapping[str, np.ndarray], metadata: Mappi
 
 def read_tensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Arrays and metadata of a file; raises `WeightsError` if it cannot be read as safetensors."""
-    from safetensors import SafetensorError, safe_open
-
     try:
         check_readable(path, FileKind.WEIGHTS)
         with safe_open(path, framework="numpy") as content:

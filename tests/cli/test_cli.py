@@ -29,9 +29,11 @@ from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
-from rpojax.cli.commands.campaigns import bench
+from rpojax.cli.commands.campaigns import bench, simulate
+from rpojax.cli.options.campaigns import RunCommand
 from rpojax.runtime import jax_environment
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.outcomes import outcome_kinds
 
@@ -752,17 +754,16 @@ def python(*words: object, **environment: str) -> subprocess.CompletedProcess[st
 WITHOUT_JAX = """
 import sys
 from rpojax.cli.main import main
-for words in (["--help"], ["campaign", "--help"], ["--version"], ["validate", "inspection"], ["schema"],
-              ["validate", "nowhere"], ["run", "inspection", "--out", "runs", "--set", "servicer.mass_kg=-1"]):
+for words in (["--help"], ["campaign", "--help"], ["--version"], ["schema"], ["--tyro-print-completion", "bash"]):
     try:
         main(words)
     except SystemExit:
         pass
-print("loaded:", *{"jax", "zarr", "plotly", "matplotlib", "scipy"} & set(sys.modules))
+print("loaded:", *{"jax", "zarr", "plotly", "matplotlib", "scipy.stats"} & set(sys.modules))
 """
 
 
-def test_help_and_validation_load_nothing_heavy() -> None:
+def test_help_schema_and_completion_load_nothing_heavy() -> None:
     result = python("-c", WITHOUT_JAX)
     assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines()[-1] == "loaded:"
@@ -834,8 +835,9 @@ def test_the_cache_can_be_off_and_need_not_be_there(environment: dict[str, str],
 
 def test_a_plugin_may_import_jax_after_it_is_prepared(environment: dict[str, str]) -> None:
     with forgotten_plugins():
-        words = main._permit_plugin(["run", "mine.toml", "--allow-plugin", "--no-cache"])
-    assert words == ["run", "mine.toml", "--no-cache"]
+        work = main._work(RunCommand(scenario="mine.toml", out=Path("out")), ["--allow-plugin", "--no-cache"], True)
+        assert plugin_registry.is_permitted()
+    assert work is simulate.run
     assert "--xla_force_host_platform_device_count" in environment["XLA_FLAGS"]
     assert environment["TF_CPP_MIN_LOG_LEVEL"] == "3"
     assert "JAX_COMPILATION_CACHE_DIR" not in environment

@@ -1,11 +1,14 @@
 """Usage errors are one line, with the nearest command, and JSON where it is asked for."""
 
 import json
+import pkgutil
+from typing import get_type_hints
 
 import pytest
 
 from rpojax.cli import standard_streams
-from rpojax.cli.main import main
+from rpojax.cli.main import COMMANDS, main
+from rpojax.cli.options.arguments import Group
 
 
 @pytest.mark.parametrize(
@@ -54,3 +57,10 @@ def test_a_second_line_of_an_override_is_refused(capsys: pytest.CaptureFixture[s
     for text in ("duration_s=600\nx=2", "name=a\nb"):
         assert main(["validate", "inspection", "--set", text]) == 2
         assert "line" in capsys.readouterr().err
+
+
+def test_the_work_of_every_command_takes_its_options() -> None:
+    groups = [each.commands.values() if isinstance(each, Group) else [each] for each in COMMANDS.values()]
+    for command in (command for group in groups for command in group):
+        work = pkgutil.resolve_name(f"rpojax.cli.commands.{command.work}")
+        assert get_type_hints(work) == {"asked": command, "return": int}

@@ -7,7 +7,7 @@ import pytest
 from command_line_calls import Call
 
 import rpojax
-from rpojax.cli.console import show_unused_keys
+from rpojax.cli.scenario_files import show_unused_keys
 
 NOISY = ("--set", "gps.noise_m=20.0")
 WARNING = "navigation.gps_noise_m: the filter believes 2, the truth is 20"

@@ -24,8 +24,8 @@ def test_the_python_interface_has_every_public_name_once() -> None:
 
 def test_every_command_has_its_help() -> None:
     helps = dict(command_help.helps())
-    commands = {command.__name__.replace("_", "-") for command in (*main.COMMANDS, *main.VISION_COMMANDS)}
-    assert {words.split()[0] for words in helps} == commands | {"field", "detector"}
+    commands = {*main.COMMANDS}
+    assert {words.split()[0] for words in helps} == commands
     assert all(text.startswith("usage: rpojax") and "--help" in text for text in helps.values())
 
 

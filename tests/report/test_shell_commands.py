@@ -1,7 +1,6 @@
 """Commands shown in the report can be run as they stand: quoted, from any folder, with what a plugin needs."""
 
 import ast
-import functools
 import inspect
 import shlex
 from pathlib import Path
@@ -34,9 +33,8 @@ def called(command: str) -> dict[str, Any]:
     words = shlex.split(command)
     assert words[0] == "rpojax"
     allowed = "--allow-plugin" in words
-    call = parse(main.app, [word for word in words[1:] if word != "--allow-plugin"], main._NAMES, "")
-    assert isinstance(call, functools.partial)
-    return {**call.keywords, "positional": [str(each) for each in call.args], "allow_plugin": allowed}
+    asked = parse(main.COMMANDS, [word for word in words[1:] if word != "--allow-plugin"], "")
+    return {**vars(asked), "allow_plugin": allowed}
 
 
 @pytest.mark.parametrize("plugin", [None, "/home/anna/my laws.py:setup"])
@@ -52,7 +50,7 @@ def test_every_command_of_a_page_is_understood_and_names_the_campaign(tmp_path: 
         found = called(command)
         assert found["allow_plugin"] == (plugin is not None), command
         place = str(campaign.directory)
-        named = [str(each) for each in [*found["positional"], *found.values()]]
+        named = [str(each) for each in found.values()]
         assert any(each in (place, f"{place}/scenario.toml") for each in named), command
 
 

@@ -1,1 +1,1 @@
-"""Commands of the command line, each a module of its own."""
+"""Work of the commands, imported when a command runs."""

@@ -16,8 +16,19 @@ def is_observable(
 ) -> Bool[Array, ""]:
     """True where the target is lit, its phase angle small enough, and the Sun far enough from the line of sight.
 
+    Arguments are those of `viewing_conditions`.
+    """
+    lit, phase, glare = viewing_conditions(r_TN_N, r_ST_N, r_sun_N, phase_limit, sun_exclusion)
+    return lit & phase & glare
+
+
+def viewing_conditions(
+    r_TN_N: Vector, r_ST_N: Vector, r_sun_N: Vector, phase_limit: Scalar, sun_exclusion: Scalar
+) -> tuple[Bool[Array, ""], Bool[Array, ""], Bool[Array, ""]]:
+    """Whether the target is lit, whether its phase angle is small enough, and whether the Sun is far enough away.
+
     `r_TN_N` is the target's position and `r_ST_N` the servicer from the target [m]; `phase_limit` is the largest phase
     angle, `sun_exclusion` the least angle between the line of sight and the Sun [rad].
     """
     cos_phase = jnp.sum(normalize(r_ST_N) * normalize(r_sun_N), axis=0)
-    return is_lit(r_TN_N, r_sun_N) & (cos_phase >= cos_sin(phase_limit)[0]) & (-cos_phase <= cos_sin(sun_exclusion)[0])
+    return is_lit(r_TN_N, r_sun_N), cos_phase >= cos_sin(phase_limit)[0], -cos_phase <= cos_sin(sun_exclusion)[0]

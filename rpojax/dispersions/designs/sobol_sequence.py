@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+from scipy.stats import qmc
 
 from rpojax.dispersions.coordinate_source import clip_to_open_interval
 from rpojax.dispersions.designs.run_range import RunRange
@@ -17,8 +18,6 @@ def sobol_sequence(counts: Mapping[str, int], seed: int, run_range: RunRange) ->
 
     Adding a coordinate changes the scrambling of all.
     """
-    from scipy.stats import qmc
-
     total = sum(counts.values())
     if total == 0:
         return {}

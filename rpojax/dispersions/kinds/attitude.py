@@ -1,17 +1,15 @@
 """Dispersion over all attitudes."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
 from rpojax.dispersions.kinds.setting_checks import check_component_count
 from rpojax.dispersions.marginal_distribution import Distribution
-from rpojax.dispersions.random_source import RandomSource
-
-if TYPE_CHECKING:
-    import jax
+from rpojax.dispersions.random_source import Array, RandomSource
 
 _COORDINATES = ("share", "first angle", "second angle")
 
@@ -36,13 +34,11 @@ class RandomAttitude(SingleKeyKind):
         """Name of each coordinate."""
         return [f"{self.name} ({coordinate})" for coordinate in _COORDINATES]
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run."""
         return source.attitude()
 
     def marginals(self, nominal: np.ndarray) -> list[Distribution | None]:
         """Distribution of each component."""
-        from scipy.stats import semicircular
-
         # On the sphere in four dimensions the density of a coordinate x is proportional to sqrt(1 - x^2).
-        return [semicircular()] * len(nominal)
+        return [scipy.stats.semicircular()] * len(nominal)

@@ -1,6 +1,6 @@
 """Dispersion over a list of values."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -8,12 +8,9 @@ from pydantic import Field
 from rpojax.dispersions.kinds.dispersion_kind import ExtremeValue, SingleKeyKind
 from rpojax.dispersions.listed_values import check_listed_values, listed_ends, listed_numbers
 from rpojax.dispersions.marginal_distribution import Distribution, discrete_distribution
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.physics.plant_options import FaultKind
 from rpojax.value_types import Finite
-
-if TYPE_CHECKING:
-    import jax
 
 
 class Choice(SingleKeyKind):
@@ -38,7 +35,7 @@ class Choice(SingleKeyKind):
         """One, whose equal intervals select the values."""
         return 1
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run, in the unit of the key."""
         import jax.numpy as jnp
 

@@ -1,19 +1,16 @@
 """Dispersion of several numbers by correlated normal errors."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from rpojax.dispersions.kinds.dispersion_kind import RandomKind
 from rpojax.dispersions.marginal_distribution import Distribution, normal_distributions
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
 from rpojax.value_types import Covariance
-
-if TYPE_CHECKING:
-    import jax
 
 
 class CorrelatedNormal(RandomKind):
@@ -41,7 +38,7 @@ class CorrelatedNormal(RandomKind):
         """One for each component."""
         return nominal.size
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Values (n,) of one run; error `i` depends on the random numbers up to `i`."""
         factor = self._factor()
         return nominal + (factor * source.normals((len(factor),))[None, :]).sum(axis=1)

@@ -1,17 +1,15 @@
 """Dispersion over all directions."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
 from rpojax.dispersions.kinds.setting_checks import check_component_count
 from rpojax.dispersions.marginal_distribution import Distribution
-from rpojax.dispersions.random_source import RandomSource
-
-if TYPE_CHECKING:
-    import jax
+from rpojax.dispersions.random_source import Array, RandomSource
 
 _COORDINATES = ("height", "azimuth")
 
@@ -36,13 +34,11 @@ class RandomDirection(SingleKeyKind):
         """Name of each coordinate."""
         return [f"{self.name} ({coordinate})" for coordinate in _COORDINATES]
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run."""
         return source.direction()
 
     def marginals(self, nominal: np.ndarray) -> list[Distribution | None]:
         """Distribution of each component."""
-        from scipy.stats import uniform
-
         # Archimedes: each coordinate of a point on the sphere is uniform.
-        return [uniform(-1.0, 2.0)] * len(nominal)
+        return [scipy.stats.uniform(-1.0, 2.0)] * len(nominal)

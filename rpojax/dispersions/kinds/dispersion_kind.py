@@ -12,12 +12,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from rpojax.dispersions.marginal_distribution import Distribution
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.errors import RpojaxError
 from rpojax.value_types import OptionalKeys
-
-if TYPE_CHECKING:
-    import jax
 
 
 @dataclass(frozen=True)
@@ -115,12 +112,12 @@ class RandomKind(DispersionKind):
         """The `given_settings`."""
         return {name: np.asarray(getattr(self, name), dtype=np.float64) for name in self.given_settings}
 
-    def draw_with(self, settings: Mapping[str, Any], nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw_with(self, settings: Mapping[str, Any], nominal: Array, source: RandomSource) -> Array:
         """Value of one run with other `setting_arrays`, as `draw`."""
         return self.model_copy(update=dict(settings)).draw(nominal, source)
 
     @abstractmethod
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run, in the unit of the key; calls one method of `source`, once."""
 
     def varies(self, nominal: np.ndarray) -> np.ndarray:

@@ -1,19 +1,16 @@
 """Dispersion by a log-normal factor on each component."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
 from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.errors import ScenarioError
 from rpojax.value_types import NonNegative
-
-if TYPE_CHECKING:
-    import jax
-
 
 _LARGEST_SIGMA = 5.0
 
@@ -35,7 +32,7 @@ class LogNormal(SingleKeyKind):
         if np.any(nominal <= 0.0):
             raise ScenarioError(f"{where}.key", self.key, "a nominal value above zero for a log-normal")
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run, in the unit of the key."""
         import jax.numpy as jnp
 
@@ -47,11 +44,9 @@ class LogNormal(SingleKeyKind):
 
     def marginals(self, nominal: np.ndarray) -> list[Distribution | None]:
         """Distribution of each component with the median `nominal` (n,)."""
-        from scipy.stats import lognorm
-
         sigmas = np.broadcast_to(self.sigma, nominal.shape)
         return [
-            lognorm(sigma, scale=median) if sigma > 0.0 and median > 0.0 else None
+            scipy.stats.lognorm(sigma, scale=median) if sigma > 0.0 and median > 0.0 else None
             for median, sigma in zip(nominal, sigmas, strict=True)
         ]
 

@@ -1,17 +1,14 @@
 """Dispersion by normal errors of each component."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
 from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution, normal_distributions
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.value_types import NonNegative
-
-if TYPE_CHECKING:
-    import jax
 
 
 class Normal(SingleKeyKind):
@@ -26,7 +23,7 @@ class Normal(SingleKeyKind):
         """Checks that `sigma` fits the key."""
         check_one_or_each(f"{where}.sigma", self.sigma, nominal.shape)
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run, in the unit of the key."""
         import jax.numpy as jnp
 

@@ -1,18 +1,15 @@
 """Dispersion by small rotations of the nominal attitude."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
 from rpojax.dispersions.kinds.setting_checks import check_component_count, check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution, normal_distributions
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.value_types import NonNegative
-
-if TYPE_CHECKING:
-    import jax
 
 _AXES = "xyz"
 
@@ -39,7 +36,7 @@ class SmallRotation(SingleKeyKind):
         """Name of each coordinate: the key with the number of the axis."""
         return list(components[: len(_AXES)])
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run."""
         import jax.numpy as jnp
 

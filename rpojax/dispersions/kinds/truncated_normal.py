@@ -1,17 +1,15 @@
 """Dispersion by truncated normal errors of each component."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
 from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.value_types import NonNegative, Positive
-
-if TYPE_CHECKING:
-    import jax
 
 
 class TruncatedNormal(SingleKeyKind):
@@ -27,7 +25,7 @@ class TruncatedNormal(SingleKeyKind):
         """Checks that `sigma` fits the key."""
         check_one_or_each(f"{where}.sigma", self.sigma, nominal.shape)
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run, in the unit of the key."""
         import jax.numpy as jnp
         from jax.scipy.special import ndtr, ndtri
@@ -42,12 +40,10 @@ class TruncatedNormal(SingleKeyKind):
 
     def marginals(self, nominal: np.ndarray) -> list[Distribution | None]:
         """Distribution of each component about `nominal` (n,)."""
-        from scipy.stats import truncnorm
-
         limit = self.limit_sigmas
         sigmas = np.broadcast_to(self.sigma, nominal.shape)
         return [
-            truncnorm(-limit, limit, loc=mean, scale=sigma) if sigma > 0.0 and np.isfinite(mean) else None
+            scipy.stats.truncnorm(-limit, limit, loc=mean, scale=sigma) if sigma > 0.0 and np.isfinite(mean) else None
             for mean, sigma in zip(nominal, sigmas, strict=True)
         ]
 
@@ -58,8 +54,6 @@ class TruncatedNormal(SingleKeyKind):
 
     def linearise(self, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (...) of a value, and its change (size, size) per sigma of standard normal inputs."""
-        from scipy.stats import truncnorm
-
-        truncated = truncnorm.std(-self.limit_sigmas, self.limit_sigmas)
+        truncated = scipy.stats.truncnorm.std(-self.limit_sigmas, self.limit_sigmas)
         sigma = truncated * np.broadcast_to(np.asarray(self.sigma, dtype=float), nominal.shape)
         return nominal, np.diag(sigma.reshape(-1))

@@ -1,17 +1,15 @@
 """Dispersion uniform between bounds."""
 
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 from pydantic import model_validator
 
 from rpojax.dispersions.kinds.dispersion_kind import ExtremeValue, SingleKeyKind
 from rpojax.dispersions.marginal_distribution import Distribution
-from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.value_types import Finite
-
-if TYPE_CHECKING:
-    import jax
 
 
 class Uniform(SingleKeyKind):
@@ -37,7 +35,7 @@ class Uniform(SingleKeyKind):
         bounds = {"low": self.low, "high": self.high}
         return [ExtremeValue(name, end, np.full(shape, end).tolist(), whole=False) for name, end in bounds.items()]
 
-    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+    def draw(self, nominal: Array, source: RandomSource) -> Array:
         """Value of one run, in the unit of the key."""
         return self.low + (self.high - self.low) * source.uniforms(nominal.shape)
 
@@ -47,10 +45,8 @@ class Uniform(SingleKeyKind):
 
     def marginals(self, nominal: np.ndarray) -> list[Distribution | None]:
         """Distribution of each component."""
-        from scipy.stats import uniform
-
         width = self.high - self.low
-        return [uniform(self.low, width) if width > 0.0 else None] * len(nominal)
+        return [scipy.stats.uniform(self.low, width) if width > 0.0 else None] * len(nominal)
 
     def reach(self, nominal: np.ndarray) -> np.ndarray:
         """Both bounds."""

@@ -70,7 +70,7 @@ def schedule_burn(
     turn_N, turn_time = _turn_to_burn(pointing, vehicle, direction_N, q_look)
     # The turn begins up to one tick late, and the attitude is checked up to one tick before ignition.
     settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
-    on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, _longest_on_time(pointing, turn_time, dt))
+    on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, longest_on_time(pointing, turn_time, dt))
     above_dead_band = gradient_safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
     possible = (on_time >= vehicle.minimum_on_time) & allowed
     on_time = above_dead_band * jnp.where(possible, on_time, 0.0)
@@ -88,7 +88,7 @@ def schedule_burn(
 def certain_delta_v(pointing: PointingTuning, vehicle: VehicleModel, dt: float) -> Scalar:
     """Velocity change [m/s] of the longest burn in any direction: between two turns by half a circle."""
     half_turn = slew_duration(pointing, jnp.full_like(vehicle.mass, math.pi))
-    return _longest_on_time(pointing, half_turn, dt) * vehicle.thrust / vehicle.mass
+    return longest_on_time(pointing, half_turn, dt) * vehicle.thrust / vehicle.mass
 
 
 def largest_delta_v(
@@ -99,7 +99,7 @@ def largest_delta_v(
     `dt` [s] is the time between guidance ticks.
     """
     _, turn_time = _turn_to_burn(pointing, vehicle, gradient_safe.normalize(delta_v_N), q_look)
-    return _longest_on_time(pointing, turn_time, dt) * vehicle.thrust / vehicle.mass
+    return longest_on_time(pointing, turn_time, dt) * vehicle.thrust / vehicle.mass
 
 
 def share_within_limit(
@@ -122,7 +122,7 @@ def _turn_to_burn(
     return turn_N, slew_duration(pointing, gradient_safe.norm(turn_N))
 
 
-def _longest_on_time(pointing: PointingTuning, turn_time: Scalar, dt: float) -> Scalar:
+def longest_on_time(pointing: PointingTuning, turn_time: Scalar, dt: float) -> Scalar:
     """Longest burn [s] between two turns of `turn_time` [s] within the look-away limit."""
     settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
     margin = _SCHEDULE_TICKS * dt + _TARGET_MOTION_TIME

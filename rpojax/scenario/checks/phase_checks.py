@@ -2,15 +2,23 @@
 
 import math
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.errors import ScenarioError
+from rpojax.flight.guidance.references import relative_orbit
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
+from rpojax.scenario.params import section_record
 from rpojax.scenario.phases import reference_sections as kinds
 from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, NO_GOAL, CorridorSection, PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
-from rpojax.scenario.warnings.orbit_geometry import mean_motion
+from rpojax.scenario.warnings.orbit_geometry import at_latitudes, mean_motion, orbit_from
 from rpojax.scenario.warnings.transfer_impulses import transfer_impulses
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
@@ -173,27 +181,35 @@ def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -
             return np.zeros((0, 3))
 
 
-def _relative_orbit_places(file: ScenarioFile, orbit: kinds.RelativeOrbitSection, longest_s: float) -> np.ndarray:
-    """Places (n, 3) [m] of a relative orbit over a time, as `flight.guidance.references.relative_orbit` has them.
+def _relative_orbit_places(file: ScenarioFile, section: kinds.RelativeOrbitSection, longest_s: float) -> np.ndarray:
+    """Places (n, 3) [m] of a relative orbit over a time.
 
     Of a drift they are, at each height of the motion, the ends of the way along the track and the place at which it
     passes the target. None are known of a drift on an elliptic orbit, where it changes the radial motion, too.
     """
-    e, perigee = file.orbit.eccentricity, math.radians(file.orbit.argument_of_perigee_deg)
-    if orbit.drift_per_orbit_m and e > _NEARLY_CIRCULAR:
+    if section.drift_per_orbit_m and file.orbit.eccentricity > _NEARLY_CIRCULAR:
         return np.zeros((0, 3))
-    # The target's distance over the semi-latus rectum scales offset and cross-track motion.
-    distance = 1.0 / (1.0 + e * np.cos(_ANGLES - perigee))
-    radial, across = np.radians(orbit.radial_phase_deg), np.radians(orbit.cross_track_phase_deg)
-    level = -orbit.drift_per_orbit_m / (1.5 * 2.0 * np.pi)
-    x = level - orbit.radial_m * np.cos(_ANGLES - radial)
-    z = distance * orbit.cross_track_m * np.sin(_ANGLES - across)
-    swing = (1.0 + distance) * orbit.radial_m * np.sin(_ANGLES - radial)
-    drift = orbit.drift_per_orbit_m * longest_s * mean_motion(file) / (2.0 * np.pi)
-    first, last = (swing + distance * (orbit.along_track_m + part) for part in (0.0, drift))
-    nearest = np.clip(0.0, np.minimum(first, last), np.maximum(first, last))
-    ways = [first, nearest, last] if drift else [first]
-    return np.concatenate([np.stack([x, y, z], axis=1) for y in ways])
+    drift = section.drift_per_orbit_m * longest_s * mean_motion(file) / (2.0 * np.pi)
+    first, last = (
+        np.array(_places_of_orbit(section_record(RelativeOrbit, section.model_dump() | changes), orbit_from(file, 0.0)))
+        for changes in ({"join_s": 0.0}, {"join_s": 0.0, "along_track_m": section.along_track_m + drift})
+    )
+    if not drift:
+        return first
+    nearest = first.copy()
+    nearest[:, 1] = np.clip(0.0, np.minimum(first, last)[:, 1], np.maximum(first, last)[:, 1])
+    return np.concatenate([first, nearest, last])
+
+
+@jax.jit
+def _places_of_orbit(reference: RelativeOrbit, orbit: TargetOrbit) -> Float[Array, "n 3"]:
+    """Positions [m] of a relative orbit all round the orbit of the target."""
+
+    def place(there: TargetOrbit) -> Array:
+        entry = PhaseEntry(relative_state=jnp.zeros(6), orbit=there)
+        return relative_orbit.state(reference, entry, there, jnp.zeros(()))[:3]
+
+    return jax.vmap(place)(at_latitudes(orbit, jnp.asarray(_ANGLES)))
 
 
 def _end_m(phase: PhaseSection) -> np.ndarray | None:

@@ -4,6 +4,7 @@ import copy
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.validation_errors import did_you_mean, first_error
 from rpojax.scenario.loading import case_table_csv, format_migration
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
+from rpojax.scenario.loading.starts import start_files
 from rpojax.scenario.loading.table_merging import apply_override, merge
 from rpojax.scenario.plugins import plugin_file, plugin_registry
 from rpojax.scenario.plugins.custom_metrics import MetricFunction
@@ -60,12 +62,34 @@ def load(
     Raises:
         ScenarioError: the source is unknown, a key is not acceptable, or a plugin is not allowed.
     """
+    return read(source, overrides, allow_plugin=allow_plugin, plugin=plugin).scenario()
+
+
+@dataclass(frozen=True)
+class ScenarioReading:
+    """Tables of a scenario before it is validated, and the layers that they were merged from."""
+
+    tables: dict[str, Any]
+    layers: Sequence[Layer]
+
+    def scenario(self) -> ScenarioFile:
+        """The validated scenario.
+
+        Raises:
+            ScenarioError: a key is not acceptable.
+        """
+        file = validate(self.tables)
+        check_no_replaced_key_is_set(self.layers, self.tables)
+        return file
+
+
+def read(
+    source: str | Path, overrides: Sequence[str] = (), *, allow_plugin: bool = False, plugin: Plugin | None = None
+) -> ScenarioReading:
+    """What `load` validates; arguments and errors are those of `load`."""
     layers, tables = _merge_files(_read_files(source))
     _find_plugin(tables, allow_plugin, plugin)
     if "start" in tables:
-        # Imported here because it needs JAX's constants, which other scenarios do without.
-        from rpojax.scenario.loading.starts import start_files
-
         start_files.check_nothing_is_set_beside([layer.changes for layer in layers])
         without_start = copy.deepcopy(tables)
         layers.append(Layer(without_start, start_files.resolve_start(tables)))
@@ -79,9 +103,7 @@ def load(
             expected = f"{name} in the scenario file, which is read before overrides"
             raise ScenarioError("overrides", found, expected, is_argument=True)
     _load_case_table(tables)
-    file = validate(tables)
-    check_no_replaced_key_is_set([*layers, Layer(before, changes, is_override=True)], tables)
-    return file
+    return ScenarioReading(tables, [*layers, Layer(before, changes, is_override=True)])
 
 
 def validate(tables: Mapping[str, Any]) -> ScenarioFile:

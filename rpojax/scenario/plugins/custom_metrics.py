@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any, Final, TypeVar, get_args
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from rpojax.errors import RpojaxError
@@ -210,8 +212,6 @@ class _TickValue:
         return WeightedValue(value, np.isfinite(value))
 
     def _traced(self, *quantities: Any) -> Any:
-        import jax.numpy as jnp
-
         def of_tick(*inputs: Any) -> Any:
             value = jnp.asarray(self.function(**dict(zip(self.inputs, inputs, strict=True))))
             if jnp.iscomplexobj(value):
@@ -230,8 +230,6 @@ class _TickValue:
 
     def _of_records(self, records: list[np.ndarray]) -> np.ndarray:
         """Values (runs, ticks) of records (runs, ticks, ...), in batches of a few sizes."""
-        import jax
-
         if "batch" not in self.compiled:
             self.compiled["batch"] = jax.jit(jax.vmap(self._traced))
         runs, ticks = records[0].shape[:2]
@@ -246,9 +244,6 @@ def _without_undefined_derivative(function: Callable[..., Any]) -> Callable[...,
 
     There the derivative is often not a number, and in reverse mode 0 times it would enter that of the whole run.
     """
-    import jax
-    import jax.numpy as jnp
-
     value = jax.custom_jvp(function)
 
     @value.defjvp

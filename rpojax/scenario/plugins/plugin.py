@@ -5,11 +5,13 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+import jax
 from pydantic import create_model
 
 from rpojax.errors import RpojaxError
+from rpojax.flight.stages import Stages
 from rpojax.metrics import filter_consistency, metric_catalogue
 from rpojax.metrics.metric_definition import Metric
 from rpojax.scenario import key_units
@@ -18,11 +20,6 @@ from rpojax.scenario.plugins.custom_metrics import MetricFunction
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.sensors.additional import registry
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor, SensedScene
-
-if TYPE_CHECKING:
-    import jax
-
-    from rpojax.flight.stages import Stages
 
 
 @dataclass(frozen=True)
@@ -40,7 +37,7 @@ class Plugin:
 
     metrics: Mapping[str, MetricFunction] = field(default_factory=dict)
     sensors: Mapping[str, type[AdditionalSensor]] = field(default_factory=dict)
-    stages: "Stages | None" = None
+    stages: Stages | None = None
 
     def __post_init__(self) -> None:
         for name, cls in self.sensors.items():
@@ -142,9 +139,7 @@ class _DescribedSensor(AdditionalSensor):
     normals: ClassVar[int] = 0
 
     @staticmethod
-    def measure(
-        settings: "Mapping[str, jax.Array]", scene: SensedScene, normals: "jax.Array"
-    ) -> "dict[str, jax.Array]":
+    def measure(settings: Mapping[str, jax.Array], scene: SensedScene, normals: jax.Array) -> dict[str, jax.Array]:
         """Refused: the measurement is code that was not loaded."""
         raise RpojaxError("plugin: found its description alone, expected allow_plugin=True")
 

@@ -1,17 +1,15 @@
 """Plugins of this process by the reference and hash that scenarios carry, and whether files of code may be executed."""
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.flight.stages import Stages
 from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Metric
 from rpojax.scenario.plugins import plugin_file
 from rpojax.scenario.plugins.plugin import Plugin, described_plugin
 from rpojax.scenario.schema import ScenarioFile, with_sensors
-
-if TYPE_CHECKING:
-    from rpojax.flight.stages import Stages
 
 FROM_PYTHON: Final = "python"
 """Reference of a plugin that was made in Python and comes from no file."""
@@ -124,14 +122,12 @@ def catalogue_of(file: ScenarioFile) -> dict[str, Metric]:
     return {**METRICS, **metrics_of(file)}
 
 
-def stages_of(file: ScenarioFile, stages: "Stages | None" = None) -> "Stages":
+def stages_of(file: ScenarioFile, stages: Stages | None = None) -> Stages:
     """Stages with which a scenario is simulated: those given, else those of its plugin, else the packaged ones.
 
     Raises:
         RpojaxError: only the description of the plugin is known.
     """
-    from rpojax.flight.stages import Stages
-
     plugin = plugin_of(file)
     if plugin is None:
         return stages or Stages()

@@ -1,16 +1,14 @@
 """Servicers of a team as scenarios and parameters of one servicer each."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, ServicerError
 from rpojax.scenario.checks.validation_errors import did_you_mean, first_error
+from rpojax.scenario.params import Params, build_params
 from rpojax.scenario.schema import ScenarioFile, ServicerChanges
-
-if TYPE_CHECKING:
-    from rpojax.scenario.params import Params
 
 
 def member_names(file: ScenarioFile) -> tuple[str, ...]:
@@ -30,10 +28,8 @@ def member_files(file: ScenarioFile) -> tuple[ScenarioFile, ...]:
     return tuple(_member(type(file), tables, changes) for changes in file.servicers)
 
 
-def member_params(file: ScenarioFile) -> "tuple[Params, ...]":
+def member_params(file: ScenarioFile) -> tuple[Params, ...]:
     """Parameters of each servicer of a team, or of a servicer alone."""
-    from rpojax.scenario.params import build_params
-
     members = member_files(file)
     return tuple(build_params(each.model_dump(), each.camera.width_px, each.camera.height_px) for each in members)
 

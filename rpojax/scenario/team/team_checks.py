@@ -12,8 +12,8 @@ from rpojax.scenario.checks.consistency_checks import check_consistency
 from rpojax.scenario.dispersed_numbers.dispersion_keys import varied_keys
 from rpojax.scenario.schema import ScenarioFile, ServicerChanges
 from rpojax.scenario.team import dispersion_rules
-from rpojax.scenario.team.decision_times import burn_period_s, decision_unit_s
 from rpojax.scenario.team.members import member_files, member_names
+from rpojax.scenario.team.team_options import burn_period_s, decision_unit_s
 
 _LEAST_DISTANCE_M: Final = 0.1
 """Between two servicers at the start [m]."""

@@ -3,7 +3,6 @@
 from rpojax.flight.cooperation.link_settings import LinkSettings
 from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.team.decision_times import burn_period_s, decision_unit_s
 from rpojax.scenario.team.members import member_names
 
 
@@ -49,3 +48,14 @@ def _decision_offsets(file: ScenarioFile) -> tuple[int, ...]:
         seconds = unit * round(k * period / (count * unit)) if given is None else given
         offsets.append(round(seconds * file.rates.camera_hz))
     return tuple(offsets)
+
+
+def burn_period_s(file: ScenarioFile) -> float:
+    """Time between two burn decisions of a servicer, in the first phase of a mission with phases [s]."""
+    of_phase = file.phases[0].control_period_s if file.phases else None
+    return of_phase or file.rates.formation_period_s
+
+
+def decision_unit_s(file: ScenarioFile) -> float:
+    """Time of which the offset of a servicer's decisions is a multiple [s]: the mission manager decides that often."""
+    return file.mission.decision_period_s if file.phases else 1.0 / file.rates.camera_hz

@@ -1,10 +1,12 @@
 """Warnings about the mission of a team, or of a servicer alone, before it is simulated."""
 
+import math
+
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_files, member_names
 from rpojax.scenario.warnings import all_warnings
-from rpojax.scenario.warnings.difference_beliefs import difference_warnings
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.scenario.warnings.filter_beliefs import Belief, judged_beliefs
 
 
 def mission_warnings(file: ScenarioFile) -> list[str]:
@@ -28,3 +30,29 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
 def _of_member(member: ScenarioFile, shares: bool) -> list[str]:
     warnings = all_warnings.mission_warnings(member)
     return [*warnings, *difference_warnings(member, DispersedReach(member))] if shares else warnings
+
+
+def difference_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
+    """Beliefs in differences of GPS positions, of two receivers as this servicer's, and in ranges, that differ much."""
+
+    def high(key: str) -> float:
+        return float(reach.ends(key)[1])
+
+    if file.gps_differences.kind == "carrier":
+        noise_key, error_key = "gps_differences.noise_m", "gps_differences.slow_error_m"
+        noise, error = high(noise_key), high(error_key)
+    else:
+        noise_key, error_key = "gps.noise_m", "gps.bias_sigma_m and common_share"
+        own_share = 1.0 - float(reach.ends("gps.common_share")[0])
+        noise, error = math.sqrt(2.0) * high(noise_key), math.sqrt(2.0 * own_share) * high("gps.bias_sigma_m")
+    beliefs: list[Belief] = []
+    for key, of_truth, truth in (
+        ("navigation.difference_noise_m", noise_key, noise),
+        ("navigation.difference_error_sigma_m", error_key, error),
+    ):
+        beliefs.append((key, of_truth, truth, float(reach.middle(key))))
+    if file.link_range.enabled:
+        for key in ("noise_m", "bias_sigma_m"):
+            of_truth, belief = f"link_range.{key}", f"navigation.difference_range_{key}"
+            beliefs.append((belief, of_truth, high(of_truth), float(reach.middle(belief))))
+    return judged_beliefs(beliefs)

@@ -3,16 +3,17 @@
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.trained.trained_files import PACKAGED, file_digest
+from rpojax.training.synthetic_data.meshes import mesh_files
+from rpojax.training.synthetic_data.meshes.packaged_target import packaged_target
+from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 from rpojax.untrusted.file_reading import is_regular
-
-if TYPE_CHECKING:
-    from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 
 HULL = "hull"
 """Value of `coverage.surface` that selects the convex hull of `target.hull_m`."""
@@ -77,25 +78,20 @@ def _triangles(tables: Mapping[str, Any]) -> np.ndarray:
     coverage = tables["coverage"]
     if coverage["surface"] == HULL:
         return _hull_triangles(np.array(tables["target"]["hull_m"]))
-    from rpojax.training.synthetic_data.meshes.packaged_target import packaged_target
 
     path = mesh_path(tables)
     mesh = packaged_target() if path is None else _mesh(path, coverage["mesh_units"])
     return np.concatenate([part.vertices[part.faces] for part in mesh.parts])
 
 
-def _mesh(path: Path, units: str) -> "TargetMesh":
+def _mesh(path: Path, units: str) -> TargetMesh:
     """Mesh of a file, whose notes are among the warnings about the scenario."""
-    from rpojax.training.synthetic_data.meshes import mesh_files
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mesh_files.MeshWarning)
         return mesh_files.load_mesh(path, units)
 
 
 def _hull_triangles(points: np.ndarray) -> np.ndarray:
-    from scipy.spatial import ConvexHull, QhullError
-
     try:
         hull = ConvexHull(points)
     except QhullError:

@@ -2,14 +2,13 @@
 
 import json
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.trained.image_sampling import range_limits
 from rpojax.scenario.trained.trained_files import REQUIRED_KEYS, file_digest, file_path
-
-if TYPE_CHECKING:
-    from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.sensors import statistical_camera_file
+from rpojax.sensors.statistical_camera import CameraStatistics
 
 RANGE_KEY = "range of start and station [m]"
 _CAMERA_KEYS = ("width_px", "height_px", "field_of_view_deg")
@@ -38,7 +37,7 @@ def view_limits(tables: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     }
 
 
-def statistics_for_model(tables: Mapping[str, Any]) -> "CameraStatistics | None":
+def statistics_for_model(tables: Mapping[str, Any]) -> CameraStatistics | None:
     """Fitted statistics of a statistical camera, None for other camera models.
 
     Raises:
@@ -46,7 +45,6 @@ def statistics_for_model(tables: Mapping[str, Any]) -> "CameraStatistics | None"
     """
     if tables["camera"]["model"] != "statistical":
         return None
-    from rpojax.sensors import statistical_camera_file
 
     statistics, card = statistical_camera_file.load_statistics(file_path(tables, "statistics"))
     known = card.get("fitted_for")

@@ -4,27 +4,25 @@ import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rpojax.flight.guidance import detector_window
 from rpojax.scenario.trained.trained_files import file_path
-
-if TYPE_CHECKING:
-    from rpojax.vision.radiance_field.ray_budget import RaySampling
+from rpojax.sensors import detector_input
+from rpojax.vision.radiance_field.field_file import load_field
+from rpojax.vision.radiance_field.ray_budget import RaySampling, choose_ray_sampling
 
 _RANGE_MARGIN = 0.8
 """Rays are at least as dense as pixels down to this fraction of the lesser of start and station range."""
 
 
-def sampling_for_model(tables: Mapping[str, Any]) -> "RaySampling | None":
+def sampling_for_model(tables: Mapping[str, Any]) -> RaySampling | None:
     """Ray sampling of a rendered camera, None for other camera models."""
     return image_sampling(tables) if tables["camera"]["model"] == "rendered" else None
 
 
-def image_sampling(tables: Mapping[str, Any]) -> "RaySampling":
+def image_sampling(tables: Mapping[str, Any]) -> RaySampling:
     """Ray sampling of the target for the ranges of the scenario, for any camera model."""
-    from rpojax.flight.guidance import detector_window
-    from rpojax.sensors import detector_input
-
     camera = tables["camera"]
     focal = 0.5 * camera["width_px"] / math.tan(math.radians(0.5 * camera["field_of_view_deg"]))
     least = _RANGE_MARGIN * range_limits(tables)[0]
@@ -43,8 +41,5 @@ def range_limits(tables: Mapping[str, Any]) -> tuple[float, float]:
 
 
 @functools.lru_cache(maxsize=8)
-def _cached_sampling(field: Path, focal_px: float, least_range_m: float) -> "RaySampling":
-    from rpojax.vision.radiance_field.field_file import load_field
-    from rpojax.vision.radiance_field.ray_budget import choose_ray_sampling
-
+def _cached_sampling(field: Path, focal_px: float, least_range_m: float) -> RaySampling:
     return choose_ray_sampling(load_field(field)[0], focal_px, least_range_m, oversampling=1.0)

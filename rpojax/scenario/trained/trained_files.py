@@ -3,13 +3,15 @@
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rpojax.errors import ScenarioError
+from rpojax.sensors.rendered_camera import Networks
 from rpojax.untrusted.file_reading import FileKind, is_regular, read_bytes
-
-if TYPE_CHECKING:
-    from rpojax.sensors.rendered_camera import Networks
+from rpojax.vision import weight_files
+from rpojax.vision.detector.detector_file import load_detector
+from rpojax.vision.imaging.sky_maps import random_sky
+from rpojax.vision.radiance_field.field_file import load_field
 
 PACKAGED = "packaged"
 """Value of a key of `imaging` that selects the packaged file."""
@@ -34,8 +36,6 @@ def file_path(tables: Mapping[str, Any], key: str) -> Path:
     Raises:
         ScenarioError: there is no such file.
     """
-    from rpojax.vision import weight_files
-
     name = tables["imaging"][key]
     path = weight_files.packaged_file(PACKAGED_FILES[key]) if name == PACKAGED else Path(name)
     if not is_regular(path):
@@ -57,20 +57,15 @@ def file_digest(path: Path) -> str:
     return hashlib.sha256(read_bytes(path, FileKind.WEIGHTS)).hexdigest()
 
 
-def networks_for_model(tables: Mapping[str, Any]) -> "Networks | None":
+def networks_for_model(tables: Mapping[str, Any]) -> Networks | None:
     """Radiance field, detector and sky of a rendered camera, None for other camera models."""
     if tables["camera"]["model"] != "rendered":
         return None
     return load_networks(tables)
 
 
-def load_networks(tables: Mapping[str, Any]) -> "Networks":
+def load_networks(tables: Mapping[str, Any]) -> Networks:
     """Radiance field, detector and sky, for any camera model."""
-    from rpojax.sensors.rendered_camera import Networks
-    from rpojax.vision.detector.detector_file import load_detector
-    from rpojax.vision.imaging.sky_maps import random_sky
-    from rpojax.vision.radiance_field.field_file import load_field
-
     return Networks(
         field=load_field(file_path(tables, "field"))[0],
         detector=load_detector(file_path(tables, "detector"))[0],

@@ -9,7 +9,7 @@ from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
 from rpojax.scenario.warnings.phase_warnings import phase_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
 from rpojax.scenario.warnings.target_size import other_target_warnings, packaged_picture_warnings, small_box_warnings
-from rpojax.scenario.warnings.unknown_leap_seconds import leap_second_warnings
+from rpojax.time_scales import instant, leap_seconds_are_known
 
 
 def mission_warnings(file: ScenarioFile) -> list[str]:
@@ -30,3 +30,15 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
     ]
     # With phases the station of `formation` is not used.
     return [each for each in found if not (file.phases and "formation.desired_position_m" in each)]
+
+
+def leap_second_warnings(file: ScenarioFile) -> list[str]:
+    """One line where UTC at the start assumes that no leap second comes after those known."""
+    year = int(instant(file.epoch_utc).utc()[:4])
+    if leap_seconds_are_known(year):
+        return []
+    last = next(each for each in range(year, 0, -1) if leap_seconds_are_known(each))
+    return [
+        f"epoch_utc: found {year}, expected a year to {last}, since leap seconds after it are not known and none is "
+        "assumed; each turns the Sun by 2e-7 rad"
+    ]

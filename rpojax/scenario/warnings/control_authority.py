@@ -1,19 +1,26 @@
 """Whether the thruster can give what transfer and station-keeping need."""
 
-import numpy as np
+import functools
 
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from rpojax.core import quaternion
+from rpojax.core.constants import STANDARD_GRAVITY
+from rpojax.flight.guidance.burn_planning import longest_on_time
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.guidance.slew_profile import slew_duration
+from rpojax.scenario.params import section_record
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
 
-_SETTLE_TICKS, _SCHEDULE_TICKS, _TARGET_MOTION_TIME_S = 3.0, 2.0, 1.0
-"""As in `flight.guidance.burn_planning`, whose import takes JAX."""
 _USABLE_SHARE = 2.0 / 3.0
 """Share of the thruster's velocity change that the best burns may take; those of the control law are not the best.
 
 `inspection` with a servicer of 100 kg takes 0.55 and all of 64 runs are completed, with 150 kg 0.83 and 4 fail.
 """
-_GRAVITY_M_S2 = 9.80665
 _MOST_BURNS = 100
 _ITERATIONS = 40
 _LEAST_WEIGHT = 1e-6
@@ -45,19 +52,32 @@ def largest_delta_v_m_s(file: ScenarioFile, reach: DispersedReach, sight: np.nda
 
     The look-away limit leaves this on-time between two turns: from the camera's look at the target, and back.
     """
-    pointing, thruster = file.pointing, file.thruster
-    w, x, y, z = np.array(file.camera.mounting) / np.linalg.norm(file.camera.mounting)
-    boresight = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z])
+    pointing = _pointing_tuning(tuple(file.pointing.model_dump().items()))
+    thruster, boresight = file.thruster, np.asarray(_boresight(np.array(file.camera.mounting)))
     # The roll about the line of sight is not known; off the boresight the thruster may have to turn by both angles.
     angle = np.minimum(_angle(sight, push) + _angle(boresight, np.array(thruster.direction)), np.pi)
-    turn = np.sqrt(2.0 * np.pi * angle / (1e-3 * pointing.slew_acceleration_mrad_s2))
-    turn = np.maximum(turn, pointing.slew_minimum_time_s)
-    tick = 1.0 / file.rates.camera_hz
-    unused = max(pointing.settle_time_s, _SETTLE_TICKS * tick) + _SCHEDULE_TICKS * tick + _TARGET_MOTION_TIME_S
-    on_time = pointing.look_away_limit_s - 2.0 * turn - unused
-    on_time = np.where(on_time >= thruster.minimum_on_time_s, np.maximum(on_time, 0.0), 0.0)
+    on_time = np.asarray(_longest_on_times(pointing, angle.ravel(), 1.0 / file.rates.camera_hz)).reshape(angle.shape)
+    on_time = np.where(on_time >= thruster.minimum_on_time_s, on_time, 0.0)
     acceleration = reach.low("thruster.force_n") * reach.low("thruster.force_scale") / reach.high("servicer.mass_kg")
     return np.asarray(acceleration * on_time)
+
+
+@jax.jit
+def _boresight(mounting: Float[Array, "4"]) -> Float[Array, "3"]:
+    """Boresight of the camera in B, from its mounting `q_KB`."""
+    return quaternion.to_matrix(quaternion.normalize(mounting))[2]
+
+
+@functools.lru_cache(maxsize=8)
+def _pointing_tuning(section: tuple[tuple[str, float], ...]) -> PointingTuning:
+    """Record of the section `pointing`, from its entries."""
+    return section_record(PointingTuning, dict(section))
+
+
+@functools.partial(jax.jit, static_argnames="dt")
+def _longest_on_times(pointing: PointingTuning, angles: Float[Array, " n"], dt: float) -> Float[Array, " n"]:
+    """Longest burns [s] between two turns by angles [rad] within the look-away limit."""
+    return jax.vmap(lambda angle: longest_on_time(pointing, slew_duration(pointing, angle), dt))(angles)
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -76,8 +96,8 @@ def _transfer(file: ScenarioFile, reach: DispersedReach) -> tuple[tuple[float, f
     ignitions = np.arange(lead, arrival, period)
     if len(ignitions) == 0:
         return (0.0, 0.0), 0.0
-    motion = transition_matrices(n, arrival - ignitions)[:, :, 3:]
-    drift = transition_matrices(n, np.array([arrival]))[0]
+    drift, *after_burns = transition_matrices(n, arrival - np.append(0.0, ignitions))
+    motion = np.array(after_burns)[:, :, 3:]
     station = reach.middle("formation.desired_position_m")
     worst, total = (0.0, 0.0), 0.0
     for start in reach.axis_extremes("initial.relative_position_m", "initial.relative_velocity_m_s"):
@@ -143,7 +163,7 @@ def _residue_warning(file: ScenarioFile, reach: DispersedReach) -> list[str]:
 
 
 def _propellant_warning(reach: DispersedReach, total_m_s: float) -> list[str]:
-    needed = reach.high("servicer.mass_kg") * total_m_s / (_GRAVITY_M_S2 * reach.low("thruster.specific_impulse_s"))
+    needed = reach.high("servicer.mass_kg") * total_m_s / (STANDARD_GRAVITY * reach.low("thruster.specific_impulse_s"))
     carried = reach.low("limits.propellant_kg")
     if needed <= carried:
         return []

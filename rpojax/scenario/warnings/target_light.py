@@ -1,16 +1,21 @@
 """Whether there is light to see the target by: at the start, and over an orbit at the station."""
 
-import numpy as np
+import math
 
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.frames import hill_frame
+from rpojax.core.orbits import camera_visibility, sun_moon_ephemeris
+from rpojax.core.orbits.keplerian_elements import KeplerianElements, state_from_elements
+from rpojax.core.pytree import replace
+from rpojax.core.vectors import apply_transposed
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
-from rpojax.scenario.warnings.orbit_geometry import (
-    RADIUS_EARTH,
-    hill_frames,
-    radius,
-    sun_direction,
-    true_anomalies,
-)
+from rpojax.scenario.warnings.orbit_geometry import latitudes_after, mean_motion
+from rpojax.value_types import epoch_seconds
 
 _LEAST_OF_ORBIT = 0.25
 """Share of an orbit in which the target is to be seen from the station."""
@@ -23,7 +28,9 @@ def light_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Too small a share of the orbit with a view of the target from the station, too many starts without one."""
     found = []
     nodes = dict.fromkeys(float(each) for each in (*reach.ends("orbit.raan_deg"), reach.middle("orbit.raan_deg")))
-    around = true_anomalies(file.orbit.eccentricity, _POINTS)
+    perigee = math.radians(file.orbit.argument_of_perigee_deg)
+    times = 2.0 * math.pi / mean_motion(file) * np.arange(_POINTS) / _POINTS
+    around = latitudes_after(file, perigee, times) - perigee
     low, high = reach.ends("orbit.true_anomaly_deg")
     starts = np.radians(np.linspace(low, high, _POINTS if high > low else 1))
     for key, anomalies, what, most in (
@@ -46,11 +53,36 @@ def _blocked(
     file: ScenarioFile, reach: DispersedReach, place_H: np.ndarray, raan_deg: float, anomalies: np.ndarray
 ) -> np.ndarray:
     """(3, n) where the target is in the Earth's shadow, its phase angle too large, or the Sun too near to it."""
-    frames, sun = hill_frames(file, reach, raan_deg, anomalies), sun_direction(file.epoch_utc)
-    sunward = frames[:, 0] @ sun
-    height = radius(file, anomalies)
-    dark = (sunward < 0.0) & (height * np.sqrt(1.0 - sunward**2) < RADIUS_EARTH)
-    cosine = np.einsum("nij,i->nj", frames, place_H / max(float(np.linalg.norm(place_H)), 1e-9)) @ sun
-    phase = cosine < np.cos(np.radians(reach.low("camera.phase_limit_deg")))
-    glare = -cosine > np.cos(np.radians(reach.high("camera.sun_exclusion_deg")))
-    return np.stack([dark, phase, glare])
+    degrees = {
+        "inclination": reach.middle("orbit.inclination_deg"),
+        "raan": raan_deg,
+        "argument_of_perigee": reach.middle("orbit.argument_of_perigee_deg"),
+        "true_anomaly": 0.0,
+    }
+    elements = KeplerianElements(
+        semi_major_axis=jnp.float64(file.orbit.semi_major_axis_m),
+        eccentricity=jnp.float64(file.orbit.eccentricity),
+        **{name: jnp.float64(np.radians(angle)) for name, angle in degrees.items()},
+    )
+    limits = np.radians([reach.low("camera.phase_limit_deg"), reach.high("camera.sun_exclusion_deg")])
+    seconds = epoch_seconds(file.epoch_utc)
+    return ~np.asarray(_conditions(elements, anomalies, np.asarray(place_H), seconds, limits))
+
+
+@jax.jit
+def _conditions(
+    elements: KeplerianElements,
+    anomalies: Float[Array, " n"],
+    place_H: Float[Array, "3"],
+    seconds: Float[Array, ""],
+    limits: Float[Array, "2"],
+) -> Bool[Array, "3 n"]:
+    """`viewing_conditions` of the target at true anomalies [rad], with the Sun where it is at a time [s]."""
+    sun_N = sun_moon_ephemeris.sun_position(seconds)
+
+    def conditions(anomaly: Array) -> Array:
+        r_TN_N, v_TN_N = state_from_elements(replace(elements, true_anomaly=anomaly))
+        r_ST_N = apply_transposed(hill_frame(r_TN_N, v_TN_N)[0], place_H)
+        return jnp.stack(camera_visibility.viewing_conditions(r_TN_N, r_ST_N, sun_N, limits[0], limits[1]))
+
+    return jax.vmap(conditions, out_axes=1)(anomalies)

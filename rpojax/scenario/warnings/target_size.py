@@ -11,6 +11,8 @@ from rpojax.scenario.trained.coverage_surface import SURFACES, surface_triangles
 from rpojax.scenario.trained.packaged_hull import is_packaged
 from rpojax.scenario.trained.trained_files import PACKAGED, file_path
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.vision.radiance_field.field_file import load_field
+from rpojax.vision.radiance_field.target_field import bounds
 
 _ATTITUDES = 512
 _MOST_TOO_SMALL = 0.2
@@ -74,9 +76,6 @@ def other_target_warnings(file: ScenarioFile) -> list[str]:
 
 
 def _field_ends(tables: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    from rpojax.vision.radiance_field.field_file import load_field
-    from rpojax.vision.radiance_field.target_field import bounds
-
     low, high = bounds(load_field(file_path(tables, "field"))[0])
     return np.asarray(low), np.asarray(high)
 

@@ -1,22 +1,26 @@
-"""Impulses of transfers before flight, and times between impulses that no free motion or few of them fill.
+"""Impulses of transfers before flight, and times between impulses that no free motion or few of them fill."""
 
-As `core.orbits.two_impulse_transfer` and `flight.guidance.references.transfer`, whose import takes JAX.
-"""
-
-import itertools
+import functools
 import math
 from dataclasses import dataclass
 from typing import Final
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
+from rpojax.core.orbits.two_impulse_transfer import state_on_arc
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, transition_matrix
+from rpojax.flight.guidance.references import transfer as transfers
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.scenario.params import section_record
 from rpojax.scenario.phases.reference_sections import TransferSection
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.warnings.orbit_geometry import latitudes_after, mean_motion, motions_between
+from rpojax.scenario.warnings.orbit_geometry import at_latitudes, latitudes_after, mean_motion, orbit_from
 
 _REGULAR: Final = 0.4
 """Least singular value of a regular time [-]."""
-_LONGEST_SHARE: Final = 0.9
 _POINTS: Final = 361
 """Points of the way of a transfer at which it is looked at [-]."""
 _NEARLY_CIRCULAR: Final = 0.01
@@ -25,6 +29,8 @@ _PLACES: Final = 24
 """Places on an elliptic orbit at which a phase may begin, at equal intervals of time [-]."""
 _DURATION_STEP: Final = 0.005
 """Step of the search for regular durations, in periods [-]."""
+_NO_IMPULSE: Final = 1e-9
+"""Size of an impulse on the way that is rounding alone [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -44,24 +50,20 @@ class TransferImpulses:
 
 def transfer_impulses(file: ScenarioFile, transfer: TransferSection, start: np.ndarray) -> TransferImpulses:
     """Transfer from a `start` [m]; on an elliptic orbit that whose largest impulse is the median over places on it."""
-    flown = [_flown_from(file, transfer, start, place) for place in _places(file)]
+    flown = [_at_place(*each) for each in zip(*_flown_from(file, transfer, start, _places(file)), strict=True)]
     by_size = sorted(flown, key=lambda each: float(np.max(np.linalg.norm(each.impulses, axis=1))))
     return by_size[len(by_size) // 2]
 
 
 def share_of_singular_places(file: ScenarioFile, seconds: float) -> float:
     """Share of the orbit, by time, from which one impulse hardly moves the servicer along some direction in a time."""
-    return float(np.mean([min(_singular_values(file, place, seconds)) < _REGULAR for place in _places(file)]))
+    return float(np.mean(_least_effects(file, seconds)[0] < _REGULAR))
 
 
 def sensitivity(file: ScenarioFile, seconds: float) -> float:
     """Change of two impulses [m/s] for each metre of the position: the median over places on the orbit."""
-    scaled = [
-        math.hypot(1.0, latitudes_after(file, place, np.array([seconds]))[0] - place)
-        / (seconds * max(min(_singular_values(file, place, seconds)), 1e-9))
-        for place in _places(file)
-    ]
-    return float(np.median(scaled))
+    effects, scales = _least_effects(file, seconds)
+    return float(np.median(scales / np.maximum(effects, 1e-9)))
 
 
 def nearest_regular(file: ScenarioFile, seconds: float) -> tuple[float | None, float | None]:
@@ -75,87 +77,81 @@ def nearest_regular(file: ScenarioFile, seconds: float) -> tuple[float | None, f
     return found[0], found[1]
 
 
-def _places(file: ScenarioFile) -> list[float]:
-    """Arguments of latitude [rad] at which a phase may begin, as far as they differ."""
+def _places(file: ScenarioFile) -> np.ndarray:
+    """Arguments of latitude (p,) [rad] at which a phase may begin, as far as they differ."""
     start = math.radians(file.orbit.argument_of_perigee_deg + file.orbit.true_anomaly_deg)
     if file.orbit.eccentricity <= _NEARLY_CIRCULAR:
-        return [start]
-    times = 2.0 * math.pi / mean_motion(file) * np.arange(_PLACES) / _PLACES
-    return [float(each) for each in latitudes_after(file, start, times)]
+        return np.array([start])
+    return latitudes_after(file, start, 2.0 * math.pi / mean_motion(file) * np.arange(_PLACES) / _PLACES)
 
 
-def _singular_values(file: ScenarioFile, place: float, seconds: float) -> tuple[float, float]:
-    """Effect of an impulse on the position after a time, least direction in the plane, and across it [-]."""
-    motion = motions_between(file, place, np.array([seconds]))[0]
-    return _effects(motion, _scale(file, place, seconds))
+def _least_effects(file: ScenarioFile, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Effect (p,) [-] of an impulse on the position after a time in the least direction, by place, and its scale [1/s].
+
+    The scale is the inverse of the time or, after more than a radian, of the time per radian.
+    """
+    found, angles = _motions_after(orbit_from(file, 0.0), _places(file), seconds)
+    motions, scales = np.asarray(found), np.hypot(1.0, np.asarray(angles)) / seconds
+    in_plane = motions[:, :2, 3:5] * scales[:, None, None]
+    # The determinant is the product of the singular values: over the norm, the smaller one where the other is large.
+    least = np.abs(np.linalg.det(in_plane)) / np.linalg.norm(in_plane, axis=(1, 2))
+    return np.minimum(least, np.abs(motions[:, 2, 5]) * scales), scales
 
 
-def _scale(file: ScenarioFile, place: float, seconds: float) -> float:
-    angle = float(latitudes_after(file, place, np.array([seconds]))[0]) - place
-    return math.hypot(1.0, angle) / seconds
+@jax.jit
+def _motions_after(
+    orbit: TargetOrbit, latitudes: Float[Array, " p"], seconds: Float[Array, ""]
+) -> tuple[Float[Array, "p 6 6"], Float[Array, " p"]]:
+    """Transition matrices over a time [s] from places on an orbit, and the angles [rad] by which the target moves."""
+
+    def motion(place: TargetOrbit) -> tuple[Array, Array]:
+        moved = advanced(place, seconds).argument_of_latitude - place.argument_of_latitude
+        return transition_matrix(place, seconds), moved
+
+    return jax.vmap(motion)(at_latitudes(orbit, latitudes))
 
 
-def _effects(motion: np.ndarray, scale: float) -> tuple[float, float]:
-    in_plane = motion[:2, 3:5] * scale
-    return abs(float(np.linalg.det(in_plane))) / float(np.linalg.norm(in_plane)), abs(float(motion[2, 5])) * scale
+def _flown_from(
+    file: ScenarioFile, transfer: TransferSection, start: np.ndarray, latitudes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Transfers from rest at places (p,) on the orbit: states, place and size of the impulse on the way, by arc."""
+    reference = section_record(transfers.Transfer, transfer.model_dump())
+    at_rest = jnp.concatenate([jnp.asarray(start, dtype=jnp.float64), jnp.zeros(3)])
+    states, points, impulses = _arcs(reference, at_rest, orbit_from(file, 0.0), latitudes, transfer.pulses - 1)
+    return np.asarray(states), np.asarray(points), np.asarray(impulses)
 
 
-def _damping(value: float) -> float:
-    share = min((value / _REGULAR) ** 2, 1.0)
-    return _REGULAR**2 * (1.0 - share * share * (3.0 - 2.0 * share))
+@functools.partial(jax.jit, static_argnames="count")
+def _arcs(
+    reference: transfers.Transfer,
+    at_rest: Float[Array, "6"],
+    orbit: TargetOrbit,
+    latitudes: Float[Array, " p"],
+    count: int,
+) -> tuple[Float[Array, "p arcs n 6"], Float[Array, "p arcs 3"], Float[Array, "p arcs 3"]]:
+    """States [m, m/s] at equal times on each arc, and the place [m] and size [m/s] of the impulse on the way."""
+    shares = jnp.linspace(0.0, 1.0, max(2, _POINTS // count))
+
+    def arc(place: TargetOrbit, number: Array) -> tuple[Array, Array, Array]:
+        way, departure, _ = transfers.arc_between_impulses(
+            reference, PhaseEntry(relative_state=at_rest, orbit=place), number
+        )
+        times = jnp.append(shares * reference.duration / count, way.impulse_after)
+        states = jax.vmap(lambda since: state_on_arc(way, departure, since))(times)
+        return states[:-1], states[-1, :3], way.delta_v
+
+    of_place = jax.vmap(arc, in_axes=(None, 0))
+    numbers = jnp.arange(count, dtype=jnp.float64)
+    return jax.vmap(lambda place: of_place(place, numbers))(at_latitudes(orbit, latitudes))
 
 
-def _flown_from(file: ScenarioFile, transfer: TransferSection, start: np.ndarray, place: float) -> TransferImpulses:
-    """Transfer that begins at rest at an argument of latitude [rad]."""
-    arcs = transfer.pulses - 1
-    shares = np.arange(transfer.pulses) / arcs
-    rate = math.log(transfer.speed_ratio)
-    covered = np.expm1(rate * shares) / math.expm1(rate) if abs(rate) > 1e-6 else shares
-    points = start + covered[:, None] * (np.array(transfer.position_m) - start)
-    interval = transfer.duration_s / arcs
-    places = latitudes_after(file, place, interval * np.arange(arcs))
-    ways, at, impulses = [], [], []
-    arrival = np.zeros(3)
-    for number, (begin, end) in enumerate(itertools.pairwise(points)):
-        before = np.zeros(3) if number == 0 else (end - begin) / interval
-        departure, middle, delta_v, states = _arc(file, float(places[number]), begin, before, end, interval, arcs)
-        ways.append(states[:, :3])
-        at += [begin, middle] if np.any(delta_v) else [begin]
-        impulses += [departure - arrival, delta_v] if np.any(delta_v) else [departure - arrival]
-        arrival = states[-1, 3:]
-    return TransferImpulses(np.concatenate(ways), np.array([*at, points[-1]]), np.array([*impulses, -arrival]))
-
-
-def _arc(
-    file: ScenarioFile, place: float, begin: np.ndarray, before: np.ndarray, end: np.ndarray, seconds: float, arcs: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Velocity at departure, position and size of the impulse on the way, zero at regular times, and states."""
-    times = seconds * np.linspace(0.0, 1.0, max(2, _POINTS // arcs))
-    motion = motions_between(file, place, times)
-    scale = _scale(file, place, seconds)
-    missing = end - motion[-1, :3] @ np.concatenate([begin, before])
-    matrix = motion[-1, :3, 3:] * scale
-    least, across = _effects(motion[-1], scale)
-    damping = np.diag([_damping(least)] * 2 + [_damping(across)])
-    departure = before + matrix.T @ np.linalg.solve(matrix @ matrix.T + damping, missing) * scale
-    states = motion @ np.concatenate([begin, departure])
-    if not damping.any():
-        return departure, begin, np.zeros(3), states
-    last = min(_time_of_last_quarter(file, place, seconds), _LONGEST_SHARE * seconds)
-    middle = float(latitudes_after(file, place, np.array([seconds - last]))[0])
-    delta_v = np.linalg.solve(motions_between(file, middle, np.array([last]))[0, :3, 3:], end - states[-1, :3])
-    after = times - (seconds - last)
-    added = motions_between(file, middle, np.maximum(after, 0.0))[:, :, 3:] @ delta_v
-    there = motions_between(file, place, np.array([seconds - last]))[0, :3] @ np.concatenate([begin, departure])
-    return departure, there, delta_v, states + np.where(after[:, None] >= 0.0, added, 0.0)
-
-
-def _time_of_last_quarter(file: ScenarioFile, place: float, seconds: float) -> float:
-    """Time [s] of the last quarter turn before the end of a time, by bisection."""
-    wanted = float(latitudes_after(file, place, np.array([seconds]))[0]) - 0.5 * math.pi
-    low, high = 0.0, seconds
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        early = float(latitudes_after(file, place, np.array([middle]))[0]) < wanted
-        low, high = (middle, high) if early else (low, middle)
-    return seconds - low
+def _at_place(states: np.ndarray, middles: np.ndarray, on_the_way: np.ndarray) -> TransferImpulses:
+    """Transfer from one place, from its states (arcs, n, 6) and the impulses (arcs, 3) on the way at points."""
+    rest = np.zeros((1, 3))
+    of_ends = np.concatenate([states[:, 0, 3:], rest]) - np.concatenate([rest, states[:, -1, 3:]])
+    ends = np.concatenate([states[:, 0, :3], states[-1:, -1, :3]])
+    order = np.argsort(np.r_[np.arange(len(ends)), np.arange(len(middles)) + 0.5])
+    points, impulses = np.concatenate([ends, middles])[order], np.concatenate([of_ends, on_the_way])[order]
+    made = np.ones(len(order), dtype=bool)
+    made[1::2] = np.linalg.norm(on_the_way, axis=1) > _NO_IMPULSE
+    return TransferImpulses(states[..., :3].reshape(-1, 3), points[made], impulses[made])

@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any
 
+import cv2
 import numpy as np
 
 from rpojax.core.pytree import pytree
@@ -89,8 +90,6 @@ def _random_flip(rng: Rng, view: LabelledImage) -> LabelledImage:
 
 def _random_zoom(rng: Rng, view: LabelledImage) -> LabelledImage:
     """A smaller window, enlarged to the size of the image."""
-    import cv2
-
     size = view.pixels.shape[0]
     zoom = float(np.exp(rng.uniform(0.0, np.log(1.9))))
     corner = rng.uniform(0.0, size - size / zoom, 2)
@@ -125,8 +124,6 @@ def _mosaic(parts: list[LabelledImage]) -> LabelledImage:
 
 
 def _half_size(view: LabelledImage) -> LabelledImage:
-    import cv2
-
     half = view.pixels.shape[0] // 2
     small = np.asarray(cv2.resize(view.pixels, (half, half), interpolation=cv2.INTER_AREA))
     return dataclasses.replace(view, pixels=small, boxes=0.5 * view.boxes)
@@ -146,8 +143,6 @@ def two_crops(rng: Rng, view: LabelledImage) -> list[LabelledImage]:
 
 def augment_appearance(rng: Rng, image: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Codes (p, p, 3) in 0..1 float32 after random changes of tone, glare, blur, noise, colour and compression."""
-    import cv2
-
     values = np.ascontiguousarray(image).astype(np.float32) / np.float32(255.0)
     if rng.random() < 0.5:
         values = _random_tone(rng, values)

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from rpojax.training.labelled_pictures.dataset_faults import DatasetError, repeated
@@ -72,8 +73,6 @@ def read_square_picture(path: Path, size_px: int, declared: tuple[int, int] | No
     Raises:
         DatasetError: it is no such picture.
     """
-    import cv2
-
     try:
         image = decode_image(path)
     except ImageFileError as error:

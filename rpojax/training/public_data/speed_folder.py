@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -166,8 +167,6 @@ def projected_box(matrix: np.ndarray, distortion: np.ndarray, q: np.ndarray, r: 
 
     `q` (4,), scalar first, is the rotation from the camera's to the spacecraft's axes as the data sets have it.
     """
-    import cv2
-
     turn = Rotation.from_quat(q[[1, 2, 3, 0]]).as_rotvec()
     points, _ = cv2.projectPoints(TANGO_POINTS, turn, r, matrix, distortion)
     points = points.reshape(-1, 2)

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -54,8 +55,6 @@ class TrainingRays(NamedTuple):
 
 def training_rays(views: Views, first: int, last: int) -> TrainingRays:
     """Rays of the views from `first` up to `last`."""
-    import cv2
-
     size = views.alpha.shape[1]
     disc = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
     direction_K = pixel_directions(size, views.field_of_view_deg)

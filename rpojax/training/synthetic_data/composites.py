@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
 
 from rpojax.training.synthetic_data.image_sensor import ImageSensor, add_artefacts, expose_image
@@ -106,8 +107,6 @@ def _random_light(rng: Rng, kind: str, is_target: bool) -> tuple[float, float]:
 
 def _resample(pixels: np.ndarray, scale: float, corner: list[float], size_px: int) -> np.ndarray:
     """Premultiplied pixels (h, w, c) resampled by a scale, with their upper left corner [px] in a canvas."""
-    import cv2
-
     fine = 2
     # Area averaging to nearly the final size first, against aliasing in the exact resampling that follows.
     rough = [max(1, int(np.ceil(n * min(1.0, scale * fine)))) for n in pixels.shape[:2]]

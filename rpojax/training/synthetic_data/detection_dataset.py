@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from rpojax.errors import OutputError, RpojaxError
@@ -135,8 +136,6 @@ def write_dataset(
 
 def _write_composite(folder: Path, index: int, composite: Composite) -> dict[str, Any]:
     """Writes the image and the mask of a composite; returns its entry in the annotations."""
-    import cv2
-
     names = {part: f"{part}/{index:06d}.png" for part in ("images", "masks")}
     for name, pixels in ((names["images"], composite.image[..., ::-1]), (names["masks"], composite.mask)):
         if not cv2.imwrite(str(folder / name), pixels):
@@ -243,10 +242,8 @@ def _inside(folder: Path, name: str) -> Path:
     return folder / name
 
 
-def draw_boxes(images: np.ndarray, boxes: "tuple[np.ndarray, ...] | list[np.ndarray]", columns: int = 12) -> np.ndarray:
+def draw_boxes(images: np.ndarray, boxes: tuple[np.ndarray, ...] | list[np.ndarray], columns: int = 12) -> np.ndarray:
     """Images (n, p, p, 3) of 8 bit codes side by side with their boxes, three times enlarged (BGR)."""
-    import cv2
-
     factor, size = 3, images.shape[1]
     rows = -(-len(images) // columns)
     sheet = np.zeros((rows * size * factor, min(columns, len(images)) * size * factor, 3), np.uint8)

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import cv2
 import numpy as np
 
 from rpojax.vision.imaging.srgb import linear_to_srgb_numpy
@@ -24,8 +25,6 @@ class ImageSensor:
 
 def expose_image(rng: np.random.Generator, image: np.ndarray, sensor: ImageSensor) -> np.ndarray:
     """8 bit sRGB codes (p, p, 3) of a linear image after blur, shot and read noise."""
-    import cv2
-
     blurred = np.maximum(cv2.GaussianBlur(image, (0, 0), float(rng.uniform(0.2, 0.9))), 0.0)
     noisy = blurred + sensor.noise_sigma(blurred) * rng.normal(size=image.shape)
     return np.round(255.0 * linear_to_srgb_numpy(noisy)).astype(np.uint8)
@@ -33,8 +32,6 @@ def expose_image(rng: np.random.Generator, image: np.ndarray, sensor: ImageSenso
 
 def add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:
     """The image with random camera artefacts: hot pixels, particle tracks, ghosts of the Sun."""
-    import cv2
-
     size = image.shape[0]
     image = np.ascontiguousarray(image, np.float32)
     if rng.random() < 0.12:

@@ -9,6 +9,7 @@ An edge is known if the image shows it: after blur, it must differ there from wh
 the clutter around. The others are in the label, but left out of the loss of a training.
 """
 
+import cv2
 import numpy as np
 
 from rpojax.training.synthetic_data.image_sensor import ImageSensor
@@ -61,8 +62,6 @@ def known_edges(
     image: np.ndarray, hidden: np.ndarray, alpha: np.ndarray, box: np.ndarray, sensor: ImageSensor
 ) -> np.ndarray:
     """Whether the image shows each edge (4,) of a box; `hidden` (p, p, 3) is the image without the spacecraft."""
-    import cv2
-
     shown, behind = (cv2.GaussianBlur(linear_to_srgb_numpy(v), (0, 0), _BLUR_PX) for v in (image, hidden))
     mean, mean_square = (cv2.blur(v, (_CLUTTER_WINDOW_PX,) * 2) for v in (behind, behind**2))
     clutter = np.sqrt(np.maximum(mean_square - mean**2, 0.0))

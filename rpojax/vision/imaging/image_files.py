@@ -6,15 +6,12 @@ import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image, ImageOps, UnidentifiedImageError
 
 from rpojax.errors import Notice, RpojaxError
 from rpojax.untrusted.file_reading import FileError, FileKind, read_bytes
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 PIXEL_LIMIT = 50_000_000
 """Most pixels of an image, checked before it is decoded."""
@@ -82,8 +79,6 @@ def decode_image(path: Path, formats: Collection[str] = FORMATS) -> ImageFile:
     Raises:
         ImageFileError: it is no single image of a format with at most `PIXEL_LIMIT` pixels.
     """
-    from PIL import Image, UnidentifiedImageError
-
     expected = "a JPEG or PNG image" if formats == PHOTOGRAPHS else f"an image ({', '.join(formats)})"
     try:
         with warnings.catch_warnings():
@@ -112,8 +107,6 @@ def _other(path: Path) -> str:
 
 def check_size(path: Path, content: bytes) -> None:
     """Raises `ImageFileError` if an image of any format has more than `PIXEL_LIMIT` pixels; decodes nothing."""
-    from PIL import Image
-
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -125,13 +118,13 @@ def check_size(path: Path, content: bytes) -> None:
         raise ImageFileError(f"{path}: found no image, expected one of at most {PIXEL_LIMIT} pixels") from None
 
 
-def _check_pixels(path: Path, image: "Image") -> None:
+def _check_pixels(path: Path, image: Image.Image) -> None:
     if image.width * image.height > PIXEL_LIMIT:
         found = f"{image.width} x {image.height} px"
         raise ImageFileError(f"{path}: found {found}, expected at most {PIXEL_LIMIT} pixels")
 
 
-def _check(path: Path, image: "Image", formats: Collection[str], expected: str) -> None:
+def _check(path: Path, image: Image.Image, formats: Collection[str], expected: str) -> None:
     if image.format not in formats:
         raise ImageFileError(f"{path}: found {image.format}, expected {expected}")
     _check_pixels(path, image)
@@ -142,9 +135,7 @@ def _check(path: Path, image: "Image", formats: Collection[str], expected: str) 
         raise ImageFileError(f"{path}: found floating-point numbers, expected codes of 8 or 16 bit")
 
 
-def _decoded(path: Path, image: "Image") -> ImageFile:
-    from PIL import ImageOps
-
+def _decoded(path: Path, image: Image.Image) -> ImageFile:
     # What is to be decoded is known until it is, which reading of EXIF may do.
     is_deep = image.mode.startswith("I") or _DEEP.search(str(getattr(image, "tile", ""))) is not None
     turn = image.getexif().get(_EXIF_ORIENTATION, UPRIGHT)
@@ -158,7 +149,7 @@ def _fractions(codes: np.ndarray) -> np.ndarray:
     return codes if codes.dtype == np.float32 else codes.astype(np.float32) / np.float32(255.0)
 
 
-def _codes(path: Path, image: "Image") -> np.ndarray:
+def _codes(path: Path, image: Image.Image) -> np.ndarray:
     if image.mode.startswith("I"):
         grey = np.asarray(image)
         if not 0 <= int(grey.min()) <= int(grey.max()) < 2**_MOST_BITS:

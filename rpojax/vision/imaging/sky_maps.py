@@ -5,6 +5,7 @@ from importlib import resources
 import jax
 import numpy as np
 from jaxtyping import Array
+from scipy.ndimage import zoom
 
 from rpojax.core.pytree import pytree
 
@@ -37,7 +38,7 @@ def random_sky(seed: int = 0, cloud_fraction: float = 0.45) -> Sky:
     The ground is NASA's Blue Marble (public domain), at 512 x 256 pixels. There are 1.5 10^(m/2) stars below
     magnitude m.
     """
-    import cv2
+    import cv2  # which changes LD_LIBRARY_PATH: not before a picture is made
 
     packed = np.frombuffer((resources.files("rpojax.vision") / "assets" / "earth.jpg").read_bytes(), np.uint8)
     ground = (np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1] / 255.0) ** 2.2
@@ -59,8 +60,6 @@ def _single(values: np.ndarray) -> Array:
 
 def _clouds(rng: np.random.Generator, shape: tuple[int, ...], fraction: float) -> np.ndarray:
     """Thickness (y, x) of clouds, above 0 over a fraction of the map: octaves of noise, periodic in longitude."""
-    from scipy.ndimage import zoom  # loads in a third of a second
-
     total = np.zeros(shape)
     for octave in range(2, 7):
         cells = 2**octave

@@ -4,7 +4,7 @@ import inspect
 import re
 from pathlib import Path
 
-from rpojax.cli.commands.output import export_bag
+from rpojax.cli.options.output import ExportBagCommand
 from rpojax.interop.ros2 import mcap_or_sqlite3_writer
 from rpojax.interop.ros2.run_bag import ImageStorage
 from rpojax.interop.ros2.topics import ALL_TOPICS, CAMERA, ECI, HILL, LATCHED_QOS, SERVICER, STREAM_QOS, TARGET
@@ -56,7 +56,7 @@ def test_the_page_states_the_quality_of_service() -> None:
 def test_the_options_on_the_page_are_those_of_the_command() -> None:
     commands = [line for line in PAGE.splitlines() if line.startswith("rpojax export-bag")]
     used = set(re.findall(r"--([a-z][a-z-]*)", "\n".join(commands)))
-    known = {name.replace("_", "-") for name in inspect.signature(export_bag.export_bag).parameters}
+    known = {name.replace("_", "-") for name in inspect.signature(ExportBagCommand).parameters}
     assert used <= known | {"format"}
     for kind in ImageStorage:
         assert f"`--images {kind.value}`" in PAGE

@@ -1,7 +1,5 @@
 """Keys that were given and have no effect: one line each, none about what a packaged scenario or a copy of it has."""
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -212,13 +210,3 @@ def test_every_key_of_the_table_exists() -> None:
     of_phases = {name for use in PHASE_USES for name in use.keys}
     references = {f"reference.{name}" for each in (RelativeOrbitSection, TransferSection) for name in each.model_fields}
     assert of_phases <= {*PhaseSection.model_fields, *references}
-
-
-def test_warnings_take_no_jax() -> None:
-    code = (
-        "import sys; from rpojax.scenario.loading import scenario_loader; "
-        "from rpojax.scenario.loading.scenario_warnings import scenario_warnings; "
-        "assert scenario_warnings(scenario_loader.load('inspection', ['fault.start_s=9'])); "
-        "sys.exit('jax' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,8 +1,5 @@
 """Warnings before the runs: none about packaged missions, one line with both numbers about those that cannot work."""
 
-import subprocess
-import sys
-
 import pytest
 
 from rpojax.scenario.loading import scenario_loader
@@ -154,12 +151,3 @@ def test_a_grid_is_judged_by_its_worst_value() -> None:
 def test_extreme_numbers_give_finite_ones(override: str) -> None:
     for warning in mission_warnings(scenario_loader.load("inspection", [override])):
         assert not {"nan", "inf"} & set(warning.replace(",", " ").split())
-
-
-def test_warnings_take_no_jax() -> None:
-    code = (
-        "import sys; from rpojax.scenario.loading import scenario_loader; "
-        "from rpojax.scenario.warnings.all_warnings import mission_warnings; "
-        "mission_warnings(scenario_loader.load('inspection_faults')); sys.exit('jax' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,12 +1,10 @@
-"""Orbit, Sun and relative motion of the warnings agree with those of the simulation."""
+"""Orbit and light of the warnings are those of the simulation."""
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
-from rpojax.core import constants
 from rpojax.core.frames import hill_frame
-from rpojax.core.orbits import camera_visibility, clohessy_wiltshire, keplerian_elements, sun_moon_ephemeris
+from rpojax.core.orbits import camera_visibility, keplerian_elements, sun_moon_ephemeris
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
@@ -32,37 +30,11 @@ def elements(file: ScenarioFile, true_anomaly: float) -> KeplerianElements:
     )
 
 
-def test_constants_are_those_of_the_simulation() -> None:
-    assert (orbit_geometry.MU_EARTH, orbit_geometry.RADIUS_EARTH) == (constants.MU_EARTH, constants.RADIUS_EARTH)
-
-
-def test_relative_motion_is_that_of_the_simulation() -> None:
-    n, times = 1.1e-3, np.array([0.0, 200.0, 3000.0])
-    for time, found in zip(times, orbit_geometry.transition_matrices(n, times), strict=True):
-        expected = clohessy_wiltshire.transition_matrix(jnp.asarray(n), jnp.asarray(time))
-        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("epoch", ["2026-03-20T14:46:00", "2031-10-05T03:00:00"])
-def test_the_sun_is_where_the_simulation_has_it(epoch: str) -> None:
-    begin = sun_moon_ephemeris.epoch_at(epoch_seconds(epoch))
-    expected = np.asarray(sun_moon_ephemeris.sun_position(jnp.zeros(()), begin))
-    found = orbit_geometry.sun_direction(epoch)
-    assert np.degrees(np.arccos(found @ expected / np.linalg.norm(expected))) < 0.2
-
-
-def test_frames_and_radii_are_those_of_the_orbit() -> None:
+def test_places_at_equal_times_sweep_equal_areas() -> None:
     file = scenario_loader.load("inspection", ECCENTRIC)
-    anomalies = np.array([0.3, 2.0, 5.0])
-    frames = orbit_geometry.hill_frames(file, DispersedReach(file), file.orbit.raan_deg, anomalies)
-    for anomaly, frame, radius in zip(anomalies, frames, orbit_geometry.radius(file, anomalies), strict=True):
-        r_N, v_N = keplerian_elements.state_from_elements(elements(file, anomaly))
-        np.testing.assert_allclose(frame, hill_frame(r_N, v_N)[0], atol=1e-12)
-        assert radius == pytest.approx(float(jnp.linalg.norm(r_N)), rel=1e-12)
-
-
-def test_equal_times_sweep_equal_areas() -> None:
-    anomalies = np.unwrap(orbit_geometry.true_anomalies(0.1, 400))
+    perigee = np.radians(file.orbit.argument_of_perigee_deg)
+    times = 2.0 * np.pi / orbit_geometry.mean_motion(file) * np.arange(400) / 400
+    anomalies = orbit_geometry.latitudes_after(file, perigee, times) - perigee
     middle = 0.5 * (anomalies[1:] + anomalies[:-1])
     areas = np.diff(anomalies) / (1.0 + 0.1 * np.cos(middle)) ** 2
     np.testing.assert_allclose(areas, areas.mean(), rtol=1e-4)
@@ -81,7 +53,5 @@ def test_light_is_judged_as_in_the_simulation() -> None:
         r_N, v_N = keplerian_elements.state_from_elements(elements(file, anomaly))
         r_ST_N = hill_frame(r_N, v_N)[0].T @ place
         expected.append(bool(camera_visibility.is_observable(r_N, r_ST_N, sun, phase_limit, exclusion)))
-    differing = np.sum(~np.any(blocked, axis=0) != np.array(expected))
     assert 10 < np.sum(expected) < 80
-    # The penumbra, and a degree of the Sun's motion.
-    assert differing <= 3
+    np.testing.assert_array_equal(~np.any(blocked, axis=0), expected)

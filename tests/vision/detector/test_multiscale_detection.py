@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Array
 from synthetic_rectangles import bright_boxes, image_with_rectangles
 
-from rpojax.cli.commands.vision.detect import detect
+from rpojax.cli.options.vision import DetectCommand
 from rpojax.vision.detector import multiscale_detection, sliding_windows
 from rpojax.vision.detector.box_decoding import Detections
 from rpojax.vision.detector.scored_box import ScoredBox, box_edges
@@ -96,7 +96,7 @@ def test_detection_in_one_view_only_is_rejected(by_brightness: None, monkeypatch
 
 
 def test_command_line_has_same_default_threshold() -> None:
-    assert inspect.signature(detect).parameters["threshold"].default == multiscale_detection.SCORE_THRESHOLD
+    assert inspect.signature(DetectCommand).parameters["threshold"].default == multiscale_detection.SCORE_THRESHOLD
 
 
 @pytest.mark.parametrize("long_side", [1, 100, 128, 200, 300, 1024, 5000, 20_000])

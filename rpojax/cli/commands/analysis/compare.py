@@ -2,60 +2,46 @@
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import Positional, arg
+from rich.console import Console
+from rich.table import Table
 
+from rpojax.analysis.statistics import campaign_comparison
+from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
+from rpojax.analysis.statistics.paired_comparison import PairedComparison
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import output_paths
-from rpojax.cli.arguments import AsJson, Force
+from rpojax.cli.options.analysis import CompareCommand
 from rpojax.cli.standard_streams import print_json
-from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.report.labels import format_number, in_display_order, metric_label, of_all_servicers
+from rpojax.report.page import comparison_page
+from rpojax.report.page.comparison_page import interval_text, signed
 from rpojax.runtime.progress import stage
 
-if TYPE_CHECKING:
-    from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
-    from rpojax.analysis.statistics.paired_comparison import PairedComparison
 
+def compare(asked: CompareCommand) -> int:
+    """Exit status of the command."""
+    if asked.out is not None:
+        output_paths.claim(asked.out, asked.force, (".html",))
 
-def compare(
-    first: Annotated[Positional[Path], arg(metavar="DIR_A", help="Folder of a campaign.")],
-    second: Annotated[Positional[Path], arg(metavar="DIR_B", help="Folder of another one with the same seed.")],
-    more: Annotated[Positional[tuple[Path, ...]], arg(metavar="DIR...", help="Further ones.")] = (),
-    *,
-    out: Annotated[Path | None, arg(metavar="FILE", help="Page to write, such as compare.html.")] = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> int:
-    """What changed from one campaign to others, run by run: run n had the same dispersions in all of them.
-
-    With --json also the metrics of each servicer of a team.
-    """
-    if out is not None:
-        output_paths.claim(out, force, (".html",))
-    prepare_jax(cache=True)
-    from rpojax.analysis.statistics import campaign_comparison
-    from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.page import comparison_page
-
-    comparison_page.check_count(2 + len(more))
-    with stage("comparing runs", quiet=as_json, announce=False):
-        campaigns = [Campaign(folder) for folder in (first, second, *more)]
+    comparison_page.check_count(2 + len(asked.more))
+    with stage("comparing runs", quiet=asked.as_json, announce=False):
+        campaigns = [Campaign(folder) for folder in (asked.first, asked.second, *asked.more)]
         found = [campaign_comparison.compare(campaigns[0], other, progress=False) for other in campaigns[1:]]
-        if out is not None:
-            comparison_page.write_comparison(campaigns, found, out)
-    if as_json:
+        if asked.out is not None:
+            comparison_page.write_comparison(campaigns, found, asked.out)
+    if asked.as_json:
         single = found[0].to_dict()
         print_json(single if len(found) == 1 else {"comparisons": [each.to_dict() for each in found]})
         return 0
     for each in found:
         _show_comparison(each, named=len(found) > 1)
-    if out is not None:
-        print(f"page: {out}")
+    if asked.out is not None:
+        print(f"page: {asked.out}")
     return 0
 
 
-def _show_comparison(found: "CampaignComparison", named: bool) -> None:
+def _show_comparison(found: CampaignComparison, named: bool) -> None:
     if named:
         print(f"{found.first} -> {found.second}")
     for warning in found.warnings:
@@ -63,13 +49,7 @@ def _show_comparison(found: "CampaignComparison", named: bool) -> None:
     _show(found.runs, found.changed, found.independent)
 
 
-def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent: bool) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from rpojax.report.labels import format_number, in_display_order, metric_label, of_all_servicers
-    from rpojax.report.page.comparison_page import interval_text, signed
-
+def _show(found: PairedComparison, changed: Sequence[KeyChange], independent: bool) -> None:
     console = Console(highlight=False)
     for each in changed:
         console.print(f"{each.key}: {each.first!r} -> {each.second!r}", markup=False, soft_wrap=True)

@@ -1,66 +1,47 @@
 """The command `rpojax lincov`: mean and spread of a scenario's runs without sampling them."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from tyro.conf import arg
+import numpy as np
+from rich.console import Console
+from rich.table import Table
 
-from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, load
-from rpojax.cli.console import show_unused_keys
+from rpojax.analysis.linear_covariance import linear_covariance as analysis
+from rpojax.analysis.linear_covariance.linear_covariance import LinearCovarianceAnalysis
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.analysis import LincovCommand
 from rpojax.cli.output_paths import claim
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
-from rpojax.runtime import blas_threads
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.report.figures import linear_covariance_figures as figures
 from rpojax.runtime.progress import stage
-
-if TYPE_CHECKING:
-    from rpojax.analysis.linear_covariance.linear_covariance import LinearCovarianceAnalysis
 
 _RECORD, _ARRAYS = "lincov.json", "lincov.npz"
 _FIGURES = ("formation_error.png", "estimation_error.png", "delta_v.png", "error_budget.png")
 
 
-def lincov(
-    scenario: Source,
-    *,
-    out: Out,
-    overrides: Overrides = (),
-    runs: Annotated[int, arg(metavar="N", help="Runs to simulate for comparison; 0 for none.")] = 0,
-    seed: Seed = 0,
-    members: Annotated[int, arg(metavar="N", help="Tumbling targets in the ensemble of outlines.")] = 256,
-    force: Annotated[bool, arg(help="Replace the files if they are there.")] = False,
-    as_json: AsJson = False,
-    no_cache: NoCache = False,
-) -> int:
-    """Mean, spread and error budget of a scenario's runs by linear covariance, without sampling."""
+def lincov(asked: LincovCommand) -> int:
+    """Exit status of the command."""
     for name in (_RECORD, _ARRAYS, *_FIGURES):
-        claim(out / name, force)
-    # The matrices are small: threads of the linear algebra would only wait for each other.
-    blas_threads.start_with_one_thread()
-    file = load(scenario, overrides)
-    show_unused_keys(file, quiet=as_json)
-    prepare_jax(cache=not no_cache)
-    set_loop_fusion_flag(rendered=False)
-    from rpojax.analysis.linear_covariance import linear_covariance as analysis
-
-    found = analysis.linear_covariance(file, members=members, runs=runs, seed=seed, progress=not as_json)
-    with stage("drawing figures", quiet=as_json, announce=False):
-        _write_figures(found, out)
-    found.write(out, force)
+        claim(asked.out / name, asked.force)
+    file = load(asked.scenario, asked.overrides, rendered=False)
+    show_unused_keys(file, quiet=asked.as_json)
+    found = analysis.linear_covariance(
+        file, members=asked.members, runs=asked.runs, seed=asked.seed, progress=not asked.as_json
+    )
+    with stage("drawing figures", quiet=asked.as_json, announce=False):
+        _write_figures(found, asked.out)
+    found.write(asked.out, asked.force)
     content = found.to_dict()
-    if as_json:
+    if asked.as_json:
         print_json(content)
     else:
-        _show(content, out)
+        _show(content, asked.out)
     return Status.DONE
 
 
-def _write_figures(found: "LinearCovarianceAnalysis", out: Path) -> None:
-    import numpy as np
-
-    from rpojax.report.figures import linear_covariance_figures as figures
-
+def _write_figures(found: LinearCovarianceAnalysis, out: Path) -> None:
     covariance, sample = found.covariance, found.sample
     desired = np.asarray(found.file.formation.desired_position_m)
     decisions = np.arange(len(covariance.burn_probability)) * found.file.rates.formation_period_s
@@ -75,9 +56,6 @@ def _write_figures(found: "LinearCovarianceAnalysis", out: Path) -> None:
 
 
 def _show(content: dict[str, Any], out: Path) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     console = Console(highlight=False)
     console.print(
         f"{content['scenario']}: linear covariance of {content['settings']['duration_s']:g} s, "

@@ -1,74 +1,40 @@
 """The command `rpojax sensitivity`: which dispersions make the spread of a metric, from derivatives."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from rich.console import Console
+from rich.table import Table
 
-from tyro.conf import UseAppendAction, arg
-
-from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
-from rpojax.cli.console import show_unused_keys
+from rpojax.analysis.gradients import derivative_sensitivity
+from rpojax.analysis.gradients.derivative_sensitivity import SensitivityAnalysis
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.analysis import SensitivityCommand
 from rpojax.cli.output_paths import claim
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-
-if TYPE_CHECKING:
-    from rpojax.analysis.gradients.derivative_sensitivity import SensitivityAnalysis
+from rpojax.report.labels import format_number
 
 
-def sensitivity(
-    scenario: Source,
-    *,
-    metric: Annotated[
-        UseAppendAction[tuple[str, ...]],
-        arg(
-            metavar="NAME",
-            help="Metric; the option may be given several times.",
-            help_behavior_hint="(default: those of the scenario's requirements)",
-        ),
-    ] = (),
-    runs: Annotated[int, arg(metavar="N", help="Runs with random dispersions, beside the median one.")] = 16,
-    campaign: Annotated[
-        Path | None, arg(metavar="DIR", help="Finished campaign whose ranking by sampling is put beside.")
-    ] = None,
-    seed: Seed = 0,
-    overrides: Overrides = (),
-    out: Annotated[
-        Path | None, arg(metavar="FILE", help="JSON file to write.", help_behavior_hint="(default: none)")
-    ] = None,
-    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
-    as_json: AsJson = False,
-    no_cache: NoCache = False,
-) -> int:
-    """Which dispersions make the spread of a metric, from derivatives of a handful of runs."""
-    if out is not None:
-        claim(out, force, (".json",))
-    file = load(scenario, overrides)
-    show_unused_keys(file, quiet=as_json)
-    prepare_jax(cache=not no_cache)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.gradients import derivative_sensitivity
-    from rpojax.campaign.storage.campaign_folder import Campaign
+def sensitivity(asked: SensitivityCommand) -> int:
+    """Exit status of the command."""
+    if asked.out is not None:
+        claim(asked.out, asked.force, (".json",))
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.as_json)
 
-    sampled = None if campaign is None else Campaign(campaign)
+    sampled = None if asked.campaign is None else Campaign(asked.campaign)
     found = derivative_sensitivity.sensitivity(
-        file, metric, runs=runs, campaign=sampled, seed=seed, progress=not as_json
+        file, asked.metric, runs=asked.runs, campaign=sampled, seed=asked.seed, progress=not asked.as_json
     )
-    if out is not None:
-        found.write(out, force)
-    if as_json:
+    if asked.out is not None:
+        found.write(asked.out, asked.force)
+    if asked.as_json:
         print_json(found.to_dict())
     else:
         _show(found)
     return Status.DONE
 
 
-def _show(found: "SensitivityAnalysis") -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from rpojax.report.labels import format_number
-
+def _show(found: SensitivityAnalysis) -> None:
     console = Console(highlight=False)
     for one, other in zip(found.metrics, found.agreements, strict=True):
         without = f" ({one.undefined} more have no value)" if one.undefined else ""

@@ -5,18 +5,20 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from tyro.conf import UseAppendAction, arg
+from rich.console import Console
+from rich.table import Table
 
-from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
-from rpojax.cli.arguments import FLAT, Overrides, Session, Source, load
-from rpojax.cli.console import show_unused_keys
+from rpojax.analysis.gradients.tuning import tunable_parameters
+from rpojax.analysis.gradients.tuning import tune as analysis
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.analysis import TuneCommand
 from rpojax.cli.output_paths import claim, resumable
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import OutputError
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.report.labels import format_number, metric_label
 
 SHOWN = (
     "nees_mean",
@@ -32,52 +34,29 @@ SHOWN = (
 """Metrics whose means are printed, beside those with a weight in the scenario."""
 
 
-def tune(
-    scenario: Source,
-    settings: Annotated[TuningSettings, FLAT],
-    session: Annotated[Session, FLAT],
-    *,
-    out: Annotated[
-        Path, arg(metavar="FILE", help="Scenario file to write (.toml); a .json beside it holds all steps.")
-    ],
-    parameters: Annotated[
-        UseAppendAction[tuple[str, ...]],
-        arg(
-            metavar="NAMES",
-            help="What to tune: navigation, gate, formation, attitude, schedule, or keys.",
-            help_behavior_hint="(default: navigation)",
-        ),
-    ] = (),
-    overrides: Overrides = (),
-    resume: Annotated[bool, arg(help="Go on with an interrupted tuning.")] = False,
-    force: Annotated[bool, arg(help="Replace what is there.")] = False,
-) -> int:
-    """Tune gains and filter noises by gradient, and compare the result with the start on runs never used in tuning."""
-    settings = replace(settings, parameters=_split_names(parameters or settings.parameters))
-    report, progress = out.with_suffix(".json"), out.with_suffix(".progress.json")
-    for path, suffix in ((out, ".toml"), (report, ".json")):
-        claim(path, force, (suffix,))
-    _check_progress(progress, resume, force)
-    file = load(scenario, overrides)
-    show_unused_keys(file, quiet=session.as_json)
-    prepare_jax(cache=not session.no_cache)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.gradients.tuning import tunable_parameters
-    from rpojax.analysis.gradients.tuning import tune as analysis
+def tune(asked: TuneCommand) -> int:
+    """Exit status of the command."""
+    settings = replace(asked.settings, parameters=_split_names(asked.parameters or asked.settings.parameters))
+    report, progress = asked.out.with_suffix(".json"), asked.out.with_suffix(".progress.json")
+    for path, suffix in ((asked.out, ".toml"), (report, ".json")):
+        claim(path, asked.force, (suffix,))
+    _check_progress(progress, asked.resume, asked.force)
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.session.as_json)
 
     warning = tunable_parameters.unreached_phases_warning(file, settings)
-    if warning is not None and not session.as_json:
+    if warning is not None and not asked.session.as_json:
         print(f"rpojax: warning: {warning}", file=sys.stderr)
-    out.parent.mkdir(parents=True, exist_ok=True)
+    asked.out.parent.mkdir(parents=True, exist_ok=True)
     with resumable(progress):
-        found = analysis.run_tuning(file, settings, progress, resume=resume, progress=not session.as_json)
-    found.write(out, force)
+        found = analysis.run_tuning(file, settings, progress, resume=asked.resume, progress=not asked.session.as_json)
+    found.write(asked.out, asked.force)
     progress.unlink(missing_ok=True)
     content = found.to_dict()
-    if session.as_json:
+    if asked.session.as_json:
         print_json(content)
     else:
-        _show(content, out, file.tuning.metrics or {})
+        _show(content, asked.out, file.tuning.metrics or {})
     return Status.DONE
 
 
@@ -94,11 +73,6 @@ def _check_progress(progress: Path, resume: bool, force: bool) -> None:
 
 
 def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from rpojax.report.labels import format_number, metric_label
-
     shown = Console(highlight=False)
     for key, change in content["changes"].items():
         shown.print(f"{key}: {_rounded(change['from'])} -> {_rounded(change['to'])}", markup=False, soft_wrap=True)

@@ -1,50 +1,45 @@
 """The command `rpojax worst-case`: the most likely combination of dispersions that breaks a requirement."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from tyro.conf import arg
+import numpy as np
+from rich.console import Console
+from rich.table import Table
 
-from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
+from rpojax.analysis.reliability import worst_case as analysis
 from rpojax.campaign.storage.atomic_outputs import check_replaceable
-from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
-from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.analysis import WorstCaseCommand
 from rpojax.cli.output_paths import claim_folder
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.report.labels import format_number
 
 _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
 
 
-def worst_case(
-    scenario: Source,
-    choice: Annotated[LimitChoice, FLAT],
-    settings: Annotated[SearchSettings, FLAT],
-    session: Annotated[Session, FLAT],
-    *,
-    out: Out,
-    seed: Seed = 0,
-    overrides: Overrides = (),
-    force: Annotated[bool, arg(help="Replace the files if they are there.")] = False,
-) -> int:
-    """The most likely combination of dispersions that breaks a requirement, as a scenario to simulate."""
-    file = load(scenario, overrides)
-    show_unused_keys(file, quiet=session.as_json)
-    _claim(out, force)
-    prepare_jax(cache=not session.no_cache)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.reliability import worst_case as analysis
+def worst_case(asked: WorstCaseCommand) -> int:
+    """Exit status of the command."""
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.session.as_json)
+    _claim(asked.out, asked.force)
 
     found = analysis.find_worst_case(
-        file, choice, settings, seed, run_directory=out / _FLIGHT, force=force, progress=not session.as_json
+        file,
+        asked.choice,
+        asked.settings,
+        asked.seed,
+        run_directory=asked.out / _FLIGHT,
+        force=asked.force,
+        progress=not asked.session.as_json,
     )
-    found.write(out, force)
+    found.write(asked.out, asked.force)
     content = found.to_dict()
-    if session.as_json:
-        print_json({"directory": str(out), **content})
+    if asked.session.as_json:
+        print_json({"directory": str(asked.out), **content})
     else:
-        _show(content, out)
+        _show(content, asked.out)
     return Status.DONE
 
 
@@ -55,11 +50,6 @@ def _claim(out: Path, force: bool) -> None:
 
 
 def _show(content: dict[str, Any], out: Path) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from rpojax.report.labels import format_number
-
     console = Console(highlight=False)
     rule = f"{content['metric']} {content['bound']} {content['limit']:g} {content['unit']}"
     distance, run = f"{content['distance_sigmas']:.2f} sigmas", f"run {content['run_id']} of seed {content['seed']}"
@@ -95,6 +85,4 @@ def _show(content: dict[str, Any], out: Path) -> None:
 
 
 def _numbers(values: list[Any]) -> str:
-    import numpy as np
-
     return ", ".join(f"{value:.5g}" for value in np.concatenate([np.ravel(each) for each in values]))

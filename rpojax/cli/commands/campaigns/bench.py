@@ -4,72 +4,44 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from tyro.conf import arg
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
-from rpojax.cli.arguments import AsJson, Overrides, Source, load
-from rpojax.cli.console import show_unused_keys
+from rpojax.benchmark import closed_loop_speed, filter_speed, suite
+from rpojax.benchmark.platform_info import platform_info
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.campaigns import PARTS, BenchCommand
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
-from rpojax.runtime.jax_environment import environment_without_loop_fusion, prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.jax_environment import environment_without_loop_fusion
 from rpojax.runtime.progress import stage
 
-if TYPE_CHECKING:
-    from rich.table import Table
 
-PARTS = {
-    "loop": "the closed loop",
-    "kernels": "bare orbits and the orbit filter",
-    "vision": "pictures of the packaged target and the detector",
-}
-"""Part of the benchmark -> what it measures."""
-
-
-def bench(
-    scenario: Source = "inspection",
-    *,
-    overrides: Overrides = (),
-    runs: Annotated[
-        tuple[int, ...],
-        arg(
-            metavar="N",
-            help="Batch sizes of the closed loop.",
-            help_behavior_hint="(default: 1, 64, 512, 2048 and what a campaign takes at once)",
-        ),
-    ] = (),
-    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 800.0,
-    only: Annotated[str, arg(metavar="PARTS", help="Parts to measure.")] = ",".join(PARTS),
-    as_json: AsJson = False,
-) -> int:
-    """Measure the speed of the closed loop (without metrics and storage), its kernels and rendered pictures.
-
-    Programs are compiled anew.
-    """
-    parts = _chosen_parts(only)
-    if parts == ["vision"] and (overrides or scenario != "inspection"):
+def bench(asked: BenchCommand) -> int:
+    """Exit status of the command."""
+    parts = _chosen_parts(asked.only)
+    if parts == ["vision"] and (asked.overrides or asked.scenario != "inspection"):
         expected = "loop or kernels, too: its pictures are those of the packaged target in any scenario"
         raise RpojaxError.of_argument("only", f"found 'vision' with a scenario or --set, expected {expected}")
-    file = load(scenario, (f"duration_s={duration_s}", *overrides))
-    show_unused_keys(file, quiet=as_json)
-    prepare_jax(cache=False)
     # XLA reads its fusion options once per process, and rendering is faster with others.
+    rendered = True if parts == ["vision"] else None
+    file = load(asked.scenario, (f"duration_s={asked.duration_s}", *asked.overrides), rendered)
+    show_unused_keys(file, quiet=asked.as_json)
     apart = len(parts) > 1 and "vision" in parts
-    set_loop_fusion_flag(rendered=parts == ["vision"] or file.camera.model == "rendered")
-    from rpojax.benchmark import closed_loop_speed, filter_speed, suite
-    from rpojax.benchmark.platform_info import platform_info
-
-    batches = runs or closed_loop_speed.default_batches(file)
+    batches = asked.runs or closed_loop_speed.default_batches(file)
     closed_loop_speed.check_batches(batches)
     if "kernels" in parts:
         filter_speed.check_filter(file)
     found: dict[str, Any] = {}
     for part in parts:
-        with stage(f"measuring {PARTS[part]}", quiet=as_json):
+        with stage(f"measuring {PARTS[part]}", quiet=asked.as_json):
             found |= _vision_in_own_process() if apart and part == "vision" else suite.PARTS[part](file, batches)
     found |= platform_info()
-    if as_json:
+    if asked.as_json:
         print_json(found)
     else:
         show(found)
@@ -96,8 +68,6 @@ def _chosen_parts(only: str) -> list[str]:
 
 def show(found: Mapping[str, Any]) -> None:
     """Prints one table per measured part, and the machine."""
-    from rich.console import Console
-
     to = Console(highlight=False)
     if "batches" in found:
         to.print(_loop(found))
@@ -111,7 +81,7 @@ def show(found: Mapping[str, Any]) -> None:
     to.print(f"machine: {found['machine']}", soft_wrap=True, markup=False)
 
 
-def _loop(found: Mapping[str, Any]) -> "Table":
+def _loop(found: Mapping[str, Any]) -> Table:
     table = _table(
         f"closed loop, {found['scenario']}, {found['duration_s']:g} s",
         ("batch", "devices", "compile (loop) [s]", "cached [s]", "run [s]", "cpu [s]", "run-s/s", "runs of 3000 s/h"),
@@ -130,7 +100,7 @@ def _loop(found: Mapping[str, Any]) -> "Table":
     return table
 
 
-def _kernels(found: Mapping[str, Any]) -> "Table":
+def _kernels(found: Mapping[str, Any]) -> Table:
     table = _table("kernels, float64", ("kernel", "batch", "devices", "compile [s]", "run [s]", "cpu [s]", "speed"))
     orbit, updates = found["orbit"], found["filter"]
     _row(table, "orbit, J2", orbit, orbit["vehicles"], f"{orbit['vehicle_steps_per_s'] / 1e6:,.1f} M steps/s")
@@ -139,12 +109,12 @@ def _kernels(found: Mapping[str, Any]) -> "Table":
     return table
 
 
-def _row(table: "Table", name: str, entry: Mapping[str, Any], batch: int, speed: str) -> None:
+def _row(table: Table, name: str, entry: Mapping[str, Any], batch: int, speed: str) -> None:
     times = (f"{entry['compile_s']:.1f}", f"{entry['run_s']:.3g}", f"{entry['cpu_s']:.3g}")
     table.add_row(name, str(batch), str(entry["devices"]), *times, speed)
 
 
-def _vision(found: Mapping[str, Any]) -> "Table":
+def _vision(found: Mapping[str, Any]) -> Table:
     title = f"rendered camera, {found['side_px']} x {found['side_px']} px, target at {found['range_m']:g} m"
     table = _table(title, ("work", "batch", "devices", "compile [s]", "run [s]", "cpu [s]", "pictures/s"))
     for name, verb, rate in (("picture", "render", "frames_per_s"), ("detection", "detect", "detections_per_s")):
@@ -153,10 +123,7 @@ def _vision(found: Mapping[str, Any]) -> "Table":
     return table
 
 
-def _table(title: str, headings: Sequence[str]) -> "Table":
-    from rich.table import Table
-    from rich.text import Text
-
+def _table(title: str, headings: Sequence[str]) -> Table:
     table = Table(title=Text(title))
     for number, heading in enumerate(headings):
         # Headings may wrap; a Text, since rich would read a unit in brackets as markup.

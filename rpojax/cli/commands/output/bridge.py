@@ -3,54 +3,35 @@
 import math
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from tyro.conf import arg
+from rich.console import Console
+from rich.table import Table
 
 from rpojax.campaign import preflight
-from rpojax.cli.arguments import FLAT, Overrides, Seed, Session, Source, load
-from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.output import BridgeCommand
+from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
+from rpojax.interop.cosimulation import live_run
+from rpojax.interop.cosimulation.live_run import LiveRunResult
 from rpojax.interop.cosimulation.live_settings import LiveSettings
-from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-
-if TYPE_CHECKING:
-    from rpojax.interop.cosimulation.live_run import LiveRunResult
-    from rpojax.scenario.schema import ScenarioFile
+from rpojax.report.labels import format_number, in_display_order, metric_label
+from rpojax.scenario.schema import ScenarioFile
 
 
-RunId = Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")]
-NoPictures = Annotated[bool, arg(help="Send no pictures of a rendered camera.")]
-
-
-def bridge(
-    scenario: Source,
-    settings: Annotated[LiveSettings, FLAT],
-    session: Annotated[Session, FLAT],
-    *,
-    seed: Seed = 0,
-    run_id: RunId = 0,
-    overrides: Overrides = (),
-    no_pictures: NoPictures = False,
-) -> int:
-    """Simulate one run live over DDS with ROS 2 messages; external nodes replace parts of the flight software.
-
-    Exit status beside the usual: 3 the run failed, 4 it ended early because external nodes fell silent.
-    """
-    file = load(scenario, overrides)
-    show_unused_keys(file, quiet=session.as_json)
-    prepare_jax(cache=not session.no_cache)
-    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    preflight.check_numbers(1, run_id, seed, None)
-    settings = replace(settings, send_images=not no_pictures)
-    from rpojax.interop.cosimulation import live_run
+def bridge(asked: BridgeCommand) -> int:
+    """Exit status of the command."""
+    file = load(asked.scenario, asked.overrides)
+    show_unused_keys(file, quiet=asked.session.as_json)
+    preflight.check_numbers(1, asked.run_id, asked.seed, None)
+    settings = replace(asked.settings, send_images=not asked.no_pictures)
 
     outcome = live_run.simulate_live(
-        file, seed, run_id, settings, lambda line: print(f"rpojax: {line}", file=sys.stderr, flush=True)
+        file, asked.seed, asked.run_id, settings, lambda line: print(f"rpojax: {line}", file=sys.stderr, flush=True)
     )
-    content = _content(file, seed, run_id, settings, outcome)
-    if session.as_json:
+    content = _content(file, asked.seed, asked.run_id, settings, outcome)
+    if asked.session.as_json:
         print_json(content)
     else:
         _show(content)
@@ -60,7 +41,7 @@ def bridge(
 
 
 def _content(
-    file: "ScenarioFile", seed: int, run_id: int, settings: LiveSettings, outcome: "LiveRunResult"
+    file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings, outcome: LiveRunResult
 ) -> dict[str, Any]:
     events = outcome.events
     ignored: dict[str, dict[str, int]] = {}
@@ -98,11 +79,6 @@ def _number(value: float) -> float | None:
 
 
 def _show(content: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from rpojax.report.labels import format_number, in_display_order, metric_label
-
     console = Console(highlight=False)
     end = content["failure"] or content["stopped"] or str(content["outcome"]).replace("_", " ")
     speed = content["times_real_time"] or 0.0

@@ -1,62 +1,41 @@
 """The command `rpojax film`: pictures of the rendered camera of a run."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import arg
+import numpy as np
 
-from rpojax.cli.arguments import Folder, NoCache
+from rpojax.campaign import rerender
+from rpojax.campaign.rerun import check_run_id, replay_history
+from rpojax.campaign.storage.atomic_outputs import write_atomically
+from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
 from rpojax.cli.exit_status import Status
+from rpojax.cli.options.output import FilmCommand
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.report.figures import camera_pictures
+from rpojax.report.figures.camera_pictures import CameraFrame, TeamFrame
 from rpojax.runtime.progress import items, run_progress
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.figures.camera_pictures import CameraFrame, TeamFrame
-    from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import member_names
 
 
-def film(
-    directory: Folder,
-    *,
-    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4) or sheet of twelve stills (.png).")],
-    run_id: Annotated[
-        int | None, arg(metavar="I", help="Run to show.", help_behavior_hint="(default: the first with a kept history)")
-    ] = None,
-    every: Annotated[int, arg(metavar="N", help="Ticks from one picture of a film to the next.")] = 10,
-    codec: Annotated[str, arg(metavar="KIND", help="Of a film: vp9, or h264 (extra viz).")] = "vp9",
-    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
-    no_cache: NoCache = False,
-) -> int:
-    """Film of the rendered camera of a run with the detector's boxes; a run without a stored history is replayed.
-
-    The cameras of a team stand side by side.
-    """
-    suffix = out.suffix.lower()
+def film(asked: FilmCommand) -> int:
+    """Exit status of the command."""
+    suffix = asked.out.suffix.lower()
     if suffix not in (".png", ".mp4"):
-        raise OutputError(f"{out}: found suffix {out.suffix!r}, expected .png or .mp4")
-    if out.exists() and not force:
-        raise OutputError(f"{out}: exists already; --force replaces it")
-    if every < 1:
-        raise RpojaxError.of_argument("every", f"found {every}, expected at least 1")
-    prepare_jax(cache=not no_cache)
-    from rpojax.campaign import rerender
-    from rpojax.campaign.storage.atomic_outputs import write_atomically
-    from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
-    from rpojax.report.figures import camera_pictures
+        raise OutputError(f"{asked.out}: found suffix {asked.out.suffix!r}, expected .png or .mp4")
+    if asked.out.exists() and not asked.force:
+        raise OutputError(f"{asked.out}: exists already; --force replaces it")
+    if asked.every < 1:
+        raise RpojaxError.of_argument("every", f"found {asked.every}, expected at least 1")
 
-    camera_pictures.check_codec(codec)
-    found = Campaign(directory)
+    camera_pictures.check_codec(asked.codec)
+    found = Campaign(asked.directory)
     file = rerender.rendered_scenario(found.configuration.scenario, found.configuration.scenario_hash)
-    run, history = _history_of(found, file, run_id)
+    run, history = _history_of(found, file, asked.run_id)
     end = rerender.valid_tick_count(history)
     # The stills of a team are chosen by what its first servicer does.
     ticks = camera_pictures.select_stills(of_servicer(history, 0) if file.servicers else history, end)
-    ticks = ticks if suffix == ".png" else list(range(0, end, every))
+    ticks = ticks if suffix == ".png" else list(range(0, end, asked.every))
     with items("taking pictures", quiet=False) as watch:
         options = found.configuration.options
         pictures = _pictures(
@@ -68,18 +47,15 @@ def film(
         )
         shots = _counted(pictures, len(ticks), watch)
         if suffix == ".png":
-            write_atomically(out, camera_pictures.png_bytes(camera_pictures.contact_sheet(shots)))
+            write_atomically(asked.out, camera_pictures.png_bytes(camera_pictures.contact_sheet(shots)))
         else:
-            camera_pictures.write_film(shots, out, codec)
-    print(out)
+            camera_pictures.write_film(shots, asked.out, asked.codec)
+    print(asked.out)
     return Status.DONE
 
 
-def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
+def _history_of(found: Campaign, file: ScenarioFile, run_id: int | None) -> tuple[int, Mapping[str, np.ndarray]]:
     """Number and full history of a run, replayed if none is stored."""
-    from rpojax.campaign import rerender
-    from rpojax.campaign.rerun import check_run_id, replay_history
-
     kept = found.history_ids
     run = run_id if run_id is not None else (kept or [found.configuration.options.first_run])[0]
     check_run_id(found, run)
@@ -90,16 +66,13 @@ def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> 
 
 
 def _pictures(
-    file: "ScenarioFile",
-    history: "Mapping[str, np.ndarray]",
-    render: "Callable[[Mapping[str, np.ndarray], int | None], Iterator[CameraFrame]]",
-) -> "Iterator[CameraFrame | TeamFrame]":
+    file: ScenarioFile,
+    history: Mapping[str, np.ndarray],
+    render: Callable[[Mapping[str, np.ndarray], int | None], Iterator[CameraFrame]],
+) -> Iterator[CameraFrame | TeamFrame]:
     """Pictures of the camera of a servicer, or of all cameras of a team, by the history and the number of each."""
     if not file.servicers:
         return render(history, None)
-    from rpojax.campaign.storage.campaign_folder import of_servicer
-    from rpojax.report.figures.camera_pictures import TeamFrame
-    from rpojax.scenario.team.members import member_names
 
     names = member_names(file)
     cameras = [render(of_servicer(history, number), number) for number in range(len(names))]
@@ -107,8 +80,8 @@ def _pictures(
 
 
 def _counted(
-    shots: "Iterable[CameraFrame | TeamFrame]", total: int, watch: Callable[..., None]
-) -> "Iterator[CameraFrame | TeamFrame]":
+    shots: Iterable[CameraFrame | TeamFrame], total: int, watch: Callable[..., None]
+) -> Iterator[CameraFrame | TeamFrame]:
     for count, shot in enumerate(shots):
         yield shot
         watch(count + 1, total)

@@ -1,73 +1,52 @@
 """The command `rpojax detect`: boxes of spacecraft in pictures."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-from tyro.conf import Positional, arg
+import cv2
+import numpy as np
 
+from rpojax.cli.options.vision import DetectCommand
 from rpojax.cli.standard_streams import print_json, print_problem
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.progress import stage
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from rpojax.vision.detector.scored_box import ScoredBox
-
-
-Force = Annotated[bool, arg(help="Replace what is there.")]
+from rpojax.vision.detector.detector_file import load_detector
+from rpojax.vision.detector.multiscale_detection import detect_multiscale
+from rpojax.vision.detector.scored_box import ScoredBox
+from rpojax.vision.imaging import image_files
 
 
-AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
-
-
-Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged ones by default.")]
-
-
-def detect(
-    images: Annotated[Positional[tuple[Path, ...]], arg(metavar="IMAGE", help="JPEG or PNG pictures.")],
-    *,
-    weights: Weights = None,
-    threshold: Annotated[float, arg(metavar="P", help="Least score of a box.")] = 0.5,
-    drawn: Annotated[Path | None, arg(metavar="DIR", help="Write the pictures with their boxes here, as PNG.")] = None,
-    force: Annotated[bool, arg(help="Replace pictures that are there.")] = False,
-    as_json: AsJson = False,
-) -> int:
-    """Find spacecraft in pictures of any size; boxes are in pixels of the upright picture, x and y at the upper left.
-
-    A picture that cannot be used is named on stderr and the rest are searched; the exit status is then 3, or 2 if none
-    could be used.
-    """
-    if not images or not 0.0 < threshold < 1.0:
-        raise RpojaxError(f"IMAGE, --threshold: found {len(images)}, {threshold}, expected a picture and 0 to 1")
-    targets = [None] * len(images) if drawn is None else _targets(drawn, images)
-    given = {path.resolve() for path in images}
+def detect(asked: DetectCommand) -> int:
+    """Exit status of the command."""
+    if not asked.images or not 0.0 < asked.threshold < 1.0:
+        raise RpojaxError(
+            f"IMAGE, --threshold: found {len(asked.images)}, {asked.threshold}, expected a picture and 0 to 1"
+        )
+    targets = [None] * len(asked.images) if asked.drawn is None else _targets(asked.drawn, asked.images)
+    given = {path.resolve() for path in asked.images}
     if taken := next((path for path in targets if path and path.resolve() in given), None):
         raise OutputError(f"{taken}: is one of the pictures to search, expected --drawn in another folder")
-    if not force and (there := next((path for path in targets if path and path.exists()), None)):
+    if not asked.force and (there := next((path for path in targets if path and path.exists()), None)):
         raise OutputError(f"{there}: exists already; --force replaces it")
-    from rpojax.vision.detector.detector_file import load_detector
-    from rpojax.vision.detector.multiscale_detection import detect_multiscale
-    from rpojax.vision.imaging import image_files
 
-    params, _ = load_detector(weights)
+    params, _ = load_detector(asked.weights)
     results = []
-    for path, target in zip(images, targets, strict=True):
+    for path, target in zip(asked.images, targets, strict=True):
         try:
             image = image_files.read_image(path)
         except image_files.ImageFileError as error:
             print_problem("error", str(error), as_json=False)
             continue
-        with stage(f"searching {path.name}", quiet=as_json, announce=False):
-            found = detect_multiscale(params, image, threshold)
+        with stage(f"searching {path.name}", quiet=asked.as_json, announce=False):
+            found = detect_multiscale(params, image, asked.threshold)
         results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
         if target:
             _draw(image, found, target)
-        if not as_json:
+        if not asked.as_json:
             _print_boxes(results[-1])
-    if as_json:
+    if asked.as_json:
         print_json(results)
-    return 0 if len(results) == len(images) else 3 if results else 2
+    return 0 if len(results) == len(asked.images) else 3 if results else 2
 
 
 def _targets(drawn: Path, images: tuple[Path, ...]) -> list[Path]:
@@ -81,7 +60,7 @@ def _targets(drawn: Path, images: tuple[Path, ...]) -> list[Path]:
     return taken
 
 
-def _entry(box: "ScoredBox") -> dict[str, float]:
+def _entry(box: ScoredBox) -> dict[str, float]:
     sides = {"x": box.left, "y": box.top, "w": box.right - box.left, "h": box.bottom - box.top}
     return {**{name: round(value, 2) for name, value in sides.items()}, "score": round(box.score, 4)}
 
@@ -92,10 +71,7 @@ def _print_boxes(result: dict[str, Any]) -> None:
         print(f"  x {box['x']:.1f}, y {box['y']:.1f}, w {box['w']:.1f}, h {box['h']:.1f}, score {box['score']:.2f}")
 
 
-def _draw(image: "np.ndarray", boxes: "list[ScoredBox]", path: Path) -> None:
-    import cv2
-    import numpy as np
-
+def _draw(image: np.ndarray, boxes: list[ScoredBox], path: Path) -> None:
     shown = np.ascontiguousarray(np.round(255.0 * image).astype(np.uint8)[..., ::-1])
     width = max(1, round(max(image.shape[:2]) / 400))
     for box in boxes:

@@ -1,37 +1,31 @@
 """The commands of `rpojax detector`: synthetic data, training, evaluation."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Any
 
-import tyro
-from tyro.conf import Positional, arg
+import cv2
+import numpy as np
 
-from rpojax.cli.command_parsing import add_command
+from rpojax.cli.options.vision import EvaluateDetectorCommand, MakeDataCommand, TrainDetectorCommand
 from rpojax.cli.output_paths import claim, claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress import items
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
-    from rpojax.training.synthetic_data.composites import CompositeMix
-    from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
-
-Seed = Annotated[int, arg(metavar="S", help="Seed.")]
-Force = Annotated[bool, arg(help="Replace what is there.")]
-AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
-Source = Annotated[
-    Positional[Path], arg(metavar="DATASET", help="Folder with annotations.json in COCO's format, or with several.")
-]
-Sources = Annotated[
-    Positional[tuple[Path, ...]],
-    arg(metavar="DATASET...", help="Folders, each with annotations.json in COCO's format or with several."),
-]
-Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged ones by default.")]
+from rpojax.scenario.plugins.command_lines import command_line
+from rpojax.training.detector import evaluate_detector, train_detector
+from rpojax.training.detector.evaluate_detector import calibrate_score
+from rpojax.training.detector.train_detector import initial_weights
+from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
+from rpojax.training.labelled_pictures.box_plausibility import pictures_in_both
+from rpojax.training.labelled_pictures.dataset_faults import DatasetError, noticed
+from rpojax.training.public_data import data_formats
+from rpojax.training.synthetic_data import composites, detection_dataset, spacecraft_sprites
+from rpojax.training.synthetic_data.composites import CompositeMix
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, concatenate, draw_boxes
+from rpojax.training.synthetic_data.scenery import earth_views
+from rpojax.vision.detector.detector_file import load_detector, round_to_half_precision, save_detector
 
 _TRAINING, _VALIDATION = "training", "validation"
 _HELD_OUT_SHARE = 0.28
@@ -41,66 +35,52 @@ _MOST_JUDGED = 1000
 """Validation pictures after each pass; the figures in the weights file are of all."""
 
 
-def data(
-    *,
-    out: Annotated[Path, arg(metavar="DIR", help="Folder to make, with the folders training and validation.")],
-    count: Annotated[int, arg(metavar="N", help="Pictures to train on.")] = 2000,
-    validation: Annotated[
-        int, arg(metavar="N", help="Pictures for validation, of other spacecraft and the packaged target.")
-    ] = 500,
-    craft: Annotated[int, arg(metavar="N", help="Spacecraft beside the packaged target.")] = 72,
-    views: Annotated[int, arg(metavar="N", help="Ray-traced views of each.")] = 14,
-    generator: Annotated[
-        Literal["1", "2", "1-empty", "2-empty"],
-        arg(metavar="NAME", help="What pictures show: 2, 1 as for the first packaged weights, or no spacecraft."),
-    ] = "2",
-    seed: Seed = 0,
-    preview: Annotated[Path | None, arg(metavar="PNG", help="Write the first pictures with their boxes.")] = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> int:
-    """Make pictures of ray-traced spacecraft with boxes; an interrupted call continues."""
-    if min(count, validation) < 1 or craft < 1 or views < 1:
+def data(asked: MakeDataCommand) -> int:
+    """Exit status of the command."""
+    if min(asked.count, asked.validation) < 1 or asked.craft < 1 or asked.views < 1:
         raise RpojaxError.of_argument("count, validation, craft, views", "expected at least 1 of each")
-    claim_folder(out)
-    if preview:
-        claim(preview, force, (".png", ".jpg"))
-    from rpojax.training.synthetic_data import composites, detection_dataset
+    claim_folder(asked.out)
+    if asked.preview:
+        claim(asked.preview, asked.force, (".png", ".jpg"))
 
-    mix = composites.GENERATORS[int(generator[0])]
-    if generator.endswith("empty"):
+    mix = composites.GENERATORS[int(asked.generator[0])]
+    if asked.generator.endswith("empty"):
         mix = dataclasses.replace(mix, empty=1.0)
-    name = "" if generator == "1" else f", generator {generator}"
+    name = "" if asked.generator == "1" else f", generator {asked.generator}"
     parts = [
         _DataPart(
             folder,
             number,
             variety,
-            views,
-            seed,
+            asked.views,
+            asked.seed,
             held_out,
-            f"{number} of {variety} craft x {views} views, seed {seed}{name}",
+            f"{number} of {variety} craft x {asked.views} views, seed {asked.seed}{name}",
         )
         for folder, number, variety, held_out in (
-            (_TRAINING, count, craft, False),
-            (_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), True),
+            (_TRAINING, asked.count, asked.craft, False),
+            (_VALIDATION, asked.validation, max(1, round(_HELD_OUT_SHARE * asked.craft)), True),
         )
     ]
-    missing = [part for part in parts if force or not detection_dataset.is_complete(out / part.name, part.provenance)]
+    missing = [
+        part
+        for part in parts
+        if asked.force or not detection_dataset.is_complete(asked.out / part.name, part.provenance)
+    ]
     for part in missing:
-        if not force and (out / part.name / detection_dataset.ANNOTATIONS).exists():
-            raise OutputError(f"{out / part.name}: holds another data set already; --force replaces it")
-    work = out.with_name(out.name + ".work")
+        if not asked.force and (asked.out / part.name / detection_dataset.ANNOTATIONS).exists():
+            raise OutputError(f"{asked.out / part.name}: holds another data set already; --force replaces it")
+    work = asked.out.with_name(asked.out.name + ".work")
     with resumable(work):
         for part in missing:
-            _make_part(part, out, work, mix, quiet=as_json)
-    content: dict[str, Any] = {"data": str(out), "views": str(work)}
+            _make_part(part, asked.out, work, mix, quiet=asked.as_json)
+    content: dict[str, Any] = {"data": str(asked.out), "views": str(work)}
     for part in parts:
-        content[part.name] = detection_dataset.summary(out / part.name)
-    if preview:
-        _preview(detection_dataset.read_dataset(out / _TRAINING, limit=96), preview)
-        content["preview"] = str(preview)
-    _print_result(content, as_json)
+        content[part.name] = detection_dataset.summary(asked.out / part.name)
+    if asked.preview:
+        _preview(detection_dataset.read_dataset(asked.out / _TRAINING, limit=96), asked.preview)
+        content["preview"] = str(asked.preview)
+    _print_result(content, asked.as_json)
     return 0
 
 
@@ -117,11 +97,8 @@ class _DataPart:
     provenance: str
 
 
-def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quiet: bool) -> None:
+def _make_part(part: _DataPart, out: Path, work: Path, mix: CompositeMix, quiet: bool) -> None:
     """Traces the spacecraft of a data set, and composes its pictures."""
-    from rpojax.training.synthetic_data import detection_dataset, spacecraft_sprites
-    from rpojax.training.synthetic_data.scenery import earth_views
-
     with items(f"ray tracing for {part.name}", quiet=quiet) as watch:
         found = spacecraft_sprites.trace_sprites(
             work / "sprites", part.craft, part.views, part.seed, part.held_out, watch
@@ -132,73 +109,59 @@ def _make_part(part: _DataPart, out: Path, work: Path, mix: "CompositeMix", quie
         detection_dataset.write_dataset(out / part.name, part.number, number, found, earth, part.provenance, watch, mix)
 
 
-def train(
-    datasets: Sources,
-    *,
-    out: Annotated[Path, arg(metavar="FILE", help="File to write, such as detector.safetensors.")],
-    epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the proposal network.")] = 100,
-    second_epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the refinement network.")] = 30,
-    minutes: Annotated[
-        float | None, arg(metavar="T", help="Time limit of the training [min]; the schedule adapts.")
-    ] = None,
-    start: Annotated[
-        Path | None, arg(metavar="FILE", help="Initial weights where layers agree, instead of random ones.")
-    ] = None,
-    rate: Annotated[float, arg(metavar="R", help="Peak learning rate.")] = 5e-3,
-    seed: Seed = 0,
-    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
-    as_json: AsJson = False,
-) -> int:
-    """Train the detector on pictures with boxes; an interrupted call continues."""
-    _check_training(epochs, second_epochs, minutes, rate)
-    claim(out, force)
-    prepare_jax(cache=True)
-    import numpy as np
+def train(asked: TrainDetectorCommand) -> int:
+    """Exit status of the command."""
+    _check_training(asked.epochs, asked.second_epochs, asked.minutes, asked.rate)
+    claim(asked.out, asked.force)
 
-    from rpojax.scenario.plugins.command_lines import command_line
-    from rpojax.training.detector import evaluate_detector, train_detector
-    from rpojax.training.detector.evaluate_detector import calibrate_score
-    from rpojax.training.detector.train_detector import initial_weights
-    from rpojax.training.labelled_pictures.box_plausibility import pictures_in_both
-    from rpojax.training.labelled_pictures.dataset_faults import noticed
-    from rpojax.training.synthetic_data.detection_dataset import concatenate
-    from rpojax.vision.detector.detector_file import round_to_half_precision, save_detector
-
-    begun, before = initial_weights(start, seed)
-    parts = [_training_and_validation(folder) for folder in datasets]
+    begun, before = initial_weights(asked.start, asked.seed)
+    parts = [_training_and_validation(folder) for folder in asked.datasets]
     known, unseen = (concatenate([part[index] for part in parts]) for index in (0, 1))
     shared = noticed("data sets", pictures_in_both(known.images, unseen.images))
     judged = unseen.subset(np.unique(np.linspace(0, len(unseen) - 1, _MOST_JUDGED).astype(int)))
-    recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
-    checkpoint = out.with_name(out.name + ".checkpoint")
-    with resumable(checkpoint), items("training", quiet=as_json, announce=True) as watch:
-        tell = _told(watch, epochs / (epochs + second_epochs))
+    recipes = _recipes(
+        asked.epochs, asked.second_epochs, asked.seed, asked.minutes, asked.rate, pieces=asked.start is None
+    )
+    checkpoint = asked.out.with_name(asked.out.name + ".checkpoint")
+    with resumable(checkpoint), items("training", quiet=asked.as_json, announce=True) as watch:
+        tell = _told(watch, asked.epochs / (asked.epochs + asked.second_epochs))
         params, history = train_detector.train(
             known, judged, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
     params = round_to_half_precision(calibrate_score(params, unseen))
     found = evaluate_detector.detect_images(params, unseen.images)
     figures = evaluate_detector.detection_metrics(found, unseen)
-    words = (*(folder.name for folder in datasets), "--out", out.name)
-    words += ("--epochs", epochs, "--second-epochs", second_epochs, "--rate", f"{rate:g}", "--seed", seed)
-    words += () if minutes is None else ("--minutes", f"{minutes:g}")
-    words += ("--start", start.name) if start else ()
+    words = (*(folder.name for folder in asked.datasets), "--out", asked.out.name)
+    words += (
+        "--epochs",
+        asked.epochs,
+        "--second-epochs",
+        asked.second_epochs,
+        "--rate",
+        f"{asked.rate:g}",
+        "--seed",
+        asked.seed,
+    )
+    words += () if asked.minutes is None else ("--minutes", f"{asked.minutes:g}")
+    words += ("--start", asked.start.name) if asked.start else ()
     # The record in the weights file holds no path of this machine.
     command = command_line("detector train", *words, plugin=None)
     card = train_detector.model_card(known, recipes, history, figures, command)
     card["start"] = before.get("command")
-    save_detector(params, out, card)
+    save_detector(params, asked.out, card)
     train_detector.remove_checkpoints(checkpoint)
     notes = (*known.notes, *unseen.notes, *shared, *evaluate_detector.noticed_labels(found, unseen))
     warned = list(dict.fromkeys(notes))
-    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card, "warnings": warned}, as_json)
+    _print_result(
+        {"weights": str(asked.out), "bytes": asked.out.stat().st_size, **card, "warnings": warned}, asked.as_json
+    )
     return 0
 
 
-def _told(watch: "Callable[[int, int, str], None]", share: float) -> "Callable[[str, NetworkTrainingProgress], None]":
+def _told(watch: Callable[[int, int, str], None], share: float) -> Callable[[str, NetworkTrainingProgress], None]:
     """Tells `watch` the progress of both networks in thousandths, of which the proposal network has `share`."""
 
-    def tell(network: str, step: "NetworkTrainingProgress") -> None:
+    def tell(network: str, step: NetworkTrainingProgress) -> None:
         begin, span = (0.0, share) if network == "proposal" else (share, 1.0 - share)
         note = f"{network} network, mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"
         watch(round(1000 * (begin + span * step.done / step.total)), 1000, note)
@@ -219,10 +182,8 @@ def _check_training(epochs: int, second_epochs: int, minutes: float | None, rate
 
 def _recipes(
     epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
-) -> "dict[str, NetworkTrainingOptions]":
+) -> dict[str, NetworkTrainingOptions]:
     """Training options of both networks; crops are for untrained weights."""
-    from rpojax.training.detector.training_options import NetworkTrainingOptions
-
     limits = [None if minutes is None else 60.0 * minutes * part for part in (_PROPOSAL_TIME, 1.0 - _PROPOSAL_TIME)]
     share = 0.5 if pieces else 0.0
     return {
@@ -233,47 +194,27 @@ def _recipes(
     }
 
 
-def evaluate(
-    dataset: Source,
-    *,
-    weights: Weights = None,
-    form: Annotated[
-        Literal["coco", "speed", "spark", "yolo"],
-        arg(name="format", metavar="FORMAT", help="coco, speed (SPEED+ and SHIRT too), spark or yolo."),
-    ] = "coco",
-    labels: Annotated[
-        Path | None, arg(metavar="FILE", help="Labels of speed, spark or yolo; by default those not for training.")
-    ] = None,
-    limit: Annotated[int | None, arg(metavar="N", help="Most pictures of speed, spark or yolo, chosen evenly.")] = None,
-    as_json: AsJson = False,
-) -> int:
-    """Evaluate a detector on pictures with boxes: average precision, accuracy of boxes, false alarms."""
-    if limit is not None and limit < 1:
-        raise RpojaxError.of_argument("limit", f"found {limit}, expected at least 1")
-    if form == "coco" and not (labels is None and limit is None):
+def evaluate(asked: EvaluateDetectorCommand) -> int:
+    """Exit status of the command."""
+    if asked.limit is not None and asked.limit < 1:
+        raise RpojaxError.of_argument("limit", f"found {asked.limit}, expected at least 1")
+    if asked.form == "coco" and not (asked.labels is None and asked.limit is None):
         raise RpojaxError.of_argument("format", "found 'coco', expected another one with --labels or --limit")
-    from rpojax.training.detector import evaluate_detector
-    from rpojax.training.public_data import data_formats
-    from rpojax.vision.detector.detector_file import load_detector
 
-    params, _ = load_detector(weights)
-    if form == "coco":
-        _, unseen = _training_and_validation(dataset, evaluate=True)
+    params, _ = load_detector(asked.weights)
+    if asked.form == "coco":
+        _, unseen = _training_and_validation(asked.dataset, evaluate=True)
     else:
-        unseen = data_formats.read_folder(dataset, form, labels, limit)
+        unseen = data_formats.read_folder(asked.dataset, asked.form, asked.labels, asked.limit)
     _print_result(
-        evaluate_detector.evaluation_report(evaluate_detector.detect_images(params, unseen.images), unseen), as_json
+        evaluate_detector.evaluation_report(evaluate_detector.detect_images(params, unseen.images), unseen),
+        asked.as_json,
     )
     return 0
 
 
-def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[DetectionDataset, DetectionDataset]":
+def _training_and_validation(folder: Path, evaluate: bool = False) -> tuple[DetectionDataset, DetectionDataset]:
     """Training and validation data: two folders if there are two, else every tenth picture is held out."""
-    import numpy as np
-
-    from rpojax.training.labelled_pictures.dataset_faults import DatasetError
-    from rpojax.training.synthetic_data import detection_dataset
-
     if (folder / _VALIDATION).is_dir():
         unseen = detection_dataset.read_dataset(folder / _VALIDATION)
         return (unseen if evaluate else detection_dataset.read_dataset(folder / _TRAINING)), unseen
@@ -286,11 +227,7 @@ def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[Det
     return whole.subset(number[number % 10 != 0]), whole.subset(number[number % 10 == 0])
 
 
-def _preview(dataset: "DetectionDataset", path: Path) -> None:
-    import cv2
-
-    from rpojax.training.synthetic_data.detection_dataset import draw_boxes
-
+def _preview(dataset: DetectionDataset, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if not cv2.imwrite(str(path), draw_boxes(dataset.images, dataset.boxes)):
         raise OutputError(f"{path}: cannot be written, expected a writable place")
@@ -307,10 +244,3 @@ def _print_result(content: dict[str, Any], as_json: bool) -> None:
                 print(f"  {key}: {entry}")
         else:
             print(f"{name}: {value}")
-
-
-COMMANDS = (data, train, evaluate)
-"""Commands of `detector`."""
-app = tyro.extras.SubcommandApp()
-for command in COMMANDS:
-    add_command(app, command)

@@ -9,7 +9,7 @@ admits no free motion, such as half an orbit across the track or a whole one, th
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.orbits.two_impulse_transfer import state_on_arc, transfer_arc
+from rpojax.core.orbits.two_impulse_transfer import TransferArc, state_on_arc, transfer_arc
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry, from_entry
@@ -44,15 +44,28 @@ def state(reference: Transfer, entry: PhaseEntry, orbit: TargetOrbit, elapsed: S
     arcs = reference.pulses - 1.0
     interval = reference.duration / arcs
     arc = jnp.clip(jnp.floor(elapsed / interval), 0.0, arcs - 1.0)
+    way, departure, before = arc_between_impulses(reference, entry, arc)
+    moving = state_on_arc(way, departure, elapsed - arc * interval)
+    arrived = jnp.concatenate([reference.position, jnp.zeros_like(before[3:])])
+    return from_entry(entry, elapsed, jnp.where(elapsed < reference.duration, moving, arrived))
+
+
+def arc_between_impulses(
+    reference: Transfer, entry: PhaseEntry, arc: Scalar
+) -> tuple[TransferArc, TargetOrbit, Float[Array, "6"]]:
+    """Way from an impulse to the next, counted from 0, the target's place at its departure, and the state before it.
+
+    The state is in H [m, m/s].
+    """
+    arcs = reference.pulses - 1.0
+    interval = reference.duration / arcs
     departure = advanced(entry.orbit, arc * interval)
     start = _waypoint(reference, entry, arc / arcs)
     end = _waypoint(reference, entry, (arc + 1.0) / arcs)
     # The servicer comes to the first impulse by itself, to the others about straight along the glide slope.
-    before = jnp.where(arc > 0.0, (end - start) / interval, entry.relative_state[3:])
-    way = transfer_arc(departure, jnp.concatenate([start, before]), end, interval)
-    moving = state_on_arc(way, departure, elapsed - arc * interval)
-    arrived = jnp.concatenate([reference.position, jnp.zeros_like(before)])
-    return from_entry(entry, elapsed, jnp.where(elapsed < reference.duration, moving, arrived))
+    velocity = jnp.where(arc > 0.0, (end - start) / interval, entry.relative_state[3:])
+    before = jnp.concatenate([start, velocity])
+    return transfer_arc(departure, before, end, interval), departure, before
 
 
 def end_position(reference: Transfer, entry: PhaseEntry) -> Vector:

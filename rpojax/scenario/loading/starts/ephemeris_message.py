@@ -8,6 +8,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import KroghInterpolator
 
 from rpojax.core.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
 from rpojax.errors import ScenarioError
@@ -192,7 +194,6 @@ def _length(vector: np.ndarray) -> float:
 
 def _flown(state: np.ndarray, span_s: float, j2: float) -> np.ndarray:
     """State (6,) some time after another one, by the Earth's attraction; the axis of each known frame is its own."""
-    from scipy.integrate import solve_ivp
 
     def rates(_: float, values: np.ndarray) -> np.ndarray:
         r, distance = values[:3], float(np.linalg.norm(values[:3]))
@@ -227,8 +228,6 @@ def _interpolated(part: _Ephemeris, epoch: Instant) -> tuple[np.ndarray, float]:
 
 def _hermite(times: np.ndarray, states: np.ndarray) -> np.ndarray:
     """State (6,) at time zero of the polynomial through positions and velocities (n, 6) at some times."""
-    from scipy.interpolate import KroghInterpolator
-
     polynomial = KroghInterpolator(np.repeat(times, 2), states.reshape(-1, 3))
     return np.concatenate([polynomial(0.0), polynomial.derivative(0.0)])
 

@@ -4,8 +4,9 @@ By the routines of ERFA: precession of 1976 and nutation of 1980, to which TEME 
 """
 
 import math
-from typing import Any, Final
+from typing import Final
 
+import erfa
 import numpy as np
 
 from rpojax.errors import ScenarioError
@@ -24,8 +25,6 @@ def to_inertial(frame: str, epoch: Instant, key: str) -> np.ndarray:
     Raises:
         ScenarioError: the frame is not known.
     """
-    import erfa
-
     name = frame.upper()
     if name not in KNOWN:
         raise ScenarioError(key, f"the frame {frame:.30}", f"one of {', '.join(KNOWN)}")
@@ -36,10 +35,10 @@ def to_inertial(frame: str, epoch: Instant, key: str) -> np.ndarray:
         bias, *_ = erfa.bp06(_J2000_DAY, 0.0)
         return np.asarray(bias)
     from_true_of_date = np.asarray(erfa.pnm80(_J2000_DAY, days)).T
-    return from_true_of_date @ (_from_mean_equinox(erfa, days) if name == "TEME" else np.eye(3))
+    return from_true_of_date @ (_from_mean_equinox(days) if name == "TEME" else np.eye(3))
 
 
-def _from_mean_equinox(erfa: Any, days: float) -> np.ndarray:
+def _from_mean_equinox(days: float) -> np.ndarray:
     """Rotation from the true equator and mean equinox to the true equator and equinox of date."""
     angle = float(erfa.eqeq94(_J2000_DAY, days))
     cosine, sine = math.cos(angle), math.sin(angle)

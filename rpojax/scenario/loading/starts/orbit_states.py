@@ -3,9 +3,12 @@
 import math
 from dataclasses import dataclass
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from rpojax.core.constants import MU_EARTH
+from rpojax.core.frames import Vector, hill_frame, inertial_to_hill
 from rpojax.errors import ScenarioError
 from rpojax.time_scales import Instant
 
@@ -82,9 +85,15 @@ def _angle(first: np.ndarray, second: np.ndarray, normal: np.ndarray) -> float:
 
 def relative_state(servicer: OrbitState, target: OrbitState) -> tuple[list[float], list[float]]:
     """Position [m] and velocity [m/s] of the servicer from the target, as seen in the target's Hill frame."""
-    momentum = np.cross(target.position_m, target.velocity_m_s)
-    radial, normal = target.position_m / np.linalg.norm(target.position_m), momentum / np.linalg.norm(momentum)
-    R_HN = np.stack([radial, np.cross(normal, radial), normal])
-    rate_N = momentum / float(target.position_m @ target.position_m)
-    r_N, v_N = servicer.position_m - target.position_m, servicer.velocity_m_s - target.velocity_m_s
-    return (R_HN @ r_N).tolist(), (R_HN @ (v_N - np.cross(rate_N, r_N))).tolist()
+    target_N, servicer_N = (
+        (jnp.asarray(each.position_m), jnp.asarray(each.velocity_m_s)) for each in (target, servicer)
+    )
+    rho, rho_dot = _in_hill_frame(target_N, servicer_N)
+    return rho.tolist(), rho_dot.tolist()
+
+
+@jax.jit
+def _in_hill_frame(target_N: tuple[Vector, Vector], servicer_N: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    """Relative position [m] and velocity [m/s] in H, of the states of both in N."""
+    R_HN, omega_HN_N = hill_frame(*target_N)
+    return inertial_to_hill(servicer_N[0] - target_N[0], servicer_N[1] - target_N[1], R_HN, omega_HN_N)

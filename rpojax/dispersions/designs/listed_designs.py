@@ -1,10 +1,21 @@
-"""Full factorial design: every combination of the listed values of some keys."""
+"""Designs of listed values: one row of a table for each run, or every combination of the values of some keys."""
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_kinds import GridDesign
+from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.dispersions.listed_values import listed_numbers
+
+
+def table_size(table: TableDesign) -> int:
+    """Number of rows."""
+    return len(next(iter(table.values.values())))
+
+
+def table_rows(table: TableDesign, run_range: RunRange) -> dict[str, np.ndarray]:
+    """Values (runs,) by key; run `i` has row `i`."""
+    rows = run_range.first_run + np.arange(run_range.runs)
+    return {key: listed_numbers(values)[rows] for key, values in table.values.items()}
 
 
 def grid_size(grid: GridDesign) -> int:

@@ -1,17 +1,11 @@
-"""Command-line arguments that commands share."""
+"""What records of options share: the base of all, and options that several commands have."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, ClassVar
 
 from tyro.conf import Positional, UseAppendAction, arg
-
-from rpojax.runtime.warning_lines import warnings_as_lines
-
-if TYPE_CHECKING:
-    from rpojax.scenario.schema import ScenarioFile
-
 
 FLAT = arg(name="")
 """Marks a record of options: its fields are options of the command, without a prefix."""
@@ -38,10 +32,23 @@ class Session:
     no_cache: NoCache = False
 
 
-def load(source: str, overrides: Sequence[str]) -> "ScenarioFile":
-    """Scenario file of a packaged name or path, with overrides `KEY=VALUE`; says on stderr what a migration changed."""
-    from rpojax.scenario.loading import scenario_loader
-    from rpojax.scenario.loading.format_migration import FormatChangeWarning
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """Options of a command; the docstring of a subclass is the command's help."""
 
-    with warnings_as_lines(FormatChangeWarning):
-        return scenario_loader.load(source, overrides)
+    work: ClassVar[str]
+    """Function that gets this record and returns the exit status, as 'module:function' below `rpojax.cli.commands`."""
+    prepares_jax: ClassVar[bool] = True
+    """Whether JAX is prepared before the function is imported."""
+    has_small_matrices: ClassVar[bool] = False
+    """Whether threads of the linear algebra would only wait for each other."""
+    keeps_programs: ClassVar[bool] = True
+    """Whether compiled programs are kept in the cache folder, unless `--no-cache` is given."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Commands with a name in common, such as `field`, by the name of each; `help` describes them together."""
+
+    help: str
+    commands: Mapping[str, type[Command]]
