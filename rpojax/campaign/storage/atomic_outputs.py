@@ -1,11 +1,13 @@
-"""Atomic writing of the files that a user asks for, such as reports and records; errors name the file."""
+"""Atomic writing of the files that a user asks for, such as reports and records; errors name the file.
+
+Free of NumPy: options of the command line check their files with it.
+"""
 
 import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from rpojax.campaign.storage import atomic_files
 from rpojax.errors import OutputError
@@ -47,8 +49,8 @@ def to_json_types(value: Any) -> Any:
         return {str(key): to_json_types(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [to_json_types(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # arrays and numbers of NumPy
         return to_json_types(value.tolist())
     if isinstance(value, float):
-        return value if np.isfinite(value) else None
+        return value if math.isfinite(value) else None
     return value if isinstance(value, str | int | bool | None) else str(value)
