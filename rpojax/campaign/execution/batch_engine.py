@@ -19,7 +19,7 @@ from rpojax.batching.batching_mode import BatchingMode
 from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.passive_safety import PassiveSafety
 from rpojax.campaign.execution.surface_coverage import SurfaceCoverage
-from rpojax.campaign.execution.teams import member_values
+from rpojax.campaign.execution.teams import member_values, passive_separation
 from rpojax.campaign.execution.tick_batching import batch_transform, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
@@ -213,13 +213,18 @@ class BatchEngine:
                 lambda values: member_values.of_member(self.file, values, 0), self._preparation_trace.out_info[0]
             )
             with self._tracing_precision():
-                safety = pool.submit(self.passive_safety.compile, drawn)
+                safety = pool.submit(self.passive_safety.compile, {**self._of_pairs(drawn), **drawn})
                 loops = traces.compile(compiler_options.LOOP_OPTIONS)
             safety.result()
             self.coverage.compile(drawn)
             self.loop_compile_s = loops.compile_s
             self._programs = (preparation.result(), loops)
         self.compile_s = time.perf_counter() - begin
+
+    def _of_pairs(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
+        """Shapes of the values by which a servicer of a team stands for the target of another one."""
+        keys = passive_separation.keys_of_target(self.scenario.effects, drawn) if self.file.servicers else {}
+        return {key: drawn[own] for own, key in keys.items()}
 
     @property
     def loop_program(self) -> Any:
