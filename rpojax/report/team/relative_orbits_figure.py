@@ -30,14 +30,14 @@ _ALONG, _ACROSS, _RADIAL = 1, 2, 0
 
 
 def relative_orbits(
-    history: Mapping[str, np.ndarray], names: Sequence[str], keep_out_m: float | None, title: str
+    history: Mapping[str, np.ndarray], names: Sequence[str], keep_out_m: Sequence[float], title: str
 ) -> Figure:
     """Along-track over radial and cross-track over radial position of all servicers, target in the middle.
 
     Args:
         history: of a team's run, `rho_H` (ticks, servicers, 3) the servicer from the target [m]
         names: of the servicers
-        keep_out_m: radius of the keep-out sphere [m], None without one
+        keep_out_m: radii of the keep-out spheres [m]
         title: of the figure
     """
     reach = _reach(history["rho_H"], keep_out_m)
@@ -49,8 +49,9 @@ def relative_orbits(
         for number, name in enumerate(names):
             _plot_orbit(axes, history["rho_H"][:, number], across, name, _COLOURS[number % len(_COLOURS)])
         axes.plot(0.0, 0.0, marker="+", ms=9, mew=1.4, ls="", color=INK, label="target")
-        if keep_out_m is not None:
-            axes.add_patch(Circle((0.0, 0.0), keep_out_m, fill=False, ls="--", lw=1.0, ec=MUTED, label="keep-out"))
+        for number, radius in enumerate(keep_out_m):
+            label = "" if number else "keep-out"
+            axes.add_patch(Circle((0.0, 0.0), radius, fill=False, ls="--", lw=1.0, ec=MUTED, label=label))
         _style(axes, across, reach)
     planes[0].set_ylabel(f"{AXIS_NAMES[_RADIAL]} [m]", fontsize=9, color=INK)
     handles, labels = planes[0].get_legend_handles_labels()
@@ -66,10 +67,10 @@ def _plot_orbit(axes: Axes, rho_H: np.ndarray, across: int, name: str, colour: s
         axes.plot(point[:, across], point[:, _RADIAL], marker=marker, ms=6, ls="", color=colour, mec="white", mew=0.8)
 
 
-def _reach(rho_H: np.ndarray, keep_out_m: float | None) -> np.ndarray:
+def _reach(rho_H: np.ndarray, keep_out_m: Sequence[float]) -> np.ndarray:
     """Half the extent of the figure along each Hill axis (3,) [m], with a margin around all that is drawn."""
     greatest = np.max(np.abs(rho_H), axis=(0, 1), where=np.isfinite(rho_H), initial=1.0)
-    return 1.08 * np.maximum(greatest, 0.0 if keep_out_m is None else keep_out_m)
+    return 1.08 * np.maximum(greatest, max(keep_out_m, default=0.0))
 
 
 def _style(axes: Axes, across: int, reach: np.ndarray) -> None:

@@ -58,7 +58,7 @@ def of_servicer(campaign: CampaignResults, number: int) -> ServicerResults:
     drawn = {key: values for key, values in campaign.drawn.items() if "/" not in key}
     return ServicerResults(
         directory=campaign.directory,
-        info=_with_own_goal(campaign.info, name),
+        info=_with_own_tables(campaign.info, name),
         run_ids=campaign.run_ids,
         metrics=_of_one(campaign, "metrics", number),
         completed=codes == Outcome.COMPLETED.code,
@@ -91,12 +91,12 @@ def unfinished_details(campaign: CampaignResults) -> dict[int, str]:
     return {run_id: "; ".join(texts) for run_id, texts in found.items() if run_id in of_team}
 
 
-def _with_own_goal(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Information on the campaign with the goal of one servicer."""
+def _with_own_tables(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Information on the campaign with the goal and the limits of one servicer."""
     scenario = info.get("scenario", {})
     changes = next((each for each in scenario.get("servicers", []) if each.get("name") == name), {})
-    goal = {**(scenario.get("goal") or {}), **(changes.get("goal") or {})}
-    return {**info, "scenario": {**scenario, "goal": goal}}
+    own = {key: {**(scenario.get(key) or {}), **(changes.get(key) or {})} for key in ("goal", "limits")}
+    return {**info, "scenario": {**scenario, **own}}
 
 
 def _of_one(campaign: CampaignResults, group: str, number: int) -> dict[str, np.ndarray]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.dispersed_inputs import nominal_keep_out_radii
 from rpojax.report.figures.png_export import png_bytes
 from rpojax.report.mission import phase_section
 from rpojax.report.team.relative_orbits_figure import REQUIRED_CHANNELS, relative_orbits
@@ -43,8 +44,7 @@ def write_figure(campaign: CampaignResults, run_id: int | None) -> Path | None:
     if any(name not in history for name in REQUIRED_CHANNELS):
         return None
     title = f"Relative orbits: {campaign.info.get('name', 'campaign')}, run {run_id}"
-    keep_out_m = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
-    figure = relative_orbits(history, campaign.servicer_names, keep_out_m, title)
+    figure = relative_orbits(history, campaign.servicer_names, nominal_keep_out_radii(campaign), title)
     return write_atomically(campaign.directory / "figures" / FIGURE_NAME, png_bytes(figure))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.dispersed_inputs import nominal_keep_out_radii
 
 _MAX_POINTS: Final = 240
 """Most points of a path."""
@@ -37,7 +38,8 @@ def path_scene(
     return {
         "paths": paths,
         "target": _mesh(scenario),
-        "keep_out_m": scenario.get("limits", {}).get("keep_out_m"),
+        "keep_out_m": max(radii := nominal_keep_out_radii(campaign), default=None),
+        "spheres_m": radii,
         "desired": _desired(campaign, history_of(shown[0])),
     }
 
