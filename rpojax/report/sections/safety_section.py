@@ -29,8 +29,8 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
     """Part of report.json: smallest ranges, entries into the keep-out sphere, longest times without an accepted box.
 
     The smallest range includes the traces of failed runs up to their failure; for a run that entered the keep-out
-    sphere it is at most the sphere's radius, and `at_most` marks that bound. Each servicer of a team has a sphere of its
-    own. Proportions have exact 95 % intervals, None if runs are not independent.
+    sphere it is at most the sphere's radius, and `at_most` marks that bound. Each servicer of a team
+    has its own sphere. Proportions have exact 95 % intervals, None if runs are not independent.
     """
     entered = np.asarray(campaign.outcomes == Outcome.KEEP_OUT)
     keep_out = keep_out_radii(campaign)
