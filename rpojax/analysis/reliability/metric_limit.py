@@ -1,6 +1,7 @@
 """Limit of a metric that has a derivative: its margins, and its selection from a requirement or from options."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 from rpojax.analysis.reliability.search_settings import LimitChoice
 from rpojax.errors import RpojaxError
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.schema import RequirementSection, ScenarioFile
 
 _ROUNDING = 1e-5
 """Fraction of the limit by which it must be exceeded: stored metrics are in single precision."""
@@ -77,7 +78,21 @@ def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
             expected = f"one of the scenario's: {', '.join(known)}"
         raise RpojaxError.of_argument("requirement", f"found {requirement!r}, expected {expected}")
     check_metric(file, "requirement", requirement)
-    return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
+    one = with_one_limit(chosen)
+    return MetricLimit(requirement, one.bound, one.limit)
+
+
+def with_one_limit(requirements: Sequence[RequirementSection]) -> RequirementSection:
+    """Of requirements on one metric, which must have one limit, that with the highest probability.
+
+    Raises:
+        RpojaxError: they have several limits, of which a name does not say which.
+    """
+    limits = list(dict.fromkeys(f"{each.bound} {each.limit:g}" for each in requirements))
+    if len(limits) > 1:
+        found = f"{requirements[0].metric!r} with the limits {', '.join(limits)}"
+        raise RpojaxError.of_argument("requirement", f"found {found}, expected one; name it by metric, bound and limit")
+    return max(requirements, key=lambda each: each.probability)
 
 
 def check_metric(file: ScenarioFile, argument: str, name: str) -> None:

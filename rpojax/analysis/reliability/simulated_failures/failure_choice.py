@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from rpojax.analysis.reliability.metric_limit import with_one_limit
 from rpojax.analysis.reliability.simulated_failures.estimate_options import Bound, FailureChoice
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
@@ -101,8 +102,8 @@ def _of_requirement(file: ScenarioFile, name: str) -> Failure:
         expected = f"the metric of a requirement on whole runs of the scenario ({known})"
         raise RpojaxError.of_argument("requirement", f"found {name!r}, expected {expected}")
     _check_metric(file, name)
-    strictest = max(chosen, key=lambda each: each.probability)
-    return Failure(name, strictest.bound, strictest.limit, None, strictest.probability)
+    one = with_one_limit(chosen)
+    return Failure(name, one.bound, one.limit, None, one.probability)
 
 
 def _check_metric(file: ScenarioFile, name: str) -> None:
