@@ -110,7 +110,7 @@ def _show(found: "SensitivityAnalysis") -> None:
 
 
 def shown_names(names: Sequence[str], width: int) -> dict[str, str]:
-    """Names of inputs as a table of a terminal shows them: without sections, and shortened, where they stay distinct."""
+    """Names of inputs in a table of a terminal: without sections, and shortened, where they stay distinct."""
     shown = dict(zip(names, names, strict=True))
     if width >= _WIDE:
         return shown
