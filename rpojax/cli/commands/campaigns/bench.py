@@ -1,5 +1,6 @@
 """The command `rpojax bench`: speed of the closed loop, its kernels and the rendered camera on this machine."""
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -12,12 +13,17 @@ from rpojax.cli.arguments import AsJson, Overrides, Source, load
 from rpojax.cli.console import show_unused_keys
 from rpojax.cli.exit_status import Status
 from rpojax.cli.standard_streams import print_json
-from rpojax.errors import RpojaxError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.runtime.jax_environment import environment_without_loop_fusion, prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress import stage
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from rpojax.scenario.schema import ScenarioFile
+
+_DURATION_S = 800.0
+"""Simulated time of a run where a scenario accepts it [s]."""
 
 PARTS = {
     "loop": "the closed loop",
@@ -39,7 +45,14 @@ def bench(
             help_behavior_hint="(default: 1, 64, 512, 2048 and what a campaign takes at once)",
         ),
     ] = (),
-    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 800.0,
+    duration_s: Annotated[
+        float | None,
+        arg(
+            metavar="T",
+            help="Simulated time of a run [s].",
+            help_behavior_hint=f"(default: {_DURATION_S:g}, doubled as often as the scenario's phases need)",
+        ),
+    ] = None,
     only: Annotated[str, arg(metavar="PARTS", help="Parts to measure.")] = ",".join(PARTS),
     as_json: AsJson = False,
 ) -> int:
@@ -51,7 +64,7 @@ def bench(
     if parts == ["vision"] and (overrides or scenario != "inspection"):
         expected = "loop or kernels, too: its pictures are those of the packaged target in any scenario"
         raise RpojaxError.of_argument("only", f"found 'vision' with a scenario or --set, expected {expected}")
-    file = load(scenario, (f"duration_s={duration_s}", *overrides))
+    file = _load_for(duration_s, scenario, overrides)
     show_unused_keys(file, quiet=as_json)
     prepare_jax(cache=False)
     # XLA reads its fusion options once per process, and rendering is faster with others.
@@ -74,6 +87,27 @@ def bench(
     else:
         show(found)
     return Status.DONE
+
+
+def _load_for(duration_s: float | None, scenario: str, overrides: Sequence[str]) -> "ScenarioFile":
+    """The scenario with runs of a duration [s], by default those of the benchmark, doubled until it accepts them.
+
+    Raises:
+        RpojaxError: it is invalid, or refuses that duration.
+    """
+    try:
+        return load(scenario, (f"duration_s={_DURATION_S if duration_s is None else duration_s}", *overrides))
+    except ScenarioError as error:
+        own = load(scenario, overrides)
+        if duration_s is None:
+            longer = 2.0 * _DURATION_S
+            while longer < own.duration_s:
+                with contextlib.suppress(ScenarioError):
+                    return load(scenario, (f"duration_s={longer}", *overrides))
+                longer *= 2.0
+            return own
+        expected = f"one that the scenario accepts, such as its own {own.duration_s:g}"
+        raise RpojaxError.of_argument("duration_s", f"found {duration_s:g}, expected {expected} ({error})") from None
 
 
 def _vision_in_own_process() -> dict[str, Any]:
