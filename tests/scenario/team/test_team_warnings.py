@@ -53,7 +53,10 @@ def test_the_belief_in_differences_of_positions_is_judged(tables: dict[str, Any]
         (["link.loss=1"], ["link.loss: found 1, expected less: no message arrives"]),
         (["link.loss=1", "link.burst_loss=0.5", "link.burst_interval_s=300"], []),
         (["link.period_s=1e6"], ["link.period_s: found 1e+06 s, expected less than duration_s = 7000"]),
-        (["link.outages_s=[[100, 200], [7000, 8000]]"], ["link.outages_s: found [7000.0, 8000.0], expected one that beg"]),
+        (
+            ["link.outages_s=[[100, 200], [7000, 8000]]"],
+            ["link.outages_s: found [7000.0, 8000.0], expected one that beg"],
+        ),
         (["team.lost_after_s=0.5"], []),
         (
             ["team.lost_after_s=2.5", "team.phasing='spread'", "link.delay_s=2"],
