@@ -31,6 +31,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
 from rpojax.cli.commands.campaigns import bench, simulate
 from rpojax.cli.options.campaigns import RunCommand
+from rpojax.errors import RpojaxError
 from rpojax.runtime import jax_environment
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
@@ -460,6 +461,15 @@ def test_bench_states_speed_and_time_to_compile(call: Call, monkeypatch: pytest.
     people = call(*words)
     assert "runs of" in people.out
     assert "peak memory" in people.out
+
+
+def test_bench_takes_a_duration_that_the_scenario_accepts() -> None:
+    assert bench._load_for(None, "inspection", ()).duration_s == 800.0
+    longer = bench._load_for(None, "vbar_approach", ()).duration_s
+    assert 800.0 < longer < scenario_loader.load("vbar_approach").duration_s
+    assert np.log2(longer / 800.0) % 1.0 == 0.0
+    with pytest.raises(RpojaxError, match=r"^duration_s: found 800, expected one that the scenario accepts, such as"):
+        bench._load_for(800.0, "vbar_approach", ())
 
 
 def test_bench_prints_a_table_for_every_part(capsys: pytest.CaptureFixture[str]) -> None:

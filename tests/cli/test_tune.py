@@ -97,6 +97,7 @@ def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest
     assert "navigation.edge_noise_px: 1.0 -> 2.0" in text
     assert "objective of the first step 3.0000, of the last 1.0000, which had other runs" in text
     assert "50 unseen runs, seed 8" in text
+    assert "failed runs: 0 of 50 with the start, 0 with the tuned scenario\n" in text
     assert "pointing: no value in 5 of 64 runs at the first step and 2 at the last (7 of all 128)" in text
     assert "formation: no value" not in text
     assert "pointing_error_p95_deg has no value in 0 runs with the start and in 3 with the tuned scenario" in text

@@ -6,6 +6,7 @@ from numpy_reference import random_unit, rotation_matrix
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.orbits import keplerian_elements
+from rpojax.core.pytree import replace
 from rpojax.physics import plant_state
 from rpojax.scenario.params import Params
 
@@ -26,3 +27,8 @@ def test_the_initial_truth_has_the_relative_state_of_the_scenario(params: Params
     np.testing.assert_allclose(truth.omega_BN_B, rotation_matrix(q) @ np.asarray(omega_HN_N), atol=1e-16)
     assert truth.mass == 30.0
     assert truth.delta_v == 0.0
+
+
+def test_the_true_outline_of_the_target_is_the_nominal_one_by_its_scale(params: Params) -> None:
+    larger = replace(params.plant.target, scale=1.25)
+    np.testing.assert_allclose(larger.true_hull, 1.25 * np.asarray(params.plant.target.hull), rtol=1e-15)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
+from rpojax.analysis.statistics.campaign_comparison import changed_keys
 from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs, spearman
 from rpojax.analysis.statistics.intervals import shrunk_mean
 from rpojax.analysis.statistics.paired_comparison import requirement_name
@@ -29,7 +30,9 @@ from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.plugins import plugin_registry
+from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation.noise import run_keys
 
 if TYPE_CHECKING:
@@ -43,6 +46,10 @@ _KINKS = {
     "max": "the greatest value over time: its derivative jumps where another instant becomes the greatest",
     "total": "a sum of burns, decided on in steps: the derivative of a smoothed decision stands in for the jump",
 }
+
+_OF_NO_RUN = ("name", "description", "requirements", "tuning", "start", "format_version", "plugin")
+"""Parts of a scenario that change nothing in a run."""
+_MOST_KEYS = 3
 
 _STEPS = "a number of steps, or moved by noise alone: its derivative is 0 although its values differ"
 
@@ -191,13 +198,38 @@ def sensitivity(
         progress: show progress on stderr
 
     Raises:
-        RpojaxError: a metric has no derivative, nothing can be moved, or too few runs complete.
+        RpojaxError: a metric has no derivative, nothing can be moved, too few runs complete, or the campaign is of
+            another scenario.
     """
+    refuse_team(file, "derivatives of runs")
+    if campaign is not None:
+        check_same_scenario(file, campaign.directory, campaign.info)
     names, space = select_metrics(file, metrics), standard_normal_space.make_space(file)
     with stage("simulating with derivatives (compiling takes a minute or two)", quiet=not progress):
         found = derivative_sensitivities(space, names, runs, seed)
     agreements = tuple(None if campaign is None else _campaign_agreement(one, space, campaign) for one in found)
     return SensitivityAnalysis(space, seed, runs, found, agreements)
+
+
+def check_same_scenario(file: ScenarioFile, directory: Path, info: Mapping[str, Any]) -> None:
+    """Refuses a campaign of other runs than those of a scenario, whatever its seed and the number of its runs.
+
+    Args:
+        file: the scenario
+        directory: of the campaign
+        info: of the campaign, with its scenario
+
+    Raises:
+        RpojaxError: naming keys that differ.
+    """
+    if scenario_digest(file) == info["scenario_hash"]:
+        return
+    changes = changed_keys(info["scenario"], to_json_types(file.model_dump(mode="json")))
+    keys = [change.key for change in changes if change.key.partition(".")[0] not in _OF_NO_RUN]
+    if keys:
+        more = "" if len(keys) <= _MOST_KEYS else f" and {len(keys) - _MOST_KEYS} more"
+        found = f"{directory}, of another scenario: {', '.join(keys[:_MOST_KEYS])}{more} differ"
+        raise RpojaxError.of_argument("campaign", f"found {found}, expected one of {file.name}")
 
 
 def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from rpojax.analysis.reliability.search_settings import LimitChoice
 from rpojax.errors import RpojaxError
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.schema import RequirementSection, ScenarioFile
 from rpojax.simulation.noise import run_keys
 
 _ROUNDING = 1e-5
@@ -85,7 +85,21 @@ def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
             expected = f"one of the scenario's: {', '.join(known)}"
         raise RpojaxError.of_argument("requirement", f"found {requirement!r}, expected {expected}")
     check_metric(file, "requirement", requirement)
-    return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
+    one = with_one_limit(chosen)
+    return MetricLimit(requirement, one.bound, one.limit)
+
+
+def with_one_limit(requirements: Sequence[RequirementSection]) -> RequirementSection:
+    """Of requirements on one metric, which must have one limit, that with the highest probability.
+
+    Raises:
+        RpojaxError: they have several limits, of which a name does not say which.
+    """
+    limits = list(dict.fromkeys(f"{each.bound} {each.limit:g}" for each in requirements))
+    if len(limits) > 1:
+        found = f"{requirements[0].metric!r} with the limits {', '.join(limits)}"
+        raise RpojaxError.of_argument("requirement", f"found {found}, expected one; name it by metric, bound and limit")
+    return max(requirements, key=lambda each: each.probability)
 
 
 def check_metric(file: ScenarioFile, argument: str, name: str) -> None:

@@ -38,6 +38,7 @@ from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import refuse_team
 
 if TYPE_CHECKING:
     import pandas
@@ -252,6 +253,7 @@ def find_worst_case(
     """
     if run_directory is not None:
         preflight.check_folder(Path(run_directory), force)
+    refuse_team(file, "derivatives of runs")
     chosen = select_limit(file, choice)
     space = standard_normal_space.make_space(file)
     settings = dataclasses.replace(settings, screening_points=max(settings.screening_points, settings.starts))

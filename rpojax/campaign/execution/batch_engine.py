@@ -212,13 +212,18 @@ class BatchEngine:
                 lambda values: teams.of_member(self.file, values, 0), self._preparation_trace.out_info[0]
             )
             with self._tracing_precision():
-                safety = pool.submit(self.passive_safety.compile, drawn)
+                safety = pool.submit(self.passive_safety.compile, {**self._of_pairs(drawn), **drawn})
                 loops = traces.compile(compiler_options.LOOP_OPTIONS)
             safety.result()
             self.coverage.compile(drawn)
             self.loop_compile_s = loops.compile_s
             self._programs = (preparation.result(), loops)
         self.compile_s = time.perf_counter() - begin
+
+    def _of_pairs(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
+        """Shapes of the values by which a servicer of a team stands for the target of another one."""
+        keys = teams.keys_of_target(self.scenario.effects, drawn) if self.file.servicers else {}
+        return {key: drawn[own] for own, key in keys.items()}
 
     @property
     def loop_program(self) -> Any:

@@ -145,11 +145,12 @@ def _judged(
     channels = {name: each[..., number, :] if is_team else each for name, each in recorder.records.items()}
     records = {name: np.moveaxis(values, -1, 0) for name, values in channels.items()}
     own_failure, own_failed_at = (failure[number], failed_at[number]) if is_team else (failure, failed_at)
+    values_of_drifts = teams.with_target(engine.scenario.effects, drawn, nominal) if is_team else drawn
     return ServicerResults(
         file=file,
         used=used,
         records=records,
-        passive_safety=engine.passive_safety.evaluate(drawn, channels, nominal) if drifts else {},
+        passive_safety=engine.passive_safety.evaluate(values_of_drifts, channels, nominal) if drifts else {},
         coverage=engine.coverage.evaluate(drawn, channels, nominal) if drifts else CoverageResults({}, {}),
         judged=_judged_runs(file, used, records, own_failure, own_failed_at),
     )

@@ -2,7 +2,8 @@
 
 Passive safety between the servicers of a team: free drifts of each pair, one of them in place of the target.
 
-Both drift on orbits so near to the target's that their relative motion follows the same equations.
+Both drift on orbits so near to the target's that their relative motion follows the same equations. Drag and sunlight
+act on each by its own surface and its own mass.
 
 Recording of teams: what is stored of all servicers together, and of each of them.
 
@@ -11,7 +12,7 @@ Arrays of the usual groups are those of the team; groups named `servicer_...` ha
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, Final
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +23,8 @@ from rpojax.campaign.execution.passive_safety import PassiveSafety
 from rpojax.core.pytree import replace
 from rpojax.metrics import metric_catalogue, team
 from rpojax.metrics import passive_safety as metrics
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario import params as parameters
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Arrays, Values
 from rpojax.scenario.params import Params
@@ -69,6 +72,27 @@ def of_member(file: ScenarioFile, values: Mapping[str, Any], number: int) -> dic
     return {key: value if key in common else value[..., number] for key, value in values.items()}
 
 
+_OF_TARGET: Final = {
+    "servicer.mass_kg": "target.mass_kg",
+    "servicer_surface.area_m2": "target_surface.area_m2",
+    "servicer_surface.drag_coefficient": "target_surface.drag_coefficient",
+    "servicer_surface.pressure_coefficient": "target_surface.pressure_coefficient",
+}
+"""Key of the target by that of a servicer, of what the forces on their surfaces depend."""
+
+
+def keys_of_target(effects: Effects, drawn: Mapping[str, Any]) -> dict[str, str]:
+    """Keys of the target by those of the servicer that vary, and that act on free drifts."""
+    acts = effects.drag or effects.solar_pressure
+    return {own: other for own, other in _OF_TARGET.items() if acts and own in drawn}
+
+
+def with_target(effects: Effects, drawn: Mapping[str, np.ndarray], nominal: Params) -> dict[str, np.ndarray]:
+    """Dispersed values (runs, ...) with those of the target that a program for pairs of servicers needs, too."""
+    missing = {own: key for own, key in keys_of_target(effects, drawn).items() if key not in drawn}
+    return {**drawn, **{key: _value(drawn, nominal, key, np.shape(drawn[own])) for own, key in missing.items()}}
+
+
 def least_separation(
     passive_safety: PassiveSafety,
     members: Sequence[Params],
@@ -84,10 +108,15 @@ def least_separation(
         records: channels (ticks, ..., servicers, runs)
     """
     name = metrics.horizon_metric_name(passive_safety.file.safety.horizons[-1])
-    pairs = [
-        passive_safety.evaluate(drawn[i], _relative_channels(records, i, j), _in_place_of_target(members[i]))[name]
-        for i, j in combinations(range(len(members)), 2)
-    ]
+    effects = passive_safety.scenario.effects
+    pairs = []
+    for i, j in combinations(range(len(members)), 2):
+        values = _in_place_of_target(effects, drawn[i], drawn[j], members[j])
+        channels = _relative_channels(records, i, j)
+        channels["mass_kg"] = _mass_against(effects, channels["mass_kg"], records["mass_kg"][..., j, :], [
+            (drawn[number], members[number]) for number in (i, j)
+        ])  # fmt: skip
+        pairs.append(passive_safety.evaluate(values, channels, _with_target_of(members[i], members[j]))[name])
     return {team.PASSIVE_SEPARATION: np.min(pairs, axis=0)} if pairs else {}
 
 
@@ -103,13 +132,55 @@ def _relative_channels(records: Mapping[str, np.ndarray], i: int, j: int) -> dic
     return both | ({"phase": records["phase"][..., i, :]} if "phase" in records else {})
 
 
-def _in_place_of_target(params: Params) -> Params:
-    """Parameters with a target of a servicer's mass and surface, so that nothing drifts by a difference of these."""
-    plant = params.plant
-    target = replace(plant.target, mass=plant.servicer.mass)
-    return jax.tree.map(
-        np.asarray, replace(params, plant=replace(plant, target=target, target_surface=plant.servicer_surface))
+def _with_target_of(own: Params, other: Params) -> Params:
+    """Parameters of a servicer with a target that has the mass and the surface of another servicer."""
+    plant = own.plant
+    target = replace(plant.target, mass=other.plant.servicer.mass)
+    surface = other.plant.servicer_surface
+    return jax.tree.map(np.asarray, replace(own, plant=replace(plant, target=target, target_surface=surface)))
+
+
+def _in_place_of_target(
+    effects: Effects, own: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray], nominal: Params
+) -> dict[str, np.ndarray]:
+    """Dispersed values of a servicer with those of another one, of `nominal` parameters, for those of the target."""
+    runs = {key: np.shape(values) for key, values in own.items()}
+    shapes = {key: runs[twin] for twin, key in keys_of_target(effects, own).items()}
+    shapes |= {key: runs[key] for key in _OF_TARGET.values() if key in own}
+    twins = {key: twin for twin, key in _OF_TARGET.items()}
+    return {**own, **{key: _value(other, nominal, twins[key], shape) for key, shape in shapes.items()}}
+
+
+def _mass_against(
+    effects: Effects,
+    mass: np.ndarray,
+    other_mass: np.ndarray,
+    pair: Sequence[tuple[Mapping[str, np.ndarray], Params]],
+) -> np.ndarray:
+    """Mass (ticks, runs) [kg] at which drag on one servicer differs as it should from that on another one.
+
+    A run's program gives the other one, which stands for the target, the mass of its start: what it has burned since
+    is part of the difference. Without drag it is that of sunlight.
+    """
+    if not (effects.drag or effects.solar_pressure):
+        return mass
+    kind = "drag_coefficient" if effects.drag else "pressure_coefficient"
+    runs = mass.shape[-1:]
+    strength, other_strength = (
+        _value(*each, f"servicer_surface.{kind}", runs) * _value(*each, "servicer_surface.area_m2", runs)
+        for each in pair
     )
+    ratio = np.divide(other_strength, strength, out=np.zeros(runs), where=strength > 0.0)
+    at_start = _value(*pair[1], "servicer.mass_kg", runs)
+    return mass / (1.0 + mass.astype(float) * ratio * (1.0 / at_start - 1.0 / other_mass))
+
+
+def _value(drawn: Mapping[str, np.ndarray], nominal: Params, key: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Value of a key in every run of that shape, the nominal one where it does not vary."""
+    if key in drawn:
+        return np.asarray(drawn[key])
+    path, factor = parameters.leaf_path_and_factor(key)
+    return np.broadcast_to(np.asarray(parameters.get_leaf(nominal, path), dtype=np.float64) / factor, shape)
 
 
 def joined_arrays(

@@ -404,20 +404,31 @@ class Campaign:
         options = self.configuration.options
         return zarr_reader.stored_history_ids(self.directory, options.first_run, options.runs)
 
-    def history(self, run_id: int, servicer: int | None = None) -> dict[str, np.ndarray]:
+    def history(self, run_id: int, servicer: int | str | None = None) -> dict[str, np.ndarray]:
         """Stored history of a run, time first; of a team the servicers are the second axis.
 
         Args:
             run_id: number of the run
-            servicer: number of the servicer of a team whose history is wanted; without effect for a single one
+            servicer: number or name of the servicer of a team whose history is wanted; without effect for a single one
 
         Raises:
-            ResultError: the run has no history, or it cannot be read.
+            ResultError: the run has no history, the team no such servicer, or it cannot be read.
         """
+        number = None if servicer is None or not self.servicer_names else self._servicer_number(servicer)
         if run_id not in (stored := self.history_ids):
             raise ResultError(f"run {run_id}: found no history, expected one of {stored}")
         history = zarr_reader.read_history(self.directory, self.configuration, run_id)
-        return history if servicer is None or not self.servicer_names else of_servicer(history, servicer)
+        return history if number is None else of_servicer(history, number)
+
+    def _servicer_number(self, servicer: int | str) -> int:
+        """Number of a servicer of a team, by it or by its name."""
+        names = list(self.servicer_names)
+        if servicer in names:
+            return names.index(str(servicer))
+        if isinstance(servicer, str) or not 0 <= servicer < len(names):
+            expected = f"one of {', '.join(names)}, or a number from 0 to {len(names) - 1}"
+            raise ResultError(f"servicer: found {servicer!r}, expected {expected}")
+        return servicer
 
     def to_xarray(self) -> "xarray.Dataset":
         """Finished runs as an `xarray.Dataset` with units, as `rpojax.open_campaign` describes it.

@@ -25,6 +25,8 @@ from rpojax.cli.options.arguments import (
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
 
+BENCH_DURATION_S = 800.0
+"""Simulated time of a run of the benchmark where a scenario accepts it [s]."""
 PARTS = {
     "loop": "the closed loop",
     "kernels": "bare orbits and the orbit filter",
@@ -237,6 +239,13 @@ class BenchCommand(Command):
             help_behavior_hint="(default: 1, 64, 512, 2048 and what a campaign takes at once)",
         ),
     ] = ()
-    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 800.0
+    duration_s: Annotated[
+        float | None,
+        arg(
+            metavar="T",
+            help="Simulated time of a run [s].",
+            help_behavior_hint=f"(default: {BENCH_DURATION_S:g}, doubled as often as the scenario's phases need)",
+        ),
+    ] = None
     only: Annotated[str, arg(metavar="PARTS", help="Parts to measure.")] = ",".join(PARTS)
     as_json: AsJson = False

@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.campaign_results import CampaignResults, nominal_keep_out_radii
 from rpojax.report.figures.plotly_charts import rounded_values
 from rpojax.report.labels import ChannelLabel
 
@@ -134,7 +134,8 @@ def path_scene(
     return {
         "paths": paths,
         "target": _mesh(scenario),
-        "keep_out_m": scenario.get("limits", {}).get("keep_out_m"),
+        "keep_out_m": max(radii := nominal_keep_out_radii(campaign), default=None),
+        "spheres_m": radii,
         "desired": _desired(campaign, history_of(shown[0])),
     }
 

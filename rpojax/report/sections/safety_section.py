@@ -25,8 +25,8 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
     """Part of report.json: smallest ranges, entries into the keep-out sphere, longest times without an accepted box.
 
     The smallest range includes the traces of failed runs up to their failure; for a run that entered the keep-out
-    sphere it is at most the sphere's radius, and `at_most` marks that bound. Proportions have exact 95 % intervals,
-    None if runs are not independent.
+    sphere it is at most the sphere's radius, and `at_most` marks that bound. Each servicer of a team
+    has its own sphere. Proportions have exact 95 % intervals, None if runs are not independent.
     """
     entered = np.asarray(campaign.outcomes == Outcome.KEEP_OUT)
     keep_out = keep_out_radii(campaign)
@@ -115,7 +115,7 @@ def _radius_content(radii: np.ndarray | None) -> float | list[float] | None:
 
 def _radius_text(radius: float | list[float]) -> str:
     if isinstance(radius, list):
-        return f"{format_number(radius[0])} to {with_unit(format_number(radius[1]), 'm')}, each run its own"
+        return f"{format_number(radius[0])} to {with_unit(format_number(radius[1]), 'm')}, each its own"
     return with_unit(format_number(radius), "m")
 
 
@@ -125,7 +125,7 @@ def _least_range(campaign: CampaignResults, keep_out: np.ndarray | None, entered
     if traced is not None and traced.size:
         ranges = np.fmin(ranges, np.fmin.reduce(traced, axis=1))
     # Traces are coarse: their last sample may be well before the entry.
-    radius = np.full(len(entered), np.inf) if keep_out is None else np.broadcast_to(keep_out, len(entered))
+    radius = np.full(len(entered), np.inf) if keep_out is None else _radius_of_entry(campaign, keep_out)
     bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
     ranges = np.where(bounded, radius, ranges).astype(np.float64)
     rows = worst_first("min_range_m", ranges)
@@ -149,7 +149,27 @@ def _range_violations(
     values = campaign.metrics.get(name)
     if values is None or keep_out is None:
         return None
-    return _proportion(campaign, entered | (values < keep_out), entered | np.isfinite(values))
+    return _proportion(campaign, entered | _is_within(campaign, name, keep_out), entered | np.isfinite(values))
+
+
+def _is_within(campaign: CampaignResults, name: str, keep_out: np.ndarray) -> np.ndarray:
+    """Flags (runs,) of runs of which a range, of a team that of any servicer, is below the radius of its own sphere."""
+    values = campaign.metrics[name]
+    if not campaign.servicer_names:
+        return np.asarray(values < keep_out)
+    each = [campaign.metrics.get(f"{name}/{servicer}", values) for servicer in campaign.servicer_names]
+    return np.asarray((np.stack(each, axis=-1) < keep_out).any(axis=-1))
+
+
+def _radius_of_entry(campaign: CampaignResults, keep_out: np.ndarray) -> np.ndarray:
+    """Radius (runs,) [m] within which a run is that entered a sphere: that of the servicer that did."""
+    runs = len(campaign.completed)
+    if not campaign.servicer_names:
+        return np.broadcast_to(keep_out, runs)
+    own = np.broadcast_to(keep_out, (runs, keep_out.shape[-1]))
+    has_entered = campaign.servicers("status")["failure"] == Outcome.KEEP_OUT.code
+    found = np.min(own, axis=-1, where=has_entered, initial=np.inf)
+    return np.where(has_entered.any(axis=-1), found, own.max(axis=-1))
 
 
 def _median(campaign: CampaignResults, name: str) -> float | None:

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.metrics import surface_coverage, team
-from rpojax.report.campaign_results import CampaignResults, ChangedResults
+from rpojax.report.campaign_results import CampaignResults, ChangedResults, nominal_keep_out_radii
 from rpojax.report.figures.colours import (
     BLUE,
     GREEN,
@@ -70,7 +70,7 @@ def of_servicer(campaign: CampaignResults, number: int) -> CampaignResults:
     failed_at_s = np.where(campaign.reached_end, status["failed_at_s"][:, number], campaign.failed_at_s)
     found: Any = ChangedResults(
         campaign,
-        info=_with_own_goal(campaign.info, name),
+        info=_with_own_tables(campaign.info, name),
         completed=codes == Outcome.COMPLETED.code,
         failed=outcome_kinds.is_failed(outcomes),
         outcomes=outcomes,
@@ -99,12 +99,12 @@ def unfinished_details(campaign: CampaignResults) -> dict[int, str]:
     return {run_id: "; ".join(texts) for run_id, texts in found.items() if run_id in of_team}
 
 
-def _with_own_goal(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Information on the campaign with the goal of one servicer."""
+def _with_own_tables(info: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Information on the campaign with the goal and the limits of one servicer."""
     scenario = info.get("scenario", {})
     changes = next((servicer for servicer in scenario.get("servicers", []) if servicer.get("name") == name), {})
-    goal = {**(scenario.get("goal") or {}), **(changes.get("goal") or {})}
-    return {**info, "scenario": {**scenario, "goal": goal}}
+    own = {key: {**(scenario.get(key) or {}), **(changes.get(key) or {})} for key in ("goal", "limits")}
+    return {**info, "scenario": {**scenario, **own}}
 
 
 def _of_one(campaign: CampaignResults, group: str, number: int) -> dict[str, np.ndarray]:
@@ -112,14 +112,14 @@ def _of_one(campaign: CampaignResults, group: str, number: int) -> dict[str, np.
 
 
 def relative_orbits(
-    history: Mapping[str, np.ndarray], names: Sequence[str], keep_out_m: float | None, title: str
+    history: Mapping[str, np.ndarray], names: Sequence[str], keep_out_m: Sequence[float], title: str
 ) -> Figure:
     """Along-track over radial and cross-track over radial position of all servicers, target in the middle.
 
     Args:
         history: of a team's run, `rho_H` (ticks, servicers, 3) the servicer from the target [m]
         names: of the servicers
-        keep_out_m: radius of the keep-out sphere [m], None without one
+        keep_out_m: radii of the keep-out spheres [m]
         title: of the figure
     """
     reach = _reach(history["rho_H"], keep_out_m)
@@ -131,8 +131,9 @@ def relative_orbits(
         for number, name in enumerate(names):
             _plot_orbit(axes, history["rho_H"][:, number], across, name, _COLOURS[number % len(_COLOURS)])
         axes.plot(0.0, 0.0, marker="+", ms=9, mew=1.4, ls="", color=INK, label="target")
-        if keep_out_m is not None:
-            axes.add_patch(Circle((0.0, 0.0), keep_out_m, fill=False, ls="--", lw=1.0, ec=MUTED, label="keep-out"))
+        for number, radius in enumerate(keep_out_m):
+            label = "" if number else "keep-out"
+            axes.add_patch(Circle((0.0, 0.0), radius, fill=False, ls="--", lw=1.0, ec=MUTED, label=label))
         _style(axes, across, reach)
     planes[0].set_ylabel(f"{AXIS_NAMES[_RADIAL]} [m]", fontsize=9, color=INK)
     handles, labels = planes[0].get_legend_handles_labels()
@@ -148,10 +149,10 @@ def _plot_orbit(axes: Axes, rho_H: np.ndarray, across: int, name: str, colour: s
         axes.plot(point[:, across], point[:, _RADIAL], marker=marker, ms=6, ls="", color=colour, mec="white", mew=0.8)
 
 
-def _reach(rho_H: np.ndarray, keep_out_m: float | None) -> np.ndarray:
+def _reach(rho_H: np.ndarray, keep_out_m: Sequence[float]) -> np.ndarray:
     """Half the extent of the figure along each Hill axis (3,) [m], with a margin around all that is drawn."""
     greatest = np.max(np.abs(rho_H), axis=(0, 1), where=np.isfinite(rho_H), initial=1.0)
-    return 1.08 * np.maximum(greatest, 0.0 if keep_out_m is None else keep_out_m)
+    return 1.08 * np.maximum(greatest, max(keep_out_m, default=0.0))
 
 
 def _style(axes: Axes, across: int, reach: np.ndarray) -> None:
@@ -192,8 +193,7 @@ def write_figure(campaign: CampaignResults, run_id: int | None) -> Path | None:
     if any(name not in history for name in REQUIRED_CHANNELS):
         return None
     title = f"Relative orbits: {campaign.info.get('name', 'campaign')}, run {run_id}"
-    keep_out_m = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
-    figure = relative_orbits(history, campaign.servicer_names, keep_out_m, title)
+    figure = relative_orbits(history, campaign.servicer_names, nominal_keep_out_radii(campaign), title)
     return write_atomically(campaign.directory / "figures" / FIGURE_NAME, png_bytes(figure))
 
 

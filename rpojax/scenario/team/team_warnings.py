@@ -7,6 +7,7 @@ from rpojax.scenario.team.members import member_files, member_names
 from rpojax.scenario.warnings import all_warnings
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.filter_beliefs import Belief, judged_beliefs
+from rpojax.scenario.warnings.link_uses import link_warnings
 
 
 def mission_warnings(file: ScenarioFile) -> list[str]:
@@ -29,7 +30,8 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
 
 def _of_member(member: ScenarioFile, shares: bool) -> list[str]:
     warnings = all_warnings.mission_warnings(member)
-    return [*warnings, *difference_warnings(member, DispersedReach(member))] if shares else warnings
+    reach = DispersedReach(member)
+    return [*warnings, *link_warnings(member, reach), *(difference_warnings(member, reach) if shares else [])]
 
 
 def difference_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:

@@ -13,10 +13,13 @@ from rpojax.metrics.record_statistics import (
     longest_streak,
     longest_total_between_decisions,
     longest_wait,
+    time_to_first,
 )
 from rpojax.metrics.time_windows import DURATION, EVENT_TIME, split_name
 
 _LONGEST = (longest_streak, longest_wait, longest_total_between_decisions)
+_OF_ONE_INSTANT = ("end", time_to_first)
+"""Reductions that are the value at, or the time of, one instant."""
 
 TEAM_CHANNELS = ("news_used", "burn_changed_for")
 """Channels that only teams have, and that are recorded of every run."""
@@ -25,8 +28,9 @@ TEAM_CHANNELS = ("news_used", "burn_changed_for")
 def joined(metric: Metric | None, each: Floats) -> Floats:
     """Metric of the team (runs,) from those of its servicers (runs, servicers).
 
-    Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest; a user's
-    function of whole runs gives its worst value, since nobody knows what it is; others their mean. Undefined of one
+    Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest; values at one
+    instant, such as the last range or the time of the first box, and a user's function of whole runs, since nobody
+    knows what it is, give their worst one; means, sums and counts of a run their mean. Undefined of one
     servicer it is undefined of the team: that it never saw the target must not pass for the times of the others. But of
     what need not happen, and of free drifts, those count that there are: without a burn none is stuck on. How long, or
     when, a team was in a phase is said by the last of them to come there: a team was there if all its servicers were.
@@ -57,7 +61,7 @@ def _extreme(metric: Metric | None) -> Literal["least", "greatest"] | None:
         return "least" if metric.reduction == "min" else "greatest"
     is_of_user = metric.source == "plugin" and metric.reduction is not lag_1_autocorrelation
     is_of_whole_runs = is_of_user and callable(metric.reduction)
-    if is_of_whole_runs or (metric.source == "drifts" and metric.low_is_bad):
+    if is_of_whole_runs or metric.reduction in _OF_ONE_INSTANT or (metric.source == "drifts" and metric.low_is_bad):
         return "least" if metric.low_is_bad else "greatest"
     is_longest = metric.reduction in _LONGEST
     return "greatest" if is_longest or metric.name == passive_safety.UNSAFE_FRACTION else None

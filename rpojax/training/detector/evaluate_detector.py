@@ -34,6 +34,9 @@ _SOME: Final = 0.1
 """Share of pictures that is worth a line if another meaning of their labels explains it, in which nothing is fitted."""
 _AGREES, _APART, _GAIN, _TIE = 0.5, 0.1, 0.25, 0.05
 """Intersection over union of a label with a sure box: agreement, none, what an explanation has to gain, and a tie."""
+_LONG, _GAIN_OF_LONG = 1.15, 0.1
+"""Ratio of the sides of a box that is no square, and what of these an exchange of the sides has to gain."""
+_EXCHANGED: Final = "width and height were exchanged"
 
 _FORMS: Final[dict[str, tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]]] = {
     "left, top, right and bottom": (lambda box: box, lambda words: words),
@@ -89,13 +92,28 @@ def _labels_elsewhere(best: np.ndarray, data: DetectionDataset) -> tuple[str, ..
     now = np.array([pairwise_iou(box[None], labels.astype(float)).max() for box, labels in pairs])
     failing = np.flatnonzero(now < _AGREES)
     if len(failing) < max(_LEAST_PICTURES, _SOME * len(now)):
-        return ()
+        return _sides_exchanged(best, data, now)
     found = f"{len(failing)} of {len(now)} pictures have labels elsewhere than boxes of which the detector is sure"
     is_many = len(failing) >= _MANY * len(now)
     gain, cause = _likely_cause(best[failing], data.subset(failing), fitted=is_many)
     if gain >= max(_AGREES, float(np.median(now[failing])) + _GAIN):
         return (f"{found}; most would agree if {cause}",)
     return (f"{found}: are they of these pictures?",) if np.mean(now < _APART) >= _MANY else ()
+
+
+def _sides_exchanged(best: np.ndarray, data: DetectionDataset, now: np.ndarray) -> tuple[str, ...]:
+    """A sentence if labels of which many still agree would agree more with width and height exchanged.
+
+    `best` (n, 4) are boxes [px] of which the detector is sure, `now` (n,) their agreement with the labels.
+    """
+    sides = best[:, 2:] - best[:, :2]
+    long = np.flatnonzero(sides.max(axis=1) > _LONG * np.maximum(sides.min(axis=1), 1e-9))
+    if len(long) < max(_LEAST_PICTURES, _SOME * len(now)):
+        return ()
+    gain, cause = _likely_cause(best[long], data.subset(long), fitted=False)
+    if cause != _EXCHANGED or gain < max(_AGREES, float(np.median(now[long])) + _GAIN_OF_LONG):
+        return ()
+    return (f"labels of {len(long)} long boxes of which the detector is sure would agree more if {cause}",)
 
 
 def _likely_cause(best: np.ndarray, data: DetectionDataset, fitted: bool) -> tuple[float, str]:
@@ -124,6 +142,8 @@ def _meanings(box: np.ndarray, size: np.ndarray) -> Iterator[tuple[str, np.ndarr
     sides = np.concatenate([size, size])
     yield "x and y were exchanged", np.stack([top, left, bottom, right])
     yield "x and y were exchanged", np.stack([top, left, bottom, right]) * sides / sides[[1, 0, 3, 2]]
+    for turned in _with_sides_exchanged(box, size):
+        yield _EXCHANGED, turned
     yield "y pointed upwards", np.stack([left, height - bottom, right, height - top])
     yield "x pointed to the left", np.stack([width - right, top, width - left, bottom])
     yield "x pointed to the left and y upwards", np.concatenate([size - box[2:], size - box[:2]])
@@ -131,6 +151,15 @@ def _meanings(box: np.ndarray, size: np.ndarray) -> Iterator[tuple[str, np.ndarr
         yield f"they were {of} of the pictures", box * sides / part
     for (read, (to_words, _)), (meant, (_, to_edges)) in itertools.permutations(_FORMS.items(), 2):
         yield f"they were {meant} in place of {read}", to_edges(to_words(box))
+
+
+def _with_sides_exchanged(box: np.ndarray, size: np.ndarray) -> Iterator[np.ndarray]:
+    """Edges (4, n) [px] of boxes with exchanged sides: about the centre or the corner, in px or fractions."""
+    low, sides = box[:2], box[2:] - box[:2]
+    for turned in (sides[::-1], sides[::-1] * size / size[::-1]):
+        middle = low + sides / 2
+        yield np.concatenate([middle - turned / 2, middle + turned / 2])
+        yield np.concatenate([low, low + turned])
 
 
 def _fitted_meanings(box: np.ndarray, target: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

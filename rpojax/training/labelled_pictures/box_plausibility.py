@@ -28,6 +28,7 @@ _LEAST_BOXES: Final = 20
 """Fewer boxes may lie in one part of their pictures by chance, such as those of one sequence."""
 _FRACTIONS: Final = "are they fractions of the picture?"
 _SCALED: Final = "were the pictures scaled after labelling?"
+_SIDES_EXCHANGED: Final = "are width and height exchanged?"
 _EXCHANGED: Final = "are x and y, or width and height, exchanged?"
 
 
@@ -171,6 +172,8 @@ def _of_sizes(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:
         return _EXCHANGED
     if (low >= 0.5 * size).all() and (low + 0.5 * size <= (1.0 + _SLACK) * picture).all():
         return "are left and top those of the centre of the box?"
+    if (low + size[:, ::-1] <= (1.0 + _SLACK) * picture).all():
+        return _SIDES_EXCHANGED
     return _SCALED
 
 
@@ -184,6 +187,9 @@ def _of_centres(low: np.ndarray, size: np.ndarray, picture: np.ndarray) -> str:
         return "are they corners (left, top, right, bottom) instead of centre, width and height?"
     if (first >= 0.0).all() and (first + size <= most).all():
         return "are they left, top, width and height instead of centre, width and height?"
+    turned = size[:, ::-1] * picture / picture[:, ::-1]
+    if (first - 0.5 * turned >= -_SLACK * picture).all() and (first + 0.5 * turned <= most).all():
+        return _SIDES_EXCHANGED
     return "are they centre, width and height in fractions of the whole picture?"
 
 

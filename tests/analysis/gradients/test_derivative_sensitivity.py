@@ -11,6 +11,7 @@ import pytest
 from rpojax.analysis.gradients import derivative_sensitivity, rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.cli import main
+from rpojax.cli.commands.analysis.sensitivity import shown_names
 from rpojax.errors import Notice, OutputError, RpojaxError
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
@@ -204,3 +205,31 @@ def test_the_command_refuses_an_unknown_metric_in_one_line(capsys: pytest.Captur
     error = capsys.readouterr().err
     assert error.startswith("rpojax: error: --metric: found 'speed', expected a metric with a derivative: ")
     assert error.count("\n") == 1
+
+
+def test_a_campaign_of_another_scenario_is_refused(space: StandardNormalSpace) -> None:
+    other = scenario_loader.load("inspection", ["duration_s=600", "formation.dead_band_mm_s=2"])
+    info = {"scenario": other.model_dump(mode="json"), "scenario_hash": "0"}
+    with pytest.raises(
+        RpojaxError, match=r"^campaign: found out, of another scenario: duration_s, formation.dead_band_"
+    ):
+        derivative_sensitivity.check_same_scenario(space.file, Path("out"), info)
+    # Other requirements change no run.
+    info["scenario"] = {**space.file.model_dump(mode="json"), "requirements": [], "name": "same runs"}
+    derivative_sensitivity.check_same_scenario(space.file, Path("out"), info)
+
+
+def test_inputs_stay_distinct_in_a_narrow_table() -> None:
+    names = [f"initial.{name}[{axis}]" for name in ("relative_position_m", "relative_velocity_m_s") for axis in (0, 1)]
+    found = shown_names([*names, "target.tumble_axis (height)"], 80)
+    assert found[names[1]] == "relative_position_m[1]"
+    assert found[names[3]].startswith("relative_ve")
+    assert found[names[3]].endswith("[1]")
+    assert len(set(found.values())) == 5
+    assert max(map(len, found.values())) <= 24
+    # Names that would become the same stay whole.
+    assert set(shown_names(["servicer.mass_kg", "target.mass_kg"], 80).values()) == {
+        "servicer.mass_kg",
+        "target.mass_kg",
+    }
+    assert shown_names(names, 200) == dict(zip(names, names, strict=True))

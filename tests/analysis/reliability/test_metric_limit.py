@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rpojax.analysis.reliability import simulated_limit_state
-from rpojax.analysis.reliability.search_settings import LimitChoice
+from rpojax.analysis.reliability.search_settings import FailureChoice, LimitChoice
+from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure
 from rpojax.analysis.reliability.simulated_limit_state import MetricLimit
 from rpojax.errors import RpojaxError
 from rpojax.scenario.loading import scenario_loader
@@ -67,3 +68,19 @@ def test_requirements_in_windows_and_of_outcomes_are_no_limits_of_whole_runs(mis
     tables["requirements"].append(tables["requirements"][0] | {"limit": 5.0, "to_s": None})
     found = simulated_limit_state.select_limit(scenario_loader.validate(tables), LimitChoice("min_range_m", None, None))
     assert found.limit == 5.0
+
+
+def test_requirements_on_one_metric_with_several_limits_are_asked_which(mission: ScenarioFile) -> None:
+    tables = mission.model_dump()
+    first = tables["requirements"][0] | {"metric": "min_range_m", "bound": "at least", "limit": 15.0}
+    tables["requirements"] = [first | {"probability": 0.9}, first | {"probability": 0.99}]
+    alike = scenario_loader.validate(tables)
+    assert simulated_limit_state.select_limit(alike, LimitChoice("min_range_m", None, None)).limit == 15.0
+    assert choose_failure(alike, FailureChoice(requirement="min_range_m")).required_probability == 0.99
+    tables["requirements"][1]["limit"] = 12.0
+    several = scenario_loader.validate(tables)
+    message = r"^requirement: found 'min_range_m' with the limits at least 15, at least 12, expected one; "
+    with pytest.raises(RpojaxError, match=message):
+        simulated_limit_state.select_limit(several, LimitChoice("min_range_m", None, None))
+    with pytest.raises(RpojaxError, match=message):
+        choose_failure(several, FailureChoice(requirement="min_range_m"))

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from synthetic_campaign_results import synthetic_team
 
-from rpojax.report.sections import safety_section
+from rpojax.report import campaign_results
+from rpojax.report.sections import envelope_section, safety_section
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 def test_smallest_range_includes_failed_runs(build):
@@ -58,3 +61,25 @@ def test_a_run_is_judged_by_its_own_sphere(build):
     campaign.metrics["passive_range_24_h_m"] = np.full(30, 20.0)
     campaign.drawn["limits.keep_out_m"] = np.where(np.arange(30) < 4, 25.0, 5.0)
     assert safety_section.content(campaign)["free_drift"][0]["below_keep_out"]["count"] == 4
+
+
+def test_each_servicer_of_a_team_keeps_out_of_its_own_sphere(tmp_path):
+    campaign = synthetic_team(tmp_path, runs=12, seconds=120, kept=())
+    campaign.info["scenario"]["safety"] = {"horizons": ["24_h"]}
+    campaign.info["scenario"]["servicers"][1]["limits"] = {"keep_out_m": 17.0}
+    near, far = np.full(12, 12.0), np.full(12, 30.0)
+    far[[3, 4]] = 16.0
+    for name, values in {"": np.minimum(near, far), "/near": near, "/far": far}.items():
+        campaign.metrics[f"passive_range_24_h_m{name}"] = values
+    found = safety_section.content(campaign)
+    assert found["keep_out_m"] == [10.0, 17.0]
+    assert found["free_drift"][0]["below_keep_out"]["count"] == 2
+    assert any("of 10 to 17 m, each its own" in row.quantity for row in safety_section.rows(found))
+    assert campaign_results.nominal_keep_out_radii(campaign) == [10.0, 17.0]
+    assert "largest keep-out sphere" in str(envelope_section.envelope_charts(campaign)["range_m"][1])
+    # Drawn ones, of one servicer each, come before those of the scenario.
+    campaign.drawn |= {"limits.keep_out_m/near": np.full(12, 10.0), "limits.keep_out_m/far": np.full(12, 15.0)}
+    assert safety_section.content(campaign)["free_drift"][0]["below_keep_out"]["count"] == 0
+    campaign.outcomes[5] = Outcome.KEEP_OUT
+    campaign.servicer_groups["status"]["failure"][5, 1] = Outcome.KEEP_OUT.code
+    assert safety_section.content(campaign)["least_range"] == {"value": 15.0, "run_id": 5, "at_most": True}

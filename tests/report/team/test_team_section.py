@@ -96,7 +96,7 @@ def test_metrics_of_each_servicer_have_a_table_of_their_own(pair: SyntheticCampa
 def test_the_figure_shows_the_whole_path_of_everybody(pair: SyntheticCampaign) -> None:
     history = pair.history(0)
     history["rho_H"][60:, 1] = np.nan
-    figure = relative_orbits(history, pair.servicer_names, 10.0, "pair")
+    figure = relative_orbits(history, pair.servicer_names, [10.0, 16.0], "pair")
     for axes, across in zip(figure.axes, (1, 2), strict=True):
         paths = {str(line.get_label()): np.asarray(line.get_xydata()) for line in axes.get_lines()}
         np.testing.assert_array_equal(paths["near"], history["rho_H"][:, 0][:, [across, 0]])

@@ -45,3 +45,26 @@ def test_the_belief_in_differences_of_positions_is_judged(tables: dict[str, Any]
     )
     tables["navigation"]["sharing"] = "none"
     assert mission_warnings(scenario_loader.validate(tables)) == []
+
+
+@pytest.mark.parametrize(
+    ("overrides", "warned"),
+    [
+        (["link.loss=1"], ["link.loss: found 1, expected less: no message arrives"]),
+        (["link.loss=1", "link.burst_loss=0.5", "link.burst_interval_s=300"], []),
+        (["link.period_s=1e6"], ["link.period_s: found 1e+06 s, expected less than duration_s = 7000"]),
+        (
+            ["link.outages_s=[[100, 200], [7000, 8000]]"],
+            ["link.outages_s: found [7000.0, 8000.0], expected one that beg"],
+        ),
+        (["team.lost_after_s=0.5"], []),
+        (
+            ["team.lost_after_s=2.5", "team.phasing='spread'", "link.delay_s=2"],
+            ["team.lost_after_s: found 2.5 s, expected at least 3, link.period_s and delay_s together"],
+        ),
+    ],
+)
+def test_links_over_which_nothing_arrives_in_time_are_told(overrides: list[str], warned: list[str]) -> None:
+    found = mission_warnings(scenario_loader.load("cooperative_inspection", overrides))
+    assert len(found) == len(warned)
+    assert all(line.startswith(start) for line, start in zip(found, warned, strict=True))

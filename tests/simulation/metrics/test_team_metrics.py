@@ -23,6 +23,11 @@ def test_errors_are_means_and_ranges_least_and_peaks_greatest() -> None:
     for longest in ("look_away_peak_s", "reacquisition_peak_s", "longest_unseen_s"):
         assert joined(longest)[:2] == [3.0, 5.0]
     assert joined("pointing_error_p95_deg")[:2] == [2.0, 5.0]
+    # What is of one instant is the worst one: the nearest in the end, the last one to see the target.
+    assert joined("final_range_m")[:2] == [1.0, 5.0]
+    assert joined("final_range_m@hold_20")[:2] == [1.0, 5.0]
+    assert joined("time_to_acquire_s")[:2] == [3.0, 5.0]
+    assert joined("outliers_accepted")[:2] == joined("boxes_rejected")[:2] == [2.0, 5.0]
 
     # A servicer that never saw the target must not pass for the others' time.
     for name in ("formation_error_rms_m", "min_range_m", "look_away_peak_s", "time_to_acquire_s"):
@@ -44,6 +49,8 @@ def test_of_a_users_function_of_whole_runs_a_team_has_the_worst_value() -> None:
     assert np.isnan(joined(None, False)[2:]).all()
     assert joined("mean", False)[:2] == [2.0, 5.0]
     assert joined("max", True)[:2] == [3.0, 5.0]
+    assert joined("end", True)[:2] == [1.0, 5.0]
+    assert joined("end", False)[:2] == [3.0, 5.0]
 
 
 def test_a_team_was_in_a_phase_if_all_its_servicers_were() -> None:

@@ -90,6 +90,11 @@ FRACTIONS = RIGHT / [*SIZE, *SIZE]
             "are they left, top, width and height instead",
         ),
         (BoxForm.CENTRES, RIGHT / [*SIZE, *SIZE], "were they divided by the sides of the picture twice"),
+        (
+            BoxForm.CENTRES,
+            as_centres(np.array([[0.85, 0.5], [0.4, 0.6]]), np.array([[0.9, 0.1], [0.3, 0.1]])),
+            "are width and height exchanged",
+        ),
         (BoxForm.CENTRES, RIGHT * 3.0, "are they centre, width and height in fractions of the whole picture"),
         (BoxForm.CORNERS, FRACTIONS, "are they fractions of the picture"),
         (BoxForm.CORNERS, RIGHT[:, [1, 0, 3, 2]], "are x and y, or width and height, exchanged"),

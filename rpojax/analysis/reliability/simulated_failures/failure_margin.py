@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from rpojax.analysis.reliability.search_settings import Bound, FailureChoice
+from rpojax.analysis.reliability.simulated_limit_state import with_one_limit
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
@@ -121,8 +122,8 @@ def _of_requirement(file: ScenarioFile, name: str) -> Failure:
         expected = f"the metric of a requirement on whole runs of the scenario ({known})"
         raise RpojaxError.of_argument("requirement", f"found {name!r}, expected {expected}")
     _check_metric(file, name)
-    strictest = max(chosen, key=lambda each: each.probability)
-    return Failure(name, strictest.bound, strictest.limit, None, strictest.probability)
+    one = with_one_limit(chosen)
+    return Failure(name, one.bound, one.limit, None, one.probability)
 
 
 def _check_metric(file: ScenarioFile, name: str) -> None:

@@ -1,5 +1,7 @@
 """The command `rpojax sensitivity`: which dispersions make the spread of a metric, from derivatives."""
 
+from collections.abc import Sequence
+
 from rich.console import Console
 from rich.table import Table
 
@@ -12,6 +14,10 @@ from rpojax.cli.output_paths import claim
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
 from rpojax.report.labels import format_number
+
+_WIDE = 110
+"""Columns of a terminal from which on the table has place for whole keys."""
+_LONGEST = 24
 
 
 def sensitivity(asked: SensitivityCommand) -> int:
@@ -41,10 +47,12 @@ def _show(found: SensitivityAnalysis) -> None:
         table = Table(
             title=f"{one.metric}: {format_number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs{without}"
         )
-        table.add_column("input")
+        table.add_column("input", no_wrap=True)
         for heading in (f"trend [{one.unit}]", "sigma", "median run", "most of one run", "by sampling"):
             table.add_column(heading, justify="right")
-        for share in one.shares[:10]:
+        shown = one.shares[:10]
+        names = shown_names([share.name for share in shown], console.width)
+        for share in shown:
             strength = None if other is None else other.strengths.get(share.name)
             cells = (
                 format_number(share.trend),
@@ -53,7 +61,7 @@ def _show(found: SensitivityAnalysis) -> None:
                 f"{share.one_run:.0%}",
                 format_number(strength, 2),
             )
-            table.add_row(share.name, *cells)
+            table.add_row(names[share.name], *cells)
         console.print(table)
         if other is not None:
             console.print(
@@ -66,3 +74,20 @@ def _show(found: SensitivityAnalysis) -> None:
             console.print(f"{one.metric} is {one.kink}", soft_wrap=True)
     if found.space.unmapped:
         console.print(f"held at the value drawn by each run: {', '.join(found.space.unmapped)}", soft_wrap=True)
+
+
+def shown_names(names: Sequence[str], width: int) -> dict[str, str]:
+    """Names of inputs in a table of a terminal: without sections, and shortened, where they stay distinct."""
+    shown = dict(zip(names, names, strict=True))
+    if width >= _WIDE:
+        return shown
+    for shorter in (lambda name: name.partition(".")[2] or name, _shortened):
+        found = {name: shorter(text) for name, text in shown.items()}
+        shown = found if len(set(found.values())) == len(found) else shown
+    return shown
+
+
+def _shortened(name: str) -> str:
+    """A name without its middle, so that it is no longer than has place."""
+    half = (_LONGEST - 1) // 2
+    return name if len(name) <= _LONGEST else f"{name[:half]}\N{HORIZONTAL ELLIPSIS}{name[-half:]}"

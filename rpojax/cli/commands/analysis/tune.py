@@ -98,6 +98,7 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
                 )
                 table.add_row(label.title, label.unit, *cells)
         shown.print(table)
+        shown.print(_failed_line(judged), soft_wrap=True)
         for name, (start, tuned) in judged["undefined"].items():
             if start != tuned:
                 shown.print(
@@ -121,6 +122,13 @@ def _undefined_lines(steps: Sequence[dict[str, Any]], runs: int) -> list[str]:
                 f"({sum(counts)} of all {runs * len(steps)}); each counts as the worst"
             )
     return lines
+
+
+def _failed_line(judged: Mapping[str, Any]) -> str:
+    """How many of the judged runs failed with the start and with what was tuned."""
+    start, tuned = judged["failed"]
+    more = "; the tuned scenario fails in more of them" if tuned > start else ""
+    return f"failed runs: {start} of {judged['runs']} with the start, {tuned} with the tuned scenario{more}"
 
 
 def _verdict(means: dict[str, Any], weights: Mapping[str, float]) -> str:

@@ -1,5 +1,6 @@
 """The command `rpojax bench`: speed of the closed loop, its kernels and the rendered camera on this machine."""
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -13,12 +14,13 @@ from rich.text import Text
 from rpojax.benchmark import closed_loop_speed, filter_speed, suite
 from rpojax.benchmark.platform_info import platform_info
 from rpojax.cli.exit_status import Status
-from rpojax.cli.options.campaigns import PARTS, BenchCommand
+from rpojax.cli.options.campaigns import BENCH_DURATION_S, PARTS, BenchCommand
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
-from rpojax.errors import RpojaxError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.runtime.jax_environment import environment_without_loop_fusion
 from rpojax.runtime.progress import stage
+from rpojax.scenario.schema import ScenarioFile
 
 
 def bench(asked: BenchCommand) -> int:
@@ -29,7 +31,7 @@ def bench(asked: BenchCommand) -> int:
         raise RpojaxError.of_argument("only", f"found 'vision' with a scenario or --set, expected {expected}")
     # XLA reads its fusion options once per process, and rendering is faster with others.
     rendered = True if parts == ["vision"] else None
-    file = load(asked.scenario, (f"duration_s={asked.duration_s}", *asked.overrides), rendered)
+    file = _load_for(asked, rendered)
     show_unused_keys(file, quiet=asked.as_json)
     apart = len(parts) > 1 and "vision" in parts
     batches = asked.runs or closed_loop_speed.default_batches(file)
@@ -46,6 +48,32 @@ def bench(asked: BenchCommand) -> int:
     else:
         show(found)
     return Status.DONE
+
+
+def _load_for(asked: BenchCommand, rendered: bool | None) -> ScenarioFile:
+    """The scenario with runs of the asked duration, by default those of the benchmark, doubled until it accepts them.
+
+    Raises:
+        RpojaxError: it is invalid, or refuses that duration.
+    """
+
+    def with_duration(duration_s: float) -> ScenarioFile:
+        return load(asked.scenario, (f"duration_s={duration_s}", *asked.overrides), rendered)
+
+    try:
+        return with_duration(BENCH_DURATION_S if asked.duration_s is None else asked.duration_s)
+    except ScenarioError as error:
+        own = load(asked.scenario, asked.overrides, rendered)
+        if asked.duration_s is None:
+            longer = 2.0 * BENCH_DURATION_S
+            while longer < own.duration_s:
+                with contextlib.suppress(ScenarioError):
+                    return with_duration(longer)
+                longer *= 2.0
+            return own
+        expected = f"one that the scenario accepts, such as its own {own.duration_s:g}"
+        found = f"found {asked.duration_s:g}, expected {expected} ({error})"
+        raise RpojaxError.of_argument("duration_s", found) from None
 
 
 def _vision_in_own_process() -> dict[str, Any]:

@@ -78,7 +78,7 @@ const Scene = (() => {
     const project = (p) => [
       width / 2 + scale * (dot(view.right, p) - across), height / 2 - scale * (dot(view.up, p) - high), dot(view.forward, p)];
     drawAxes(pen, project, length / state.zoom, named);
-    drawSphere(pen, project, data.keep_out_m, scale, named);
+    for (const radius of data.spheres_m) drawSphere(pen, project, radius, scale, named);
     for (const path of data.paths.filter((one) => one.kind === "other")) drawPath(pen, project, path, named);
     drawTarget(pen, project, target, view, named);
     for (const path of data.paths.filter((one) => one.kind !== "other")) drawPath(pen, project, path, named);

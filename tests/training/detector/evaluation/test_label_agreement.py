@@ -49,6 +49,11 @@ def smaller(box: np.ndarray) -> np.ndarray:
     return np.concatenate([middle - half, middle + half], axis=1)
 
 
+def exchanged_sides(box: np.ndarray, to_pixels: np.ndarray = SIDES[:2] / SIDES[:2]) -> np.ndarray:
+    middle, half = (box[:, :2] + box[:, 2:]) / 2, (box[:, 2:] - box[:, :2])[:, ::-1] * to_pixels / 2
+    return np.concatenate([middle - half, middle + half], axis=1)
+
+
 def half_in_fractions(box: np.ndarray) -> np.ndarray:
     return np.concatenate([box[:10], box[10:] / SIDES])
 
@@ -58,6 +63,7 @@ def half_in_fractions(box: np.ndarray) -> np.ndarray:
     [
         (lambda box: box[:, [1, 0, 3, 2]], COUNT, "x and y were exchanged"),
         (lambda box: (box / SIDES)[:, [1, 0, 3, 2]] * SIDES, COUNT, "x and y were exchanged"),
+        (lambda box: exchanged_sides(box, SIDES[:2] / SIDES[1::-1]), 6, "width and height were exchanged"),
         (lambda box: np.abs([0, HEIGHT, 0, HEIGHT] - box)[:, [0, 3, 2, 1]], COUNT, "y pointed upwards"),
         (lambda box: np.abs([WIDTH, 0, WIDTH, 0] - box)[:, [2, 1, 0, 3]], COUNT, "x pointed to the left"),
         (lambda box: (SIDES - box)[:, [2, 3, 0, 1]], COUNT, "x pointed to the left and y upwards"),
@@ -100,3 +106,15 @@ def test_a_few_boxes_of_another_size_are_the_detectors_and_not_the_labels() -> N
     found = right.copy()
     found[:3] = right[:3] + 0.5 * (right[:3] - right[:3][:, [2, 3, 0, 1]])  # twice the sides
     assert said(right, found) == ()
+
+
+def test_exchanged_sides_are_told_where_most_labels_agree_nevertheless() -> None:
+    right = truth()
+    middle, width = (right[:, :2] + right[:, 2:]) / 2, (right[:, 2:] - right[:, :2]).min(axis=1, keepdims=True)
+    for ratio, count in ((1.4, 1), (1.05, 0)):
+        half = width * np.array([ratio, 1.0]) / 2
+        long = np.concatenate([middle - half, middle + half], axis=1)
+        assert said(long, long) == ()
+        sentences = said(exchanged_sides(long), long)
+        assert len(sentences) == count
+        assert all(each.endswith("would agree more if width and height were exchanged") for each in sentences)
