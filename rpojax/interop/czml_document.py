@@ -22,7 +22,7 @@ class SpacecraftShapes:
 
     Attributes:
         boxes_m: (3,) sides of the box of each spacecraft along its body axes, in the order of the states
-        keep_out_m: radius of the keep-out sphere about the target
+        keep_out_m: radius of the keep-out sphere about the target, the widest of a team's servicers
     """
 
     boxes_m: tuple[np.ndarray, ...]
@@ -32,7 +32,10 @@ class SpacecraftShapes:
 def shapes_of(runs: Sequence[ReplayedRun[BothStates]]) -> SpacecraftShapes:
     """Extents of the target's hull, a cube with the area of each servicer, and the keep-out sphere, as in the run."""
     servicers = [np.full(3, np.sqrt(float(run.params.plant.servicer_surface.area))) for run in runs]
-    hull, keep_out = np.asarray(runs[0].params.plant.target.true_hull), float(runs[0].params.limits.keep_out)
+    hull, keep_out = (
+        np.asarray(runs[0].params.plant.target.true_hull),
+        max(float(run.params.limits.keep_out) for run in runs),
+    )
     return SpacecraftShapes((*servicers, np.ptp(hull, axis=0)), keep_out)
 
 

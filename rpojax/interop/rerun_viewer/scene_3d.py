@@ -16,7 +16,7 @@ from rpojax.sensors import camera_pose
 from rpojax.vision import pinhole
 
 HILL = "hill"
-SHARED = (f"{HILL}/axes", f"{HILL}/keep_out", f"{HILL}/target")
+SHARED = (f"{HILL}/axes", f"{HILL}/target")
 """Entities that are the same for all servicers of a team."""
 SERVICER = f"{HILL}/servicer"
 CAMERA = f"{SERVICER}/camera"

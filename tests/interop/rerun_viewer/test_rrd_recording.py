@@ -265,6 +265,12 @@ def test_servicers_of_a_team_share_one_scene(tmp_path: Path, synthetic_run: Repl
     read = RecordingReader(written.path)
     paths = {path for path, _ in read.batches}
     assert {f"/hill/{name}/servicer/camera/frame" for name in ("first", "second")} <= paths
-    assert {"/hill/first/true_path", "/hill/second/estimated_path", "/hill/target", "/hill/keep_out"} <= paths
+    assert {
+        "/hill/first/true_path",
+        "/hill/second/estimated_path",
+        "/hill/target",
+        "/hill/first/keep_out",
+        "/hill/second/keep_out",
+    } <= paths
     assert not {"/hill/servicer", "/hill/first/target", "/plots/mode"} & paths
     assert any(path.startswith("/plots/second/") for path in paths)
