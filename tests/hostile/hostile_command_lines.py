@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rpojax.cli import main as cli
 from rpojax.cli.main import main
 
-VERBS = [*cli._NAMES]
+VERBS = [*cli.COMMANDS]
 LIGHT = ("validate", "status", "schema", "detect")
 """Commands that are called with arguments that they may accept; of others only what is refused is tried."""
 OPTIONS = ("--set", "--runs", "--seed", "--out", "--json", "--run-id", "--force", "--histories", "--bogus", "-x", "--")
