@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
-from rpojax.core.vectors import product
-from rpojax.flight.cooperation.free_relative_motion import apply, transition_matrix
+from rpojax.core.vectors import apply, product
+from rpojax.flight.cooperation.baseline_motion import transition_matrix
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
