@@ -33,7 +33,7 @@ def update(
     own = estimate.own
     added = relative_orbit_ekf.recovery_variance(tuning.filter, own.layout, own.r_TS_N, records.gate.recovered)
     estimate = joint_filter.inflate(estimate, added)
-    estimate = joint_filter.hear(baseline, estimate, received)
+    estimate = joint_filter.advance_peers(baseline, estimate, received)
     estimate = joint_measurements.update_baselines(baseline, estimate, received)
     if received.ranges is not None:
         estimate = joint_measurements.update_ranges(baseline, estimate, received)

@@ -289,8 +289,8 @@ def predict(link: Link, tuning: OrbitFilterTuning, memory: EstimateSharing, moti
 
     def grown(P: Array, process: Matrix) -> Array:
         slow = P.shape[0] - MOTION.size
-        one, zero = jnp.ones(slow, dtype=P.dtype), jnp.zeros(slow, dtype=P.dtype)
-        return orbit_covariance.propagate(P, gradient, one, process, zero, dt)
+        kept, zero = jnp.ones(slow, dtype=P.dtype), jnp.zeros(slow, dtype=P.dtype)
+        return orbit_covariance.propagate(P, gradient, kept, process, zero, dt)
 
     count = memory.baselines.mean.shape[0]
     mean = [

@@ -168,7 +168,7 @@ def inflate(estimate: JointEstimate, variance: Float[Array, " n"]) -> JointEstim
     return replace(estimate, covariance=covariance)
 
 
-def hear(baseline: BaselineTuning, estimate: JointEstimate, received: ReceivedMessages) -> JointEstimate:
+def advance_peers(baseline: BaselineTuning, estimate: JointEstimate, received: ReceivedMessages) -> JointEstimate:
     """Estimate with what time and burns did to the peers since the messages before; without one nothing happens."""
     P = estimate.covariance
     own_size = estimate.own_slow.size

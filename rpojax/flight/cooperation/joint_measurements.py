@@ -128,8 +128,8 @@ def update_ranges(baseline: BaselineTuning, estimate: JointEstimate, received: R
         across = jnp.maximum(trace - jnp.sum(u * apply(position, u), axis=0), 0.0)
         bias = estimate.peers[k, estimate.peer_layout["range_bias"].start]
         residuals.append(received.ranges[k] - distance - 0.5 * across / distance - bias)
-        one = jnp.ones((1, 1), dtype=u.dtype)
-        parts = [*_parts_then(u[None], 1 + k, P, to_stamp), (2 * P.xx.shape[0] + slow.start, one)]
+        of_bias = jnp.ones((1, 1), dtype=u.dtype)
+        parts = [*_parts_then(u[None], 1 + k, P, to_stamp), (2 * P.xx.shape[0] + slow.start, of_bias)]
         jacobians.append(_placed(parts, size))
         products.append(product(u[None], rows_k) + P.slow_rows(slow))
         variances.append(baseline.range_noise**2 + 0.5 * (across / distance) ** 2)

@@ -1,4 +1,4 @@
-"""Coordination of a team: each servicer tells the others what it plans, and keeps the latest that it heard."""
+"""Coordination of a team: each servicer tells the others what it plans, and keeps the latest that it received."""
 
 import jax
 import jax.numpy as jnp

@@ -217,13 +217,13 @@ def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkS
     uniforms = random_streams.uniform(key, 2 * count * count).reshape(2, count, count)
     in_burst = radio_link.advance_bursts(radio, links.in_burst, uniforms[0], loop.scenario.tick_s)
     due = (ticks.state.tick - settings.delay_ticks) % settings.period_ticks == 0
-    heard = _pairs(settings.hears, count)
+    linked = _pairs(settings.hears, count)
     works = jnp.isinf(ticks.state.failed_at) & _radio_works(loop, time)
     if settings.sharing == "central":
         arrives = jnp.ones((count, count), dtype=bool)
     else:
         arrives = radio_link.arrives(radio, in_burst, uniforms[1], time) & due
-    arrived = of_pairs(arrives & heard & works[None, :] & works[:, None], settings.peers)
+    arrived = of_pairs(arrives & linked & works[None, :] & works[:, None], settings.peers)
     return replace(links, in_burst=in_burst), arrived
 
 

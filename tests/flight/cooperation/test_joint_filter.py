@@ -102,7 +102,7 @@ def tick(estimate: JointEstimate, heard: jax.Array, burn: jax.Array) -> JointEst
     )
     one, own = jnp.ones(2), own_then(BACK)
     of_peers = received(heard, interval=one, burns=burns, attitude_variance=1e-8 * one, own=own)
-    estimate = joint_filter.hear(BASELINE, estimate, of_peers)
+    estimate = joint_filter.advance_peers(BASELINE, estimate, of_peers)
     then = jnp.stack([apply(BACK[:3], row[:6]) for row in estimate.peers])
     of_peers = replace(of_peers, measured=heard, baseline=then + estimate.peers[:, 9:12])
     estimate = joint_measurements.update_baselines(BASELINE, estimate, of_peers)
@@ -197,7 +197,7 @@ def test_errors_of_a_peer_that_is_heard_fade_to_what_they_are_without_measuremen
     burns = BurnEffect(change=jnp.asarray(rng.normal(size=(2, 6))), covariance=jnp.asarray(np.stack([np.eye(6)] * 2)))
     used, both = jnp.array([True, False]), jnp.ones(2)
     of_peers = received(used, interval=dt * both, burns=burns, attitude_variance=attitude * both)
-    after = jax.jit(joint_filter.hear)(BASELINE, estimate, of_peers)
+    after = jax.jit(joint_filter.advance_peers)(BASELINE, estimate, of_peers)
 
     time = outline_correlation.correlation_time(estimate.own.outline)
     r, v = estimate.own.r_TS_N - peers[0, :3], estimate.own.v_TS_N - peers[0, 3:6]
