@@ -13,10 +13,11 @@ from rpojax.core.mahalanobis_distance import squared_mahalanobis_and_log_determi
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replaced
 from rpojax.flight.cooperation import baseline_motion, sharing
-from rpojax.flight.cooperation.link_settings import BaselineTuning, LinkSettings
+from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.cooperation.sharing import SharingMemory
-from rpojax.flight.cooperation.team_records import TeamRecords
-from rpojax.flight.navigation import combined_orbit_filter, shape_errors
+from rpojax.flight.cooperation.team_records import TeamRecords, of_pairs
+from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, LinkSettings, ServicerTuning
+from rpojax.flight.navigation import burn_execution_error, combined_orbit_filter, shape_errors
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import linearise_box
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
@@ -124,8 +125,16 @@ def start(case: Case, tuning, baseline: BaselineTuning, key: Array) -> World:
     records = records_of(world, blank(N), zero_gps(N), jnp.zeros(N, dtype=bool), None)
     if case.link.ranging:
         records = replaced(records, ranges=jnp.zeros((N - 1, N)))
-    memory = sharing.initial(case.link, baseline, each(tuning, N), records)
+    memory = sharing.initial(link_of(case, baseline), servicers_tuning(tuning, N), records)
     return replaced(world, memory=memory)
+
+
+def link_of(case: Case, baseline: BaselineTuning) -> Link:
+    return Link(case.link, baseline, 1.0)
+
+
+def servicers_tuning(tuning, N: int) -> ServicerTuning:
+    return each(ServicerTuning(filter=tuning, focal_px=jnp.asarray(FOCAL_PX)), N)
 
 
 def each(tree, N: int):
@@ -216,11 +225,10 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
     for begin, end in case.outages:
         received = received & ~((tick >= begin) & (tick < end))
     memory = world.memory
-    many = each(tuning, N)
+    link, many = link_of(case, baseline), servicers_tuning(tuning, N)
     if not case.alone:
-        records, memory = sharing.share(
-            case.link, baseline, many, jnp.full(N, FOCAL_PX), records, memory, received, tick.astype(float), 1.0
-        )
+        arrived = of_pairs(received, case.link.peers)
+        records, memory = sharing.share(link, many, records, memory, arrived, tick.astype(float))
     orbit = records.orbit
     out = measure(world, orbit)
     # Burns of random direction, at another time for each servicer.
@@ -246,14 +254,31 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
     def predict(orbit, delta_v, size):
         return combined_orbit_filter.predict(tuning, DEGREE, orbit, delta_v, size, jnp.ones(()), jnp.zeros(3), 1.0)
 
+    def burn_covariance(delta_v, size):
+        return burn_execution_error.burn_covariance(
+            delta_v, size, burn_execution_error.new_sigma(tuning), tuning.burn_direction_sigma
+        )
+
     after = vmap_last(predict, in_axes=-1, out_axes=-1)(orbit, delta_v, size)
     if not case.alone:
-        motion = orbit, after, delta_v, size, jnp.ones(N), jnp.zeros(N, dtype=bool)
-        memory = sharing.predict(case.link, many, memory, *motion, 1.0)
+        covariance = vmap_last(burn_covariance, in_axes=-1, out_axes=-1)(delta_v, size)
+        motion = motion_of(orbit.servicer.r_SN_N, after.servicer.r_SN_N, delta_v, covariance)
+        memory = sharing.predict(link, many, memory, after.relative, motion)
     q = tuning.relative_acceleration_noise / jnp.sqrt(2.0)
     drift_T, drift = q * normal(6, (3,)), q * normal(7, (3, N))
     world = replaced(world, orbit=after, memory=memory)
     return advance(tuning, case, world, delta_v + error, drift_T, drift, keys), out
+
+
+def motion_of(r_before, r_after, delta_v, covariance) -> TickMotion:
+    """Motion of all servicers over a tick in which none reopens its estimate."""
+    return TickMotion(
+        r_before_N=r_before,
+        r_after_N=r_after,
+        delta_v_N=delta_v,
+        burn_covariance=covariance,
+        reopened=jnp.zeros(delta_v.shape[1], dtype=bool),
+    )
 
 
 def ranges_of(case: Case, baseline: BaselineTuning, world: World, normals: Array) -> Array:
@@ -262,7 +287,7 @@ def ranges_of(case: Case, baseline: BaselineTuning, world: World, normals: Array
     N = world.d.shape[1]
     biases = link_range.bias(errors, jax.random.normal(jax.random.fold_in(world.key, 4242), (N, N)))
     ranges = link_range.measure(errors, world.d[:3], biases, normals)
-    return jnp.stack([jnp.stack([ranges[i, j] for j in row]) for i, row in enumerate(case.link.peers)], axis=-1)
+    return of_pairs(ranges, case.link.peers)
 
 
 def advance(tuning, case: Case, world: World, delta_v, drift_T, drift, keys) -> World:
@@ -272,13 +297,9 @@ def advance(tuning, case: Case, world: World, delta_v, drift_T, drift, keys) -> 
     a = g(r) + delta_v
     r_after = r + v + 0.5 * a
     v_after = v + 0.5 * (a + g(r_after) + delta_v) + drift
-    d = jnp.stack(
-        [
-            baseline_motion.propagate(DEGREE, world.d[:, i], r[:, i], r_after[:, i], delta_v[:, i], 1.0)
-            for i in range(N)
-        ],
-        axis=-1,
-    )
+    motion = motion_of(r, r_after, delta_v, jnp.zeros((3, 3, N)))
+    motions = [jax.tree.map(lambda leaf, i=i: leaf[..., i], motion) for i in range(N)]
+    d = jnp.stack([baseline_motion.propagate(DEGREE, world.d[:, i], motions[i], 1.0) for i in range(N)], axis=-1)
     d = d + jnp.concatenate([jnp.zeros((3, N)), drift_T[:, None] - drift])
 
     def gm(x, sigma, tau, k):

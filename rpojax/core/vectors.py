@@ -12,8 +12,8 @@ def cross(a: Vector, b: Vector) -> Vector:
     return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def apply(matrix: Matrix, vector: Vector) -> Vector:
-    """Product of a 3x3 matrix and a 3-vector."""
+def apply(matrix: Float[Array, "m n"], vector: Float[Array, " n"]) -> Float[Array, " m"]:
+    """Product of a matrix and a vector."""
     return jnp.sum(matrix * vector[None, :], axis=1)
 
 

@@ -36,8 +36,7 @@ from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEsti
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import phase_assignment
-from rpojax.flight.team_guidance.team_situation import TeamSituation
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 
 Scalar = Float[Array, ""]

@@ -19,13 +19,13 @@ from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.cooperation.link_settings import BaselineTuning
+from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation_health import HealthTuning
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
 from rpojax.physics.environment.drag import Atmosphere

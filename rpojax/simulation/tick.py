@@ -14,7 +14,7 @@ from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages
-from rpojax.flight.team_guidance.known_peers import KnownPeers
+from rpojax.flight.team_guidance.team_knowledge import KnownPeers
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth

@@ -122,7 +122,7 @@ class TeamRun:
         channels = dispersed.each(lambda own, tick: compute_channels(self.scenario, own, tick))(seen)
         if state.sharing is not None:
             assert after.sharing is not None
-            channels |= {"news_used": after.sharing.news_used}
+            channels |= {"news_used": after.sharing.messages_used}
         return after, channels
 
     def _dispersed(self, nominal: Params, values: Values) -> TeamParams:

@@ -1,6 +1,6 @@
 """Effect of a servicer's own burns on its motion: displacement from free motion since the start, and its covariance.
 
-A message carries both, so that a receiver that heard nothing for a while knows what the burns in between did, however
+A message carries both, so that a receiver without a message for a while knows what the burns in between did, however
 many there were. They are kept as they would have been at the start: sums that only grow, whose difference is what the
 burns in between added, less than zero by rounding alone. Had each side propagated the effect for itself, the
 difference of two great covariances, each in the gravity gradient of another place, would have outweighed what it should
@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
-from rpojax.core.vectors import product
-from rpojax.flight.cooperation.free_relative_motion import apply, transition_matrix
+from rpojax.core.vectors import apply, product
+from rpojax.flight.cooperation.baseline_motion import transition_matrix
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -34,7 +34,7 @@ class BurnEffect:
 
 @pytree
 class BurnSum:
-    """Effect of all burns, and the way from the start to now.
+    """Effect of all burns, and the transitions between the start and now.
 
     Attributes:
         at_start: effect that, at the start, would have had that of all burns

@@ -11,32 +11,26 @@ and sends on what it has fused, is `receive_naively`.
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from rpojax.core import kalman_update
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.state_layout import MOTION
-from rpojax.core.vectors import product
-from rpojax.flight.cooperation import baseline_motion, covariance_intersection, free_relative_motion, peer_news
-from rpojax.flight.cooperation.baseline_motion import baseline_layout
+from rpojax.core.vectors import apply, product
+from rpojax.flight.cooperation import baseline_motion, covariance_intersection, received_messages
+from rpojax.flight.cooperation.baseline_motion import TickMotion, baseline_layout
 from rpojax.flight.cooperation.covariance_intersection import SplitEstimate
-from rpojax.flight.cooperation.free_relative_motion import apply
-from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.message import TargetTrack
-from rpojax.flight.cooperation.peer_news import News
+from rpojax.flight.cooperation.received_messages import ReceivedMessages
+from rpojax.flight.cooperation.team_records import TeamRecords
+from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, ServicerTuning
 from rpojax.flight.navigation import believed_sensor, orbit_covariance, relative_orbit_ekf, relative_state
-from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
-Flag = Bool[Array, ""]
 Matrix = Float[Array, "3 3"]
-Scalar = Float[Array, ""]
-Vector = Float[Array, "3"]
 
 
 @pytree
@@ -87,15 +81,14 @@ class EstimateSharing:
 
 
 def initial(
+    link: Link,
     tuning: OrbitFilterTuning,
-    baseline: BaselineTuning,
+    peer_tuning: OrbitFilterTuning,
     own: RelativeEstimate,
     baselines: Float[Array, "peers 6"],
-    peer_tuning: OrbitFilterTuning,
-    naive: bool,
-    has_ranges: bool,
 ) -> EstimateSharing:
     """Memory at hand-over, with the first baselines [m, m/s]; the tuning of the peers has a leading axis."""
+    baseline, has_ranges = link.baseline, link.settings.ranging
     count, dtype = baselines.shape[0], baselines.dtype
     covariances = []
     bias = jnp.full(int(has_ranges), baseline.range_bias_sigma**2)
@@ -108,7 +101,7 @@ def initial(
     of_own = jnp.diag(jnp.concatenate([0.5 * baseline_motion.initial_variance(tuning, tuning), slow, 0.0 * bias]))
     baseline_memory = Baselines(mean=mean, covariance=jnp.stack(covariances), of_own=jnp.stack([of_own] * count))
     memory = EstimateSharing(baselines=baseline_memory)
-    if naive:
+    if link.settings.sharing == "naive":
         return memory
     none = jnp.stack([jnp.eye(MOTION.size, dtype=dtype)] * count)
     tracks = Tracks(
@@ -131,51 +124,40 @@ def target_track(estimate: RelativeEstimate, correlated: Float[Array, "n n"]) ->
     )
 
 
-def update(
-    tuning: OrbitFilterTuning,
-    focal_px: Scalar,
-    memory: EstimateSharing,
-    orbit: OrbitEstimate,
-    q_KN: Float[Array, "4"],
-    box: BoxMeasurement,
-    recovered: Flag,
-    sensor_rows: MeasurementRows | None = None,
-) -> EstimateSharing:
-    """Memory after the own box and sensors, before the messages of the tick.
-
-    The box is present if it passed the gate; `sensor_rows` are as of a state of zero, None without such sensors.
-    """
-    local, correlated = memory.local, memory.correlated
+def update(tuning: ServicerTuning, memory: EstimateSharing, records: TeamRecords) -> EstimateSharing:
+    """Memory after the own box and sensors, before the messages of the tick."""
+    local, correlated, box = memory.local, memory.correlated, records.gated_box
     assert local is not None
     assert correlated is not None
-    rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, focal_px, local, q_KN, box)
+    rows, _ = relative_orbit_ekf.rows_of_box(tuning.filter, False, tuning.focal_px, local, records.q_KN, box)
     drift = local.layout.vector(bearing_bias=jnp.full(2, box.attitude_variance_change))
-    inflation = relative_orbit_ekf.recovery_variance(tuning, local.layout, local.r_TS_N, recovered)
+    recovered = records.gate.recovered
+    inflation = relative_orbit_ekf.recovery_variance(tuning.filter, local.layout, local.r_TS_N, recovered)
     gains, P = kalman_update.reduced_by_rows(local.covariance + jnp.diag(drift), rows)
     correlated = kalman_update.part_after(correlated, rows, gains) + jnp.diag(inflation)
     local = relative_state.corrected(local, gains.deviation, P + jnp.diag(inflation))
-    if sensor_rows is not None:
-        rows = believed_sensor.at_estimate(sensor_rows, local)
+    if records.rows is not None:
+        rows = believed_sensor.at_estimate(records.rows, local)
         gains, P = kalman_update.reduced_by_rows(local.covariance, rows)
         correlated = kalman_update.part_after(correlated, rows, gains)
         local = relative_state.corrected(local, gains.deviation, P)
-    return replace(memory, local=replace(local, outline=orbit.relative.outline), correlated=correlated)
+    return replace(memory, local=replace(local, outline=records.orbit.relative.outline), correlated=correlated)
 
 
 def receive(
-    baseline: BaselineTuning, memory: EstimateSharing, orbit: OrbitEstimate, news: News, delay: float
+    baseline: BaselineTuning, memory: EstimateSharing, received: ReceivedMessages
 ) -> tuple[EstimateSharing, RelativeEstimate]:
-    """Memory after the messages of a tick, which are `delay` [s] old, and the fused estimate."""
+    """Memory after the messages of a tick, and the fused estimate."""
     local, tracks = memory.local, memory.tracks
     assert local is not None
     assert tracks is not None
-    baselines = _updated_baselines(baseline, memory.baselines, orbit, news, delay)
+    baselines = _updated_baselines(baseline, memory.baselines, received)
     arrived = Tracks(
-        estimates=_tracks(baselines, orbit, news, delay),
+        estimates=_tracks(baselines, received),
         of_own=baselines.of_own[:, : MOTION.size, : MOTION.size],
-        known=news.used,
+        known=received.used,
     )
-    tracks = replace(peer_news.select_peers(news.used, arrived, tracks), known=tracks.known | news.used)
+    tracks = replace(received_messages.select_peers(received.used, arrived, tracks), known=tracks.known | received.used)
     assert memory.correlated is not None
     independent = local.covariance - memory.correlated
     own = SplitEstimate(mean=local.vector, correlated=memory.correlated, independent=independent)
@@ -185,79 +167,79 @@ def receive(
 
 def _others(tracks: Tracks) -> list[SplitEstimate]:
     """Estimates of the peers; this servicer's share of a baseline's error is in all other baselines."""
-    each = []
+    others = []
     for k in range(tracks.known.shape[0]):
         track, of_own = jax.tree.map(lambda leaf, k=k: leaf[k], (tracks.estimates, tracks.of_own))
         if tracks.known.shape[0] == 1:
-            each.append(replace(track, independent=track.independent + of_own))
+            others.append(replace(track, independent=track.independent + of_own))
         else:
-            each.append(replace(track, correlated=track.correlated + of_own))
-    return each
+            others.append(replace(track, correlated=track.correlated + of_own))
+    return others
 
 
 def receive_naively(
-    baseline: BaselineTuning, memory: EstimateSharing, orbit: OrbitEstimate, news: News, delay: float
+    baseline: BaselineTuning, memory: EstimateSharing, own: RelativeEstimate, received: ReceivedMessages
 ) -> tuple[EstimateSharing, RelativeEstimate]:
-    """Memory and estimate after estimates of peers are taken as independent of the own one, which they are not."""
-    baselines = _updated_baselines(baseline, memory.baselines, orbit, news, delay)
-    arrived = _tracks(baselines, orbit, news, delay)
-    mean, P = orbit.relative.vector, orbit.relative.covariance
-    for k in range(news.used.shape[0]):
+    """Memory and estimate after estimates of peers are taken as independent of the `own` one, which they are not."""
+    baselines = _updated_baselines(baseline, memory.baselines, received)
+    arrived = _tracks(baselines, received)
+    mean, P = own.vector, own.covariance
+    for k in range(received.used.shape[0]):
         total = arrived.correlated[k] + arrived.independent[k] + baselines.of_own[k, : MOTION.size, : MOTION.size]
-        mean, P = covariance_intersection.independent_fusion(mean, P, arrived.mean[k], total, news.used[k])
-    return replace(memory, baselines=baselines), relative_state.moved_to(orbit.relative, mean, P)
+        mean, P = covariance_intersection.independent_fusion(mean, P, arrived.mean[k], total, received.used[k])
+    return replace(memory, baselines=baselines), relative_state.moved_to(own, mean, P)
 
 
-def _updated_baselines(
-    baseline: BaselineTuning, baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float
-) -> Baselines:
+def _updated_baselines(baseline: BaselineTuning, baselines: Baselines, received: ReceivedMessages) -> Baselines:
     """Baselines after burns of the peers, differences of GPS positions and ranges over the links."""
-    back = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(orbit.servicer.r_SN_N), -delay)
     updated = []
-    for k in range(news.used.shape[0]):
-        before, of_peer = jax.tree.map(lambda leaf, k=k: leaf[k], (baselines, replace(news, own_burns=news.used)))
-        updated.append(_updated_baseline(baseline, before, replace(of_peer, own_burns=news.own_burns), back))
+    for k in range(received.used.shape[0]):
+        before = jax.tree.map(lambda leaf, k=k: leaf[k], baselines)
+        updated.append(_updated_baseline(baseline, before, received_messages.of_peer(received, k)))
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *updated)
 
 
-def _updated_baseline(baseline: BaselineTuning, before: Baselines, news: News, back: Float[Array, "6 6"]) -> Baselines:
-    """Baseline to one peer, with the news of that peer; half of the noise of a difference is the own receiver's."""
-    used, layout = news.used, baseline_layout(news.ranges is not None)
-    decay = jnp.exp(-news.interval / baseline.error_time_constant)
+def _updated_baseline(baseline: BaselineTuning, before: Baselines, received: ReceivedMessages) -> Baselines:
+    """Baseline to one peer by what is received of it; half of the noise of a difference is the own receiver's."""
+    used, layout = received.used, baseline_layout(received.ranges is not None)
+    decay = jnp.exp(-received.interval / baseline.error_time_constant)
     factors = jnp.ones(layout.size, dtype=decay.dtype).at[layout["gps_difference"]].set(decay)
     slow = jnp.diag(layout.vector(gps_difference=jnp.full(3, baseline.error_sigma**2 * (1.0 - decay**2))))
     rest = (0, layout.size - MOTION.size)
-    x = factors * before.mean + jnp.pad(jnp.where(used, news.burns.change, 0.0), rest)
+    x = factors * before.mean + jnp.pad(jnp.where(used, received.burns.change, 0.0), rest)
     both = factors[:, None] * factors[None, :]
-    burns = jnp.pad(jnp.where(used, news.burns.covariance, 0.0), (rest, rest))
-    rows, of_receiver = _baseline_rows(baseline, x, before.covariance * both + burns + slow, news, back)
+    burns = jnp.pad(jnp.where(used, received.burns.covariance, 0.0), (rest, rest))
+    rows, of_receiver = _baseline_rows(baseline, x, before.covariance * both + burns + slow, received)
     gains, covariance = kalman_update.reduced_by_rows(before.covariance * both + burns + slow, rows)
     of_own = kalman_update.part_after(before.of_own * both + 0.5 * slow, rows, gains, of_receiver)
     return Baselines(mean=x + gains.deviation, covariance=covariance, of_own=of_own)
 
 
 def _baseline_rows(
-    baseline: BaselineTuning, x: Float[Array, " n"], P: Float[Array, "n n"], news: News, back: Float[Array, "6 6"]
+    baseline: BaselineTuning, x: Float[Array, " n"], P: Float[Array, "n n"], received: ReceivedMessages
 ) -> tuple[MeasurementRows, Float[Array, " m"]]:
     """Difference of GPS positions, and range if there is one; and the variance that the own receiver adds to each."""
-    layout, then = baseline_layout(news.ranges is not None), back[MOTION["position"]]
+    layout, to_stamp = baseline_layout(received.ranges is not None), received.own.to_stamp
+    then = jnp.eye(3, MOTION.size, dtype=x.dtype) if to_stamp is None else to_stamp[MOTION["position"]]
     part = layout.split(x)
     motion = jnp.concatenate([part["position"], part["velocity"]])
-    position, same = apply(then, motion + news.own_burns), jnp.eye(3, dtype=x.dtype)
+    position, same = apply(then, motion + received.own.burns), jnp.eye(3, dtype=x.dtype)
     by_position, by_velocity = then[:, MOTION["position"]], then[:, MOTION["velocity"]]
-    residual = news.baseline - position - part["gps_difference"]
+    residual = received.baseline - position - part["gps_difference"]
     jacobian = layout.rows(position=by_position, velocity=by_velocity, gps_difference=same)
     variance = jnp.full(3, baseline.noise**2)
-    weight = jnp.full(3, jnp.where(news.measured, 1.0, 0.0)).astype(x.dtype)
+    weight = jnp.full(3, jnp.where(received.measured, 1.0, 0.0)).astype(x.dtype)
     of_receiver = 0.5 * variance
-    if news.ranges is not None:
+    if received.ranges is not None:
         distance = gradient_safe.norm(position)
         u = position / distance
         at_stamp = product(then, product(then, P[: MOTION.size, : MOTION.size]).T)
         across = jnp.trace(at_stamp) - jnp.sum(u * apply(at_stamp, u), axis=0)
         # Of second order, as in the joint filter.
         excess = jnp.maximum(across, 0.0) / distance
-        residual = jnp.concatenate([residual, (news.ranges - distance - 0.5 * excess - part["range_bias"][0])[None]])
+        residual = jnp.concatenate(
+            [residual, (received.ranges - distance - 0.5 * excess - part["range_bias"][0])[None]]
+        )
         of_range = layout.rows(
             position=product(u[None], by_position),
             velocity=product(u[None], by_velocity),
@@ -265,62 +247,50 @@ def _baseline_rows(
         )
         jacobian = jnp.concatenate([jacobian, of_range], axis=0)
         variance = jnp.concatenate([variance, (baseline.range_noise**2 + 0.5 * excess**2)[None]])
-        weight = jnp.concatenate([weight, jnp.where(news.used, 1.0, 0.0)[None].astype(x.dtype)])
+        weight = jnp.concatenate([weight, jnp.where(received.used, 1.0, 0.0)[None].astype(x.dtype)])
         of_receiver = jnp.pad(of_receiver, (0, 1))
     rows = MeasurementRows(residual=residual, jacobian=jacobian, variance=variance, weight=weight)
     return rows, of_receiver
 
 
-def _tracks(baselines: Baselines, orbit: OrbitEstimate, news: News, delay: float) -> SplitEstimate:
+def _tracks(baselines: Baselines, received: ReceivedMessages) -> SplitEstimate:
     """Estimates of the peers in the messages, moved to now and to this servicer, (peers, ...)."""
-    track = news.messages.track
+    track, to_now = received.messages.track, received.own.to_now
     assert track is not None
     sent = SplitEstimate(mean=track.state, correlated=track.correlated, independent=track.covariance - track.correlated)
-    now = _moved(sent, orbit, delay) if delay > 0.0 else sent
+    now = sent if to_now is None else _moved(sent, to_now)
     of_peer = (baselines.covariance - baselines.of_own)[:, : MOTION.size, : MOTION.size]
     return replace(now, mean=now.mean + baselines.mean[:, : MOTION.size], independent=now.independent + of_peer)
 
 
-def _moved(estimates: SplitEstimate, orbit: OrbitEstimate, delay: float) -> SplitEstimate:
-    """Estimates of position and velocity, (peers, ...), after `delay` [s] of free motion."""
-    forth = free_relative_motion.transition_matrix(two_body_gravity.gravity_gradient(orbit.servicer.r_SN_N), delay)
+def _moved(estimates: SplitEstimate, to_now: Float[Array, "6 6"]) -> SplitEstimate:
+    """Estimates of position and velocity, (peers, ...), after free motion with that transition."""
 
     def moved(P: Array) -> Array:
-        half = product(forth, product(forth, P).T)
+        half = product(to_now, product(to_now, P).T)
         return 0.5 * (half + half.T)
 
     peers = range(estimates.mean.shape[0])
     return SplitEstimate(
-        mean=jnp.stack([apply(forth, estimates.mean[k]) for k in peers]),
+        mean=jnp.stack([apply(to_now, estimates.mean[k]) for k in peers]),
         correlated=jnp.stack([moved(estimates.correlated[k]) for k in peers]),
         independent=jnp.stack([moved(estimates.independent[k]) for k in peers]),
     )
 
 
-def predict(
-    tuning: OrbitFilterTuning,
-    zonal_degree: int,
-    memory: EstimateSharing,
-    before: OrbitEstimate,
-    after: OrbitEstimate,
-    delta_v_N: Vector,
-    burn_covariance: Matrix,
-    reopened: Flag,
-    dt: float,
-) -> EstimateSharing:
-    """Memory `dt` [s] later; the arguments are those of `box_sharing.predict`."""
-    r_before_N, r_after_N = before.servicer.r_SN_N, after.servicer.r_SN_N
-    gradient = two_body_gravity.gravity_gradient(r_before_N)
+def predict(link: Link, tuning: OrbitFilterTuning, memory: EstimateSharing, motion: TickMotion) -> EstimateSharing:
+    """Memory after the motion of a tick."""
+    dt, burn_covariance, gradient = link.tick_s, motion.burn_covariance, motion.gravity_gradient
     unmodelled = tuning.relative_acceleration_noise**2 * dt * jnp.eye(3, dtype=burn_covariance.dtype)
     noise = burn_covariance + unmodelled
 
     def moved(state: Float[Array, "6"]) -> Float[Array, "6"]:
-        return baseline_motion.propagate(zonal_degree, state, r_before_N, r_after_N, delta_v_N, dt)
+        return baseline_motion.propagate(link.settings.zonal_degree, state, motion, dt)
 
     def grown(P: Array, process: Matrix) -> Array:
         slow = P.shape[0] - MOTION.size
-        one, zero = jnp.ones(slow, dtype=P.dtype), jnp.zeros(slow, dtype=P.dtype)
-        return orbit_covariance.propagate(P, gradient, one, process, zero, dt)
+        kept, zero = jnp.ones(slow, dtype=P.dtype), jnp.zeros(slow, dtype=P.dtype)
+        return orbit_covariance.propagate(P, gradient, kept, process, zero, dt)
 
     count = memory.baselines.mean.shape[0]
     mean = [
@@ -334,19 +304,19 @@ def predict(
     if memory.local is None or memory.tracks is None:
         return memory
     assert memory.correlated is not None
-    found = memory.tracks.estimates
+    before = memory.tracks.estimates
     zero = jnp.zeros_like(noise)
     estimates = SplitEstimate(
-        mean=jnp.stack([moved(found.mean[k]) for k in range(count)]),
-        correlated=jnp.stack([grown(found.correlated[k], unmodelled) for k in range(count)]),
-        independent=jnp.stack([grown(found.independent[k], zero) for k in range(count)]),
+        mean=jnp.stack([moved(before.mean[k]) for k in range(count)]),
+        correlated=jnp.stack([grown(before.correlated[k], unmodelled) for k in range(count)]),
+        independent=jnp.stack([grown(before.independent[k], zero) for k in range(count)]),
     )
     of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
-    motion = MOTION.split(moved(MOTION.vector(position=memory.local.r_TS_N, velocity=memory.local.v_TS_N)))
-    target = motion["position"], motion["velocity"], r_before_N
-    wider = relative_state.reopen(memory.local, reopened)
+    state = MOTION.split(moved(MOTION.vector(position=memory.local.r_TS_N, velocity=memory.local.v_TS_N)))
+    target = state["position"], state["velocity"], motion.r_before_N
+    wider = relative_state.reopen(memory.local, motion.reopened)
     local = relative_orbit_ekf.predict(tuning, wider, *target, burn_covariance, dt)
-    correlated = relative_state.reopen(replace(memory.local, covariance=memory.correlated), reopened)
+    correlated = relative_state.reopen(replace(memory.local, covariance=memory.correlated), motion.reopened)
     correlated = relative_orbit_ekf.predict(tuning, correlated, *target, zero, dt)
     tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
     return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

@@ -9,15 +9,15 @@ if that is measured. The fast errors of the peers' boxes, which are a tumble's, 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.state_layout import MOTION, StateLayout
-from rpojax.flight.cooperation import baseline_motion, joint_covariance
-from rpojax.flight.cooperation.baseline_motion import peer_layout
-from rpojax.flight.cooperation.burn_effect import BurnEffect
+from rpojax.flight.cooperation import baseline_motion, joint_covariance, received_messages
+from rpojax.flight.cooperation.baseline_motion import TickMotion, peer_layout
 from rpojax.flight.cooperation.joint_covariance import JointCovariance
-from rpojax.flight.cooperation.link_settings import BaselineTuning
+from rpojax.flight.cooperation.received_messages import ReceivedMessages
+from rpojax.flight.cooperation.team_settings import BaselineTuning, Link
 from rpojax.flight.navigation import relative_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
@@ -64,25 +64,25 @@ def own_estimate(estimate: JointEstimate) -> RelativeEstimate:
 
 
 def initial(
+    link: Link,
     tuning: OrbitFilterTuning,
-    baseline: BaselineTuning,
+    peer_tuning: OrbitFilterTuning,
     own: RelativeEstimate,
     baselines: Float[Array, "peers 6"],
-    peer_tuning: OrbitFilterTuning,
-    has_ranges: bool,
 ) -> JointEstimate:
     """Estimate at hand-over, with the first baselines [m, m/s]; the tuning of the peers has a leading axis."""
+    baseline, has_ranges = link.baseline, link.settings.ranging
     count, dtype, layout = baselines.shape[0], baselines.dtype, peer_layout(has_ranges)
     zero = jnp.zeros(3, dtype=dtype)
     positions, velocities, slow = [zero], [zero], [jnp.zeros(own.layout.size - MOTION.size, dtype=dtype)]
     for k in range(count):
-        of = jax.tree.map(lambda leaf, k=k: leaf[k], peer_tuning)
-        motion = baseline_motion.initial_variance(tuning, of)
+        of_peer = jax.tree.map(lambda leaf, k=k: leaf[k], peer_tuning)
+        motion = baseline_motion.initial_variance(tuning, of_peer)
         positions.append(motion[MOTION["position"]])
         velocities.append(motion[MOTION["velocity"]])
         slow += [
-            shape_errors.scale_variance(of)[:1],
-            jnp.full(2, of.bearing_bias_sigma**2),
+            shape_errors.scale_variance(of_peer)[:1],
+            jnp.full(2, of_peer.bearing_bias_sigma**2),
             jnp.full(3, baseline.error_sigma**2),
             *([baseline.range_bias_sigma[None] ** 2] if has_ranges else []),
         ]
@@ -121,33 +121,27 @@ def _common_sizes(own: StateLayout, peer: StateLayout, peers: int) -> Float[Arra
 
 
 def propagate(
-    tuning: OrbitFilterTuning,
-    estimate: JointEstimate,
-    own: RelativeEstimate,
-    motion: Float[Array, "peers 6"],
-    gravity_gradient: Matrix,
-    burn_covariance: Matrix,
-    dt: float,
+    tuning: OrbitFilterTuning, estimate: JointEstimate, means: JointEstimate, motion: TickMotion, dt: float
 ) -> JointEstimate:
-    """Estimate `dt` [s] later with the means already propagated; errors of the peers' views wait for their messages."""
+    """Estimate `dt` [s] later, the `means` of which are propagated; errors of the peers' views wait for messages."""
+    own, burn_covariance = means.own, motion.burn_covariance
     decay, own_variance = relative_state.slow_process(tuning, estimate.own, own.r_TS_N, own.v_TS_N, dt)
     identity = jnp.eye(3, dtype=burn_covariance.dtype)
     unmodelled = tuning.relative_acceleration_noise**2 * dt * identity
     # A burn moves the servicer away from target and peers alike; half of an unmodelled acceleration is its own.
     same, other = burn_covariance + unmodelled, burn_covariance + 0.5 * unmodelled
-    count = motion.shape[0]
+    count = estimate.peers.shape[0]
     rest = estimate.covariance.ss.shape[0] - estimate.own_slow.size
     noise = [[same if i == j else other for j in range(1 + count)] for i in range(1 + count)]
     covariance = joint_covariance.propagate(
         estimate.covariance,
-        gravity_gradient,
+        motion.gravity_gradient,
         jnp.concatenate([jnp.concatenate(row, axis=1) for row in noise], axis=0),
         jnp.concatenate([decay, jnp.ones(rest, dtype=decay.dtype)]),
         jnp.pad(own_variance, (0, rest)),
         dt,
     )
-    peers = jnp.concatenate([motion, estimate.peers[:, MOTION.size :]], axis=1)
-    return JointEstimate(own=own, peers=peers, covariance=covariance)
+    return replace(means, covariance=covariance)
 
 
 def widen(estimate: JointEstimate, factor: Scalar) -> JointEstimate:
@@ -174,39 +168,19 @@ def inflate(estimate: JointEstimate, variance: Float[Array, " n"]) -> JointEstim
     return replace(estimate, covariance=covariance)
 
 
-def hear(
-    tuning: OrbitFilterTuning,
-    baseline: BaselineTuning,
-    estimate: JointEstimate,
-    used: Bool[Array, " peers"],
-    interval: Float[Array, " peers"],
-    burns: BurnEffect,
-    attitude_variance: Float[Array, " peers"],
-) -> JointEstimate:
-    """Estimate with what time and burns did to the peers since the messages before; without news nothing happens.
-
-    Args:
-        tuning: of the peers, with a leading axis
-        baseline: belief in differences of GPS positions and ranges
-        estimate: of this servicer
-        used: (peers,) bool
-        interval: (peers,) between the time stamps [s]
-        burns: effect of the peers' burns since the message before, propagated to now
-        attitude_variance: (peers,) change of the variance of their attitudes since then [rad^2]
-    """
+def advance_peers(baseline: BaselineTuning, estimate: JointEstimate, received: ReceivedMessages) -> JointEstimate:
+    """Estimate with what time and burns did to the peers since the messages before; without one nothing happens."""
     P = estimate.covariance
     own_size = estimate.own_slow.size
     factors, added, states = [jnp.ones(own_size)], [jnp.zeros(own_size)], []
     moved = []
     for k in range(estimate.peers.shape[0]):
-        state, dt = estimate.peers[k], jnp.where(used[k], interval[k], 0.0)
-        decay, variance = _peer_process(
-            jax.tree.map(lambda leaf, k=k: leaf[k], tuning), baseline, estimate, k, dt, attitude_variance[k]
-        )
+        state, of_peer = estimate.peers[k], received_messages.of_peer(received, k)
+        decay, variance = _peer_process(baseline, estimate, k, of_peer)
         factors.append(decay)
-        added.append(jnp.where(used[k], variance, 0.0))
-        moved.append(jnp.where(used[k], burns.covariance[k], 0.0))
-        change = jnp.where(used[k], burns.change[k], 0.0)
+        added.append(jnp.where(of_peer.used, variance, 0.0))
+        moved.append(jnp.where(of_peer.used, of_peer.burns.covariance, 0.0))
+        change = jnp.where(of_peer.used, of_peer.burns.change, 0.0)
         states.append(jnp.concatenate([state[: MOTION.size] + change, decay * state[MOTION.size :]]))
     P = joint_covariance.scaled_slow(P, jnp.concatenate(factors))
     x, v = MOTION["position"], MOTION["velocity"]
@@ -221,21 +195,16 @@ def hear(
 
 
 def _peer_process(
-    tuning: OrbitFilterTuning,
-    baseline: BaselineTuning,
-    estimate: JointEstimate,
-    peer: int,
-    dt: Scalar,
-    attitude_variance: Scalar,
+    baseline: BaselineTuning, estimate: JointEstimate, peer: int, received: ReceivedMessages
 ) -> tuple[Array, Array]:
-    """Decay over `dt` [s] of a peer's slow errors, and their process variance."""
-    layout, own = estimate.peer_layout, estimate.own
+    """Decay of a peer's slow errors since its message before, and their process variance, by what it sent."""
+    layout, own, dt = estimate.peer_layout, estimate.own, jnp.where(received.used, received.interval, 0.0)
     state = layout.split(estimate.peers[peer])
     view = replace(own, slow={**own.slow, "size": jnp.pad(state["size"], (0, 1))})
     decay, variance = (
-        estimate.own_slow.split(each)
-        for each in relative_state.slow_process(
-            tuning, view, own.r_TS_N - state["position"], own.v_TS_N - state["velocity"], dt
+        estimate.own_slow.split(values)
+        for values in relative_state.slow_process(
+            received.tuning.filter, view, own.r_TS_N - state["position"], own.v_TS_N - state["velocity"], dt
         )
     )
     gps_decay = jnp.exp(-dt / baseline.error_time_constant)
@@ -247,7 +216,7 @@ def _peer_process(
     }
     variances = {
         "size": variance["size"][:1],
-        "bearing_bias": variance["bearing_bias"] + attitude_variance,
+        "bearing_bias": variance["bearing_bias"] + received.attitude_variance,
         "gps_difference": jnp.full(3, baseline.error_sigma**2 * (1.0 - gps_decay**2)),
         "range_bias": jnp.zeros(1, dtype=dt.dtype),
     }

@@ -1,5 +1,7 @@
 """Messages between servicers: what each sends of itself and of the target, and the delay line they go through."""
 
+from typing import Protocol, TypeVar, runtime_checkable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -7,6 +9,19 @@ from jaxtyping import Array
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+
+
+@runtime_checkable
+class Stamped(Protocol):
+    """A record with a time stamp."""
+
+    @property
+    def time(self) -> Array:
+        """() since the start [s]."""
+        ...
+
+
+Sent = TypeVar("Sent", bound=Stamped)
 
 
 @pytree
@@ -51,18 +66,18 @@ class Message:
     ranges: Array | None = None
 
 
-def delay_line(message: Message, delay_ticks: int) -> Message:
+def delay_line(message: Sent, delay_ticks: int) -> Sent:
     """Messages of the last ticks, newest first along a leading axis; none of them has been sent."""
     line = jax.tree.map(lambda leaf: jnp.stack([jnp.zeros_like(leaf)] * (delay_ticks + 1)), message)
     return replace(line, time=jnp.full_like(line.time, -jnp.inf))
 
 
-def push(line: Message, message: Message) -> Message:
+def push(line: Sent, message: Sent) -> Sent:
     """Delay line one tick later, with a new message."""
     return jax.tree.map(lambda old, new: jnp.concatenate([new[None], old[:-1]]), line, message)
 
 
-def oldest(line: Message) -> Message:
+def oldest(line: Sent) -> Sent:
     """The message that arrives now."""
     return jax.tree.map(lambda leaf: leaf[-1], line)
 

@@ -10,33 +10,28 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.batching import batching_mode
 from rpojax.core.numerics import double_single
-from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.cooperation import (
     box_sharing,
     burn_effect,
     estimate_sharing,
-    free_relative_motion,
     joint_filter,
-    joint_measurements,
     message,
-    peer_news,
+    received_messages,
 )
+from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.cooperation.burn_effect import BurnSum
 from rpojax.flight.cooperation.estimate_sharing import EstimateSharing
 from rpojax.flight.cooperation.joint_filter import JointEstimate
-from rpojax.flight.cooperation.link_settings import BaselineTuning, LinkSettings
-from rpojax.flight.cooperation.message import Message
-from rpojax.flight.cooperation.peer_news import Heard, News
+from rpojax.flight.cooperation.message import Message, TargetTrack
+from rpojax.flight.cooperation.received_messages import Arrivals, LastReceived, ReceivedMessages
 from rpojax.flight.cooperation.team_records import TeamRecords, for_receivers
-from rpojax.flight.navigation import burn_execution_error
+from rpojax.flight.cooperation.team_settings import Link, ServicerTuning
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
-Vector = Float[Array, "3"]
 
 
 @pytree
@@ -47,8 +42,8 @@ class SharingMemory:
         line: its messages of the last ticks, newest first along the first axis
         burns: sum of the effects of its burns
         attitude_variance: () sum of the changes of its attitude's variance [rad^2]
-        heard: of its peers
-        news_used: (peers,) bool, what the peer sent was used in the latest tick
+        last_received: of its peers
+        messages_used: (peers,) bool, what the peer sent was used in the latest tick
         joint: joint estimate, None unless boxes are shared
         estimates: of the target and the baselines, None unless estimates are shared
     """
@@ -56,47 +51,39 @@ class SharingMemory:
     line: Message
     burns: BurnSum
     attitude_variance: Array
-    heard: Heard
-    news_used: Array
+    last_received: LastReceived
+    messages_used: Array
     joint: JointEstimate | None = None
     estimates: EstimateSharing | None = None
 
 
-@pytree
-class _Peers:
-    """Hand-over of the peers of a servicer, (peers, ...)."""
-
-    tuning: OrbitFilterTuning
-    orbit: OrbitEstimate
-
-
-def initial(
-    settings: LinkSettings, baseline: BaselineTuning, tuning: OrbitFilterTuning, records: TeamRecords
-) -> SharingMemory:
+def initial(link: Link, tuning: ServicerTuning, records: TeamRecords) -> SharingMemory:
     """Memory at hand-over, from the records of all servicers, of which only the orbits count."""
-    peers = for_receivers(_Peers(tuning=tuning, orbit=records.orbit), settings.peers)
+    settings = link.settings
+    peers = for_receivers((tuning.filter, records.orbit), settings.peers)
 
-    def of_one(tuning: OrbitFilterTuning, peers: _Peers, records: TeamRecords) -> SharingMemory:
-        own, baselines = records.orbit.relative, _baselines(records.orbit, peers.orbit)
-        zero = jnp.zeros_like(own.r_TS_N[0])
+    def of_servicer(
+        tuning: ServicerTuning, peers: tuple[OrbitFilterTuning, OrbitEstimate], records: TeamRecords
+    ) -> SharingMemory:
+        peer_tuning, peer_orbits = peers
+        own, baselines = records.orbit.relative, _baselines(records.orbit, peer_orbits)
+        zero, burns = jnp.zeros_like(own.r_TS_N[0]), burn_effect.initial()
+        track = None if settings.shares_boxes else estimate_sharing.target_track(own, own.covariance)
+        first = _message(records, burns, zero, track, zero)
         memory = SharingMemory(
-            line=_message(
-                settings, records, jnp.zeros((), dtype=bool), burn_effect.initial(), zero, own, own.covariance, zero
-            ),
-            burns=burn_effect.initial(),
+            line=message.delay_line(first, settings.delay_ticks),
+            burns=burns,
             attitude_variance=zero,
-            heard=peer_news.initial(settings.servicers - 1),
-            news_used=jnp.zeros(settings.servicers - 1, dtype=bool),
+            last_received=received_messages.initial(settings.servicers - 1),
+            messages_used=jnp.zeros(settings.servicers - 1, dtype=bool),
         )
-        memory = replace(memory, line=message.delay_line(memory.line, settings.delay_ticks))
-        if settings.sharing in ("boxes", "central"):
-            joint = joint_filter.initial(tuning, baseline, own, baselines, peers.tuning, settings.ranging)
+        if settings.shares_boxes:
+            joint = joint_filter.initial(link, tuning.filter, peer_tuning, own, baselines)
             return replace(memory, joint=joint)
-        is_naive = settings.sharing == "naive"
-        estimates = estimate_sharing.initial(tuning, baseline, own, baselines, peers.tuning, is_naive, settings.ranging)
+        estimates = estimate_sharing.initial(link, tuning.filter, peer_tuning, own, baselines)
         return replace(memory, estimates=estimates)
 
-    return batching_mode.transform()(of_one, in_axes=-1, out_axes=-1)(tuning, peers, records)
+    return batching_mode.transform()(of_servicer, in_axes=-1, out_axes=-1)(tuning, peers, records)
 
 
 def _baselines(own: OrbitEstimate, peers: OrbitEstimate) -> Float[Array, "peers 6"]:
@@ -113,17 +100,9 @@ def _baselines(own: OrbitEstimate, peers: OrbitEstimate) -> Float[Array, "peers 
 
 
 def _message(
-    settings: LinkSettings,
-    records: TeamRecords,
-    accepted: Bool[Array, ""],
-    burns: BurnSum,
-    attitude_variance: Scalar,
-    own: RelativeEstimate,
-    correlated: Float[Array, "n n"],
-    time: Scalar,
+    records: TeamRecords, burns: BurnSum, attitude_variance: Scalar, track: TargetTrack | None, time: Scalar
 ) -> Message:
-    """Message of one servicer; with estimates that of the target is `own`, with the `correlated` part."""
-    shares_boxes = settings.sharing in ("boxes", "central")
+    """Message of one servicer, with the box unless it has an estimate of the target."""
     return Message(
         time=time,
         gps=records.gps,
@@ -131,216 +110,106 @@ def _message(
         from_start=burns.from_start,
         q_KN=records.q_KN,
         attitude_variance=attitude_variance,
-        box=_gated(records.box, accepted) if shares_boxes else None,
-        track=None if shares_boxes else estimate_sharing.target_track(own, correlated),
+        box=records.gated_box if track is None else None,
+        track=track,
         ranges=records.ranges,
     )
 
 
-def _gated(box: BoxMeasurement, accepted: Bool[Array, ""]) -> BoxMeasurement:
-    """The box as far as it passed the gate; a frame with a false one tells nothing."""
-    return replace(box, present=accepted, expected=box.expected & (accepted | ~box.present))
-
-
 def share(
-    settings: LinkSettings,
-    baseline: BaselineTuning,
-    tuning: OrbitFilterTuning,
-    focal_px: Float[Array, " N"],
+    link: Link,
+    tuning: ServicerTuning,
     records: TeamRecords,
     memory: SharingMemory,
-    received: Bool[Array, "N N"],
+    arrived: Bool[Array, "peers N"],
     time: Scalar,
-    tick_s: float,
 ) -> tuple[TeamRecords, SharingMemory]:
     """Records and memory after own boxes and messages of a tick.
 
     Args:
-        settings: static settings
-        baseline: belief in differences of GPS positions
-        tuning: of the orbit filters
-        focal_px: (N,) of the cameras [px]
+        link: what is the same for all
+        tuning: of the servicers, (..., N)
         records: after navigation
         memory: of the tick before
-        received: (N, N) bool, which receiver gets the message of which sender that is due now
+        arrived: (peers, N) bool, whether each receives what is due now of each of its peers
         time: () since the start [s]
-        tick_s: camera period [s]
     """
-    delay = settings.delay_ticks * tick_s
 
-    def send(records: TeamRecords, tuning: OrbitFilterTuning, focal_px: Scalar, memory: SharingMemory) -> SharingMemory:
-        return _sent(settings, records, tuning, focal_px, memory, time)
+    def send(tuning: ServicerTuning, records: TeamRecords, memory: SharingMemory) -> SharingMemory:
+        return _sent(link, tuning, records, memory, time)
 
-    memory = batching_mode.transform()(send, in_axes=-1, out_axes=-1)(records, tuning, focal_px, memory)
-    arrived = _Arrived(messages=message.oldest(memory.line), tuning=tuning, focal_px=focal_px)
-    arrived = for_receivers(arrived, settings.peers)
-    heard = jnp.stack([jnp.stack([received[i, j] for j in row]) for i, row in enumerate(settings.peers)], axis=-1)
+    memory = batching_mode.transform()(send, in_axes=-1, out_axes=-1)(tuning, records, memory)
+    messages, peer_tuning = for_receivers((message.oldest(memory.line), tuning), link.settings.peers)
+    arrivals = Arrivals(messages=messages, arrived=arrived, tuning=peer_tuning)
 
     def receive(
-        records: TeamRecords,
-        tuning: OrbitFilterTuning,
-        focal_px: Scalar,
-        memory: SharingMemory,
-        arrived: _Arrived,
-        heard: Bool[Array, " peers"],
+        tuning: ServicerTuning, records: TeamRecords, memory: SharingMemory, arrivals: Arrivals
     ) -> tuple[RelativeEstimate, SharingMemory]:
         # What a failed sender would say may not be a number.
-        none = jax.tree.map(jnp.zeros_like, arrived.messages)
-        news, latest = peer_news.read(
-            memory.heard,
-            peer_news.select_peers(heard, arrived.messages, none),
-            heard,
-            memory.burns,
-            message.oldest(memory.line),
-            arrived.tuning,
-            arrived.focal_px,
-            _forth(records, delay),
-            time,
-        )
-        memory = replace(memory, heard=latest)
-        return _received(settings, baseline, tuning, focal_px, records, memory, news, delay)
+        none = jax.tree.map(jnp.zeros_like, arrivals.messages)
+        messages = received_messages.select_peers(arrivals.arrived, arrivals.messages, none)
+        r_SN_N = records.orbit.servicer.r_SN_N
+        own = received_messages.own_then(message.oldest(memory.line), memory.burns, r_SN_N, link.delay)
+        arrivals = replace(arrivals, messages=messages)
+        received, latest = received_messages.read(memory.last_received, arrivals, own, time)
+        return _received(link, tuning, records, replace(memory, last_received=latest), received)
 
-    relative, memory = batching_mode.transform()(receive, in_axes=-1, out_axes=-1)(
-        records, tuning, focal_px, memory, arrived, heard
-    )
+    relative, memory = batching_mode.transform()(receive, in_axes=-1, out_axes=-1)(tuning, records, memory, arrivals)
     return replace(records, orbit=replace(records.orbit, relative=relative)), memory
 
 
-@pytree
-class _Arrived:
-    """What arrives from the peers of a servicer, (peers, ...)."""
-
-    messages: Message
-    tuning: OrbitFilterTuning
-    focal_px: Array
-
-
-def _forth(records: TeamRecords, delay: float) -> Float[Array, "6 6"] | None:
-    """State transition matrix from the time stamps of what arrives to now, None without delay."""
-    if delay == 0.0:
-        return None
-    gradient = two_body_gravity.gravity_gradient(records.orbit.servicer.r_SN_N)
-    return free_relative_motion.transition_matrix(gradient, delay)
-
-
 def _sent(
-    settings: LinkSettings,
-    records: TeamRecords,
-    tuning: OrbitFilterTuning,
-    focal_px: Scalar,
-    memory: SharingMemory,
-    time: Scalar,
+    link: Link, tuning: ServicerTuning, records: TeamRecords, memory: SharingMemory, time: Scalar
 ) -> SharingMemory:
     """Memory of a servicer after the message of a tick."""
-    accepted, own = records.accepted, records.orbit.relative
-    correlated = own.covariance
-    box = _gated(records.box, accepted)
-    estimates = memory.estimates
-    if settings.sharing == "estimates":
+    track, estimates, own = None, memory.estimates, records.orbit.relative
+    if link.settings.sharing == "estimates":
         assert estimates is not None
-        estimates = estimate_sharing.update(
-            tuning, focal_px, estimates, records.orbit, records.q_KN, box, records.gate.recovered, records.rows
-        )
+        estimates = estimate_sharing.update(tuning, estimates, records)
         assert estimates.local is not None
         assert estimates.correlated is not None
-        own, correlated = estimates.local, estimates.correlated
+        track = estimate_sharing.target_track(estimates.local, estimates.correlated)
+    elif link.settings.sharing == "naive":
+        track = estimate_sharing.target_track(own, own.covariance)
     attitude_variance = memory.attitude_variance + records.box.attitude_variance_change
-    new = _message(settings, records, accepted, memory.burns, attitude_variance, own, correlated, time)
+    new = _message(records, memory.burns, attitude_variance, track, time)
     return replace(
         memory, line=message.push(memory.line, new), attitude_variance=attitude_variance, estimates=estimates
     )
 
 
 def _received(
-    settings: LinkSettings,
-    baseline: BaselineTuning,
-    tuning: OrbitFilterTuning,
-    focal_px: Scalar,
-    records: TeamRecords,
-    memory: SharingMemory,
-    news: News,
-    delay: float,
+    link: Link, tuning: ServicerTuning, records: TeamRecords, memory: SharingMemory, received: ReceivedMessages
 ) -> tuple[RelativeEstimate, SharingMemory]:
     """Estimate of the target and memory of a servicer after the messages of a tick."""
     if memory.joint is not None:
-        box, joint = _gated(records.box, records.accepted), memory.joint
-        if records.rows is not None:
-            joint = joint_measurements.update_by_rows(joint, records.rows)
-        joint, is_used = box_sharing.update(
-            tuning,
-            baseline,
-            focal_px,
-            joint,
-            records.orbit,
-            records.q_KN,
-            box,
-            records.gate.recovered,
-            news,
-            delay,
-        )
-        return joint_filter.own_estimate(joint), replace(memory, joint=joint, news_used=is_used)
+        joint, is_used = box_sharing.update(link.baseline, tuning, memory.joint, records, received)
+        return joint_filter.own_estimate(joint), replace(memory, joint=joint, messages_used=is_used)
     assert memory.estimates is not None
-    receive = estimate_sharing.receive_naively if settings.sharing == "naive" else estimate_sharing.receive
-    estimates, relative = receive(baseline, memory.estimates, records.orbit, news, delay)
-    return relative, replace(memory, estimates=estimates, news_used=news.used)
+    if link.settings.sharing == "naive":
+        own = records.orbit.relative
+        estimates, relative = estimate_sharing.receive_naively(link.baseline, memory.estimates, own, received)
+    else:
+        estimates, relative = estimate_sharing.receive(link.baseline, memory.estimates, received)
+    return relative, replace(memory, estimates=estimates, messages_used=received.used)
 
 
 def predict(
-    settings: LinkSettings,
-    tuning: OrbitFilterTuning,
-    memory: SharingMemory,
-    before: OrbitEstimate,
-    after: OrbitEstimate,
-    delta_v_N: Float[Array, "3 N"],
-    burn_delta_v: Float[Array, " N"],
-    burn_sigma_inflation: Float[Array, " N"],
-    reopened: Bool[Array, " N"],
-    tick_s: float,
+    link: Link, tuning: ServicerTuning, memory: SharingMemory, target: RelativeEstimate, motion: TickMotion
 ) -> SharingMemory:
-    """Memory one tick later.
+    """Memory of all servicers one tick later, with their own estimates of the target then; all (..., N)."""
 
-    Args:
-        settings: static settings
-        tuning: of the orbit filters
-        memory: after the messages of the tick
-        before: orbit estimates after guidance
-        after: the same, predicted to the end of the tick
-        delta_v_N: (3, N) expected velocity changes in between [m/s]
-        burn_delta_v: (N,) sizes of the whole burns that they are parts of [m/s]
-        burn_sigma_inflation: (N,) factors on the sigma of the burns' magnitude
-        reopened: (N,) bool, guidance has widened the estimate of the target in this tick, as a search of it has failed
-        tick_s: camera period [s]
-    """
-
-    def of_one(
-        tuning: OrbitFilterTuning,
-        memory: SharingMemory,
-        before: OrbitEstimate,
-        after: OrbitEstimate,
-        delta_v_N: Vector,
-        burn_delta_v: Scalar,
-        inflation: Scalar,
-        reopened: Bool[Array, ""],
+    def of_servicer(
+        tuning: ServicerTuning, memory: SharingMemory, target: RelativeEstimate, motion: TickMotion
     ) -> SharingMemory:
-        covariance = burn_execution_error.burn_covariance(
-            delta_v_N, burn_delta_v, inflation * burn_execution_error.new_sigma(tuning), tuning.burn_direction_sigma
-        )
-        motion = before, after, delta_v_N, covariance, reopened, tick_s
         joint, estimates = memory.joint, memory.estimates
         if joint is not None:
-            joint = box_sharing.predict(tuning, settings.zonal_degree, joint, *motion)
+            joint = box_sharing.predict(link, tuning.filter, joint, target, motion)
         if estimates is not None:
-            estimates = estimate_sharing.predict(tuning, settings.zonal_degree, estimates, *motion)
-        return replace(_with_burns(memory, before, delta_v_N, covariance, tick_s), joint=joint, estimates=estimates)
+            estimates = estimate_sharing.predict(link, tuning.filter, estimates, motion)
+        burns = burn_effect.advance(
+            memory.burns, motion.gravity_gradient, motion.delta_v_N, motion.burn_covariance, link.tick_s
+        )
+        return replace(memory, burns=burns, joint=joint, estimates=estimates)
 
-    return batching_mode.transform()(of_one, in_axes=-1, out_axes=-1)(
-        tuning, memory, before, after, delta_v_N, burn_delta_v, burn_sigma_inflation, reopened
-    )
-
-
-def _with_burns(
-    memory: SharingMemory, before: OrbitEstimate, delta_v_N: Vector, covariance: Float[Array, "3 3"], dt: float
-) -> SharingMemory:
-    """Memory with the burn of a tick."""
-    gradient = two_body_gravity.gravity_gradient(before.servicer.r_SN_N)
-    return replace(memory, burns=burn_effect.advance(memory.burns, gradient, delta_v_N, covariance, dt))
+    return batching_mode.transform()(of_servicer, in_axes=-1, out_axes=-1)(tuning, memory, target, motion)

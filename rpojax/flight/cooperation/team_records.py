@@ -4,10 +4,10 @@ from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Shaped
 
 from rpojax.core.kalman_update import MeasurementRows
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
@@ -40,6 +40,17 @@ class TeamRecords:
     running: Array
     ranges: Array | None = None
     rows: MeasurementRows | None = None
+
+    @property
+    def gated_box(self) -> BoxMeasurement:
+        """The boxes as far as they passed the gates; a frame with a false one tells nothing."""
+        expected = self.box.expected & (self.accepted | ~self.box.present)
+        return replace(self.box, present=self.accepted, expected=expected)
+
+
+def of_pairs(matrix: Shaped[Array, "N N"], peers: tuple[tuple[int, ...], ...]) -> Shaped[Array, "peers N"]:
+    """Values (receiver, sender) as those of the peers of each receiver."""
+    return jnp.stack([jnp.stack([matrix[i, j] for j in row]) for i, row in enumerate(peers)], axis=-1)
 
 
 def for_receivers(of_servicers: T, peers: tuple[tuple[int, ...], ...]) -> T:

@@ -25,9 +25,9 @@ from rpojax.flight.mission.safe_burn import SafeBurn
 from rpojax.flight.mission.team_mission import TeamMission
 from rpojax.flight.navigation import burn_execution_error
 from rpojax.flight.team_guidance import peer_drift, team_knowledge
-from rpojax.flight.team_guidance.known_peers import KnownPeers
-from rpojax.flight.team_guidance.peer_drift import PeerDrifts
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance.peer_drift import NextBurn, PeerDrifts
+from rpojax.flight.team_guidance.team_knowledge import KnownPeers
+from rpojax.flight.team_guidance.team_situation import TeamTuning
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -163,21 +163,21 @@ def _with_phase_of_team(software: FlightSoftware, decision: Decision, team: Team
     row = jnp.minimum(state.phase, settings.hold - 1)
     planned = [phase_goal.planned_orbit(tuning.phases[phase.name].reference) for phase in settings.phases]
     situation = team_knowledge.situation(
-        team.peers,
         team.tuning,
-        decision.memory.orbit,
-        predicted.orbit,
-        of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
+        team.peers,
         team_knowledge.Own(
+            estimate=decision.memory.orbit,
+            orbit=predicted.orbit,
+            state_H=predicted.state_H,
             follows=running,
             shift=before.wanted,
             shift_left=before.wanted - team_mission.angle(state.team, time),
             present=before.present,
-            state_H=predicted.state_H,
+            slots=of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
             planned=of_phase(row, planned),
+            clearance=team.tuning.keep_out + tuning.abort_margin,
+            sun_N=decision.pointing.sun_N,
         ),
-        team.tuning.keep_out + tuning.abort_margin,
-        decision.pointing.sun_N,
         time,
     )
     own = decision.memory.own
@@ -192,10 +192,12 @@ def _others(software: FlightSoftware, decision: Decision, drift: Drift, team: Te
     state_H, covariance_H = peer_drift.relative_motion(
         decision.memory.orbit,
         team.peers,
-        decision.predicted.burn_orbit,
-        decision.predicted.R_CN,
-        decision.time,
-        software.params.formation.lead,
+        NextBurn(
+            orbit=decision.predicted.burn_orbit,
+            R_CN=decision.predicted.R_CN,
+            time=decision.time,
+            lead=software.params.formation.lead,
+        ),
         jnp.hypot(burn_execution_error.new_sigma(navigation), navigation.burn_direction_sigma),
     )
     drifts = PeerDrifts(

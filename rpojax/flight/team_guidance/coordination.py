@@ -1,4 +1,4 @@
-"""Coordination of a team: each servicer tells the others what it plans, and keeps the latest that it heard."""
+"""Coordination of a team: each servicer tells the others what it plans, and keeps the latest that it received."""
 
 import jax
 import jax.numpy as jnp
@@ -7,14 +7,14 @@ from jaxtyping import Array, Bool, Float
 from rpojax.batching import batching_mode
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply
-from rpojax.flight.cooperation import peer_news
-from rpojax.flight.cooperation.link_settings import LinkSettings
+from rpojax.flight.cooperation import message, received_messages
 from rpojax.flight.cooperation.sharing import SharingMemory
 from rpojax.flight.cooperation.team_records import for_receivers
-from rpojax.flight.team_guidance import direction_map, intent, known_peers
+from rpojax.flight.cooperation.team_settings import LinkSettings
+from rpojax.flight.team_guidance import direction_map, intent, team_knowledge
 from rpojax.flight.team_guidance.intent import Intent
-from rpojax.flight.team_guidance.known_peers import KnownPeers
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance.team_knowledge import KnownPeers
+from rpojax.flight.team_guidance.team_situation import TeamTuning
 
 Scalar = Float[Array, ""]
 
@@ -35,15 +35,19 @@ class Coordination:
 
 
 @pytree
-class Sight:
-    """Where servicers look at the target from, (..., N).
+class Announcements:
+    """What servicers bring to the coordination, (..., N).
 
     Attributes:
+        plans: of each
+        slots: (rows, N) phases of the relative orbits by the plan, in each phase of the mission [rad]
         place_H: (3, N) of each in the target's Hill frame by its estimate [m]
         R_HN: (3, 3, N) that frame
         sun_H: (3, N) direction to the Sun
     """
 
+    plans: Intent
+    slots: Array
     place_H: Array
     R_HN: Array
     sun_H: Array
@@ -54,8 +58,8 @@ def initial(settings: LinkSettings, time: Scalar, maps_directions: bool) -> Coor
     first = intent.before_the_first(time)
     latest = jax.tree.map(lambda leaf: jnp.stack([leaf] * (settings.servicers - 1)), first)
     seen = direction_map.unseen(time) if maps_directions else None
-    one = Coordination(line=intent.delay_line(first, settings.delay_ticks), latest=latest, last_seen=seen)
-    return jax.tree.map(lambda leaf: jnp.stack([leaf] * settings.servicers, axis=-1), one)
+    memory = Coordination(line=message.delay_line(first, settings.delay_ticks), latest=latest, last_seen=seen)
+    return jax.tree.map(lambda leaf: jnp.stack([leaf] * settings.servicers, axis=-1), memory)
 
 
 def share(
@@ -63,65 +67,56 @@ def share(
     tuning: TeamTuning,
     memory: Coordination,
     sharing: SharingMemory,
-    plans: Intent,
-    sight: Sight,
-    slots: Float[Array, "rows N"],
-    received: Bool[Array, "N N"],
+    announced: Announcements,
+    arrived: Bool[Array, "peers N"],
 ) -> tuple[KnownPeers, Coordination]:
     """What each servicer knows of its peers after the messages of a tick, and the memory; all (..., N).
 
     Args:
-        settings: static settings
+        settings: of the messages
         tuning: of the guidance of the team
         memory: of the tick before
         sharing: after the messages of the tick
-        plans: of all servicers
-        sight: of the target from all of them
-        slots: (rows, N) phases of the relative orbits by the plan [rad]
-        received: (N, N) bool, which receiver gets the message of which sender that is due now
+        announced: by all servicers
+        arrived: (peers, N) bool, whether each receives what is due now of each of its peers
     """
-    line = batching_mode.transform()(intent.push, in_axes=-1, out_axes=-1)(memory.line, plans)
-    arrived = for_receivers(intent.oldest(line), settings.peers)
-    heard = jnp.stack([jnp.stack([received[i, j] for j in row]) for i, row in enumerate(settings.peers)], axis=-1)
-    numbers = jnp.asarray(settings.peers, dtype=jnp.int32).T
+    line = batching_mode.transform()(message.push, in_axes=-1, out_axes=-1)(memory.line, announced.plans)
+    numbers = jnp.arange(settings.servicers, dtype=jnp.int32)
+    of_peers = (*for_receivers((message.oldest(line), numbers), settings.peers), arrived)
 
     def receive(
         before: Coordination,
-        own: Intent,
-        arrived: Intent,
-        heard: Bool[Array, " peers"],
-        sharing: SharingMemory,
-        sight: Sight,
-        numbers: Array,
+        own: Announcements,
         number: Array,
+        of_peers: tuple[Intent, Array, Bool[Array, " peers"]],
+        sharing: SharingMemory,
     ) -> tuple[KnownPeers, Coordination]:
-        heard = heard & (arrived.time >= before.latest.time)
-        latest = peer_news.select_peers(heard, arrived, before.latest)
-        state_N, covariance_N = known_peers.motion(sharing)
+        plans, peer_numbers, arrived = of_peers
+        is_new = arrived & (plans.time >= before.latest.time)
+        latest = received_messages.select_peers(is_new, plans, before.latest)
+        state_N, covariance_N = team_knowledge.motion(sharing)
         last_seen = before.last_seen
         if last_seen is not None:
-            places_H, sees = _places(sight, state_N), jnp.concatenate([own.sees[None], heard & latest.sees])
-            last_seen = direction_map.update(tuning, last_seen, places_H, sees, sight.sun_H, own.time)
+            sees = jnp.concatenate([own.plans.sees[None], is_new & latest.sees])
+            seen = direction_map.seen_by_any(tuning, _places(own, state_N), sees, own.sun_H)
+            last_seen = jnp.where(seen, own.plans.time, last_seen)
         known = KnownPeers(
             state_N=state_N,
             covariance_N=covariance_N,
             intents=latest,
-            numbers=numbers,
+            numbers=peer_numbers,
             number=number,
-            slots=slots,
+            slots=announced.slots,
             last_seen=last_seen,
         )
         return known, replace(before, latest=latest, last_seen=last_seen)
 
-    every = jnp.arange(settings.servicers, dtype=jnp.int32)
     return batching_mode.transform()(receive, in_axes=-1, out_axes=-1)(
-        replace(memory, line=line), plans, arrived, heard, sharing, sight, numbers, every
+        replace(memory, line=line), announced, numbers, of_peers, sharing
     )
 
 
-def _places(sight: Sight, state_N: Float[Array, "peers 6"]) -> Float[Array, "3 n"]:
+def _places(own: Announcements, state_N: Float[Array, "peers 6"]) -> Float[Array, "3 n"]:
     """Places of this servicer and its peers in H [m]."""
-    count = state_N.shape[0]
-    return jnp.stack(
-        [sight.place_H, *(sight.place_H + apply(sight.R_HN, state_N[k, :3]) for k in range(count))], axis=1
-    )
+    peers = [own.place_H + apply(own.R_HN, state_N[k, :3]) for k in range(state_N.shape[0])]
+    return jnp.stack([own.place_H, *peers], axis=1)

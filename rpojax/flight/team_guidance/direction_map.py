@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance.team_situation import TeamTuning
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -55,18 +55,12 @@ def is_seen(
     return near & (lit >= jnp.cos(tuning.view_sun_incidence) * sun_distance[None])
 
 
-def update(
-    tuning: TeamTuning,
-    last_seen: Float[Array, " directions"],
-    places_H: Float[Array, "3 n"],
-    sees: Bool[Array, " n"],
-    sun_H: Vector,
-    time: Scalar,
-) -> Float[Array, " directions"]:
-    """Map after a tick in which those servicers that `sees` is true for saw the target from their places [m]."""
+def seen_by_any(
+    tuning: TeamTuning, places_H: Float[Array, "3 n"], sees: Bool[Array, " n"], sun_H: Vector
+) -> Bool[Array, " directions"]:
+    """Sides that are seen by those servicers, from their places [m], that `sees` is true for."""
     suns_H = jnp.broadcast_to(sun_H[:, None], places_H.shape)
-    seen = jnp.any(is_seen(tuning, places_H, suns_H) & sees[None], axis=1)
-    return jnp.where(seen, time, last_seen)
+    return jnp.any(is_seen(tuning, places_H, suns_H) & sees[None], axis=1)
 
 
 def worth(tuning: TeamTuning, last_seen: Float[Array, " directions"], time: Scalar) -> Float[Array, " directions"]:

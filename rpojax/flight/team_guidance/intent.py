@@ -1,10 +1,9 @@
 """What a servicer tells the others of its plans: a burn that it has decided, and whether it keeps its place."""
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.burn_planning import BurnPlan
 
 Scalar = Float[Array, ""]
@@ -50,19 +49,3 @@ def before_the_first(time: Scalar) -> Intent:
     """What is assumed of a servicer at the start, at `time` [s]: it follows its phase, and has decided no burn."""
     yes, zero = jnp.ones((), dtype=bool), jnp.zeros_like(time)
     return Intent(time=time, follows=yes, delta_v_N=jnp.stack([zero] * 3), burn_time=time, shift=zero, sees=~yes)
-
-
-def delay_line(first: Intent, delay_ticks: int) -> Intent:
-    """Messages of the last ticks, newest first along a leading axis; none of them has been sent."""
-    line = jax.tree.map(lambda leaf: jnp.stack([leaf] * (delay_ticks + 1)), first)
-    return replace(line, time=jnp.full_like(line.time, -jnp.inf))
-
-
-def push(line: Intent, new: Intent) -> Intent:
-    """Delay line one tick later, with a new message."""
-    return jax.tree.map(lambda old, one: jnp.concatenate([one[None], old[:-1]]), line, new)
-
-
-def oldest(line: Intent) -> Intent:
-    """The message that arrives now."""
-    return jax.tree.map(lambda leaf: leaf[-1], line)

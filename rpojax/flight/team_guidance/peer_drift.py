@@ -19,11 +19,26 @@ from rpojax.flight.mission import drift_clearance
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.team_guidance.intent import Intent
-from rpojax.flight.team_guidance.known_peers import KnownPeers
+from rpojax.flight.team_guidance.team_knowledge import KnownPeers
 
 Scalar = Float[Array, ""]
-Vector = Float[Array, "3"]
-Matrix = Float[Array, "3 3"]
+
+
+@pytree
+class NextBurn:
+    """Place and time of the middle of a servicer's next burn.
+
+    Attributes:
+        orbit: of the target there
+        R_CN: (3, 3) Hill frame there
+        time: () now [s]
+        lead: () from now to the burn [s]
+    """
+
+    orbit: TargetOrbit
+    R_CN: Array
+    time: Array
+    lead: Array
 
 
 @pytree
@@ -50,24 +65,11 @@ class PeerDrifts:
 
 
 def relative_motion(
-    estimate: OrbitEstimate,
-    peers: KnownPeers,
-    burn_orbit: TargetOrbit,
-    R_CN: Matrix,
-    time: Scalar,
-    lead: Scalar,
-    burn_sigma: Scalar,
+    estimate: OrbitEstimate, peers: KnownPeers, burn: NextBurn, announced_sigma: Scalar
 ) -> tuple[Float[Array, "peers 6"], Float[Array, "peers 6 6"]]:
-    """States of this servicer from each of its peers `lead` [s] after `time` [s], and their covariances.
+    """States of this servicer from each of its peers at its next burn, and their covariances.
 
-    Args:
-        estimate: of both orbits now
-        peers: what is known of them now
-        burn_orbit: of the target at the end
-        R_CN: (3, 3) Hill frame then
-        time: () now [s]
-        lead: () of the end [s]
-        burn_sigma: () 1-sigma error per axis of an announced burn over its size [-]
+    `estimate` is that of both orbits now; announced burns have a 1-sigma error per axis over their size [-].
     """
     relative, servicer = estimate.relative, estimate.servicer
     r_TN_N, v_TN_N = servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N
@@ -78,32 +80,32 @@ def relative_motion(
         for unit in jnp.eye(6, dtype=r_TN_N.dtype)
     ]
     to_hill = jnp.stack(columns, axis=1)
-    transition = yamanaka_ankersen.free_motion(burn_orbit, lead, yamanaka_ankersen.constants_of_motion(orbit, to_hill))
+    transition = yamanaka_ankersen.free_motion(
+        burn.orbit, burn.lead, yamanaka_ankersen.constants_of_motion(orbit, to_hill)
+    )
 
-    def of_one(_: None, peer: tuple[Array, Array, Intent]) -> tuple[None, tuple[Array, Array]]:
+    def of_peer(_: None, peer: tuple[Array, Array, Intent]) -> tuple[None, tuple[Array, Array]]:
         state_N, covariance_N, plans = peer
         state_H = -jnp.sum(transition * state_N[None], axis=1)
-        state_H = state_H - _effect(orbit, burn_orbit, R_CN, plans, time, lead)
+        state_H = state_H - _effect(orbit, burn, plans)
         half = jnp.sum(transition[:, :, None] * covariance_N[None], axis=1)
         covariance_H = jnp.sum(half[:, None] * transition[None], axis=2)
-        execution = burn_sigma**2 * jnp.sum(plans.delta_v_N**2, axis=0)
+        execution = announced_sigma**2 * jnp.sum(plans.delta_v_N**2, axis=0)
         return None, (state_H, covariance_H + jnp.diag(jnp.concatenate([jnp.zeros(3), jnp.full(3, execution)])))
 
-    _, motion = jax.lax.scan(of_one, None, (peers.state_N, peers.covariance_N, peers.intents))
+    _, motion = jax.lax.scan(of_peer, None, (peers.state_N, peers.covariance_N, peers.intents))
     return motion
 
 
-def _effect(
-    orbit: TargetOrbit, burn_orbit: TargetOrbit, R_CN: Matrix, plans: Intent, time: Scalar, lead: Scalar
-) -> Float[Array, "6"]:
-    """Effect [m, m/s] of an announced burn on the peer's state at `burn_orbit`, before or after which it is made."""
-    after = plans.burn_time - time
+def _effect(orbit: TargetOrbit, burn: NextBurn, plans: Intent) -> Float[Array, "6"]:
+    """Effect [m, m/s] of an announced burn on the peer's state at the own one, before or after which it is made."""
+    after = plans.burn_time - burn.time
     place = yamanaka_ankersen.advanced(orbit, after)
-    c, s = cos_sin(place.argument_of_latitude - burn_orbit.argument_of_latitude)
-    x, y, z = apply(R_CN, plans.delta_v_N)
+    c, s = cos_sin(place.argument_of_latitude - burn.orbit.argument_of_latitude)
+    x, y, z = apply(burn.R_CN, plans.delta_v_N)
     change = jnp.stack([0.0 * x, 0.0 * x, 0.0 * x, c * x + s * y, c * y - s * x, z])
     constants = yamanaka_ankersen.constants_of_motion(place, change)
-    return yamanaka_ankersen.free_motion(burn_orbit, lead - after, constants)
+    return yamanaka_ankersen.free_motion(burn.orbit, burn.lead - after, constants)
 
 
 def least_clearance(
@@ -117,7 +119,7 @@ def least_clearance(
         sizes: (d, k) factors on each direction [m/s]
     """
 
-    def of_one(_: None, peer: tuple[Array, Array]) -> tuple[None, tuple[Array, Array]]:
+    def of_peer(_: None, peer: tuple[Array, Array]) -> tuple[None, tuple[Array, Array]]:
         drift = Drift(
             orbit=drifts.orbit,
             state_H=peer[0],
@@ -130,5 +132,5 @@ def least_clearance(
         )
         return None, drift_clearance.least_clearance(drift, directions_H, sizes)
 
-    _, clearances = jax.lax.scan(of_one, None, (drifts.state_H, drifts.covariance_H))
+    _, clearances = jax.lax.scan(of_peer, None, (drifts.state_H, drifts.covariance_H))
     return clearances

@@ -1,4 +1,4 @@
-"""What a servicer knows of the whole team when it decides about the phase of its relative orbit."""
+"""What a servicer knows of its team when it decides about the phase of its relative orbit, and by what numbers."""
 
 import math
 
@@ -10,6 +10,29 @@ from rpojax.core.numerics.trigonometric_series import arctan2
 from rpojax.core.pytree import pytree
 
 Angles = Float[Array, "*shape"]
+
+
+@pytree
+class TeamTuning:
+    """Numbers of the guidance of a team, the same for all servicers.
+
+    Attributes:
+        keep_out: () radius around another servicer's free drift that no burn may lead into [m]
+        lost_after: () age of the latest message of a servicer after which it is left out [s]
+        phase_rate: () at which relative orbits shift [rad/s]
+        view_incidence: () greatest angle at which a side of the target counts as seen [rad]
+        view_sun_incidence: () the same for sunlight [rad]
+        view_memory: () time after which most of what was seen is worth seeing again [s]
+        keeping_delta_v: () what a servicer needs without a shift, in the time for which viewpoints are chosen [m/s]
+    """
+
+    keep_out: Array
+    lost_after: Array
+    phase_rate: Array
+    view_incidence: Array
+    view_sun_incidence: Array
+    view_memory: Array
+    keeping_delta_v: Array
 
 
 @pytree

@@ -15,8 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.flight.team_guidance import direction_map
-from rpojax.flight.team_guidance.team_situation import TeamSituation, least_angle, wrapped
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning, least_angle, wrapped
 
 Scalar = Float[Array, ""]
 

@@ -1,7 +1,6 @@
 """Static settings of a team from its scenario."""
 
-from rpojax.flight.cooperation.link_settings import LinkSettings
-from rpojax.flight.cooperation.team_settings import TeamSettings
+from rpojax.flight.cooperation.team_settings import LinkSettings, TeamSettings
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_names
 

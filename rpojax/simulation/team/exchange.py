@@ -1,5 +1,7 @@
 """Exchange of messages in a tick of a team: what is measured for it, what arrives, and what is made of it."""
 
+from functools import partial
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
@@ -11,17 +13,17 @@ from rpojax.core.random_streams import Stream
 from rpojax.core.vectors import apply
 from rpojax.flight import computer
 from rpojax.flight.cooperation import sharing
-from rpojax.flight.cooperation.link_settings import BaselineTuning
-from rpojax.flight.cooperation.team_records import TeamRecords
+from rpojax.flight.cooperation.baseline_motion import TickMotion
+from rpojax.flight.cooperation.team_records import TeamRecords, of_pairs
+from rpojax.flight.cooperation.team_settings import Link, ServicerTuning
 from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import line_of_sight_uncertainty
-from rpojax.flight.navigation import believed_sensor, thrust_estimator
-from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.navigation import believed_sensor, burn_execution_error, thrust_estimator
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import coordination, intent
-from rpojax.flight.team_guidance.coordination import Sight
-from rpojax.flight.team_guidance.intent import Intent
+from rpojax.flight.team_guidance.coordination import Announcements
 from rpojax.physics import equipment_faults, radio_link
 from rpojax.scenario.params import Params
 from rpojax.sensors import gps
@@ -56,7 +58,7 @@ def initial(loop: TeamLoop, servicers: State) -> TeamState:
         running=jnp.ones(count, dtype=bool),
         ranges=jnp.zeros((count - 1, count), dtype=zero.dtype) if loop.settings.link.ranging else None,
     )
-    memory = sharing.initial(loop.settings.link, _baseline(loop), _tuning(loop.params), records)
+    memory = sharing.initial(_link(loop), _tuning(loop.params), records)
     links = LinkState(
         in_burst=jnp.zeros((count, count), dtype=bool),
         carrier_error_N=error,
@@ -74,8 +76,7 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
     """Ticks (..., N) with the estimates after the messages of the tick, and the state of the exchange."""
     if state.sharing is None or state.links is None:
         return ticks, state
-    scenario, link = loop.scenario, loop.settings.link
-    links, received = _pass_messages(loop, state.links, ticks)
+    links, arrived = _pass_messages(loop, state.links, ticks)
     by_carrier = loop.settings.carrier_differences
 
     def brings(params: Params, tick: Tick, carrier_error_N: Array) -> TeamRecords:
@@ -83,83 +84,64 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
 
     records = loop.params.each(brings, (tick_axes(-1), -1))(ticks, links.carrier_error_N)
     records = replace(records, ranges=_ranges(loop, links, ticks))
-    records, memory = sharing.share(
-        link,
-        _baseline(loop),
-        _tuning(loop.params),
-        loop.params.of_each(lambda params: params.flight.vehicle.focal_px),
-        records,
-        state.sharing,
-        received,
-        _time(ticks),
-        scenario.tick_s,
-    )
+    tuning = _tuning(loop.params)
+    records, memory = sharing.share(_link(loop), tuning, records, state.sharing, arrived, _time(ticks))
     flight = replace(ticks.flight, orbit=records.orbit)
     ticks, state = replace(ticks, flight=flight), replace(state, links=links, sharing=memory)
-    ticks = replace(ticks, confirmed=loop.params.each(_confirmed, (tick_axes(-1), -1))(ticks, memory.news_used))
-    return _coordinate(loop, state, ticks, received)
+    ticks = replace(ticks, confirmed=loop.params.each(_confirmed, (tick_axes(-1), -1))(ticks, memory.messages_used))
+    return _coordinate(loop, state, ticks, arrived)
 
 
-def _confirmed(params: Params, tick: Tick, news_used: Bool[Array, " peers"]) -> Bool[Array, ""]:
+def _confirmed(params: Params, tick: Tick, messages_used: Bool[Array, " peers"]) -> Bool[Array, ""]:
     """Whether what others see stands for a box of one's own.
 
     Until the target is acquired it must tell that the target is in the own frame: else the camera would not search.
     """
     sigmas, half_frame = params.flight.pointing.search_sigmas, tick.measurements.box.half_frame_tangent
     is_in_frame = line_of_sight_uncertainty.is_within_frame(tick.flight.orbit, sigmas, half_frame)
-    return jnp.any(news_used) & (tick.flight.pointing.acquired | is_in_frame)
+    return jnp.any(messages_used) & (tick.flight.pointing.acquired | is_in_frame)
 
 
-def _coordinate(loop: TeamLoop, state: TeamState, ticks: Tick, received: Bool[Array, "N N"]) -> tuple[Tick, TeamState]:
+def _coordinate(
+    loop: TeamLoop, state: TeamState, ticks: Tick, arrived: Bool[Array, "peers N"]
+) -> tuple[Tick, TeamState]:
     """Ticks and state with what the servicers know of each other's plans and motion."""
     if state.coordination is None:
         return ticks, state
     assert state.sharing is not None
-    mission = loop.scenario.mission
-    assert mission is not None
-
-    def plans(_: Params, tick: Tick) -> tuple[Intent, Sight]:
-        own, orbit = tick.flight.mission, tick.flight.orbit
-        assert own is not None
-        assert own.team is not None
-        assert tick.innovation is not None
-        shift = jnp.zeros_like(tick.time) if own.team.shift is None else own.team.shift.wanted
-        follows = own.phase < mission.hold
-        relative, servicer = orbit.relative, orbit.servicer
-        R_HN = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)[0]
-        sight = Sight(
-            place_H=-apply(R_HN, relative.r_TS_N),
-            R_HN=R_HN,
-            sun_H=apply(R_HN, gradient_safe.normalize(tick.sky.sun_N)),
-        )
-        return intent.intent(tick.flight.plan, follows, shift, tick.innovation.accepted, tick.time), sight
-
-    own, sight = loop.params.each(plans, (tick_axes(-1),))(ticks)
+    announced = loop.params.each(partial(_announced, loop), (tick_axes(-1),))(ticks)
+    tuning = loop.params.member(0).team
     known, memory = coordination.share(
-        loop.settings.link,
-        loop.params.member(0).team,
-        state.coordination,
-        state.sharing,
-        own,
-        sight,
-        _slots(loop),
-        received,
+        loop.settings.link, tuning, state.coordination, state.sharing, announced, arrived
     )
     return replace(ticks, peers=known), replace(state, coordination=memory)
 
 
-def _slots(loop: TeamLoop) -> Array:
-    """Phases (rows, N) of the relative orbits by the plan [rad], 0 where a phase has another reference."""
-    mission = loop.scenario.mission
+def _announced(loop: TeamLoop, params: Params, tick: Tick) -> Announcements:
+    """What a servicer brings to the coordination."""
+    mission, own, orbit = loop.scenario.mission, tick.flight.mission, tick.flight.orbit
     assert mission is not None
-    names = [phase.name for phase in mission.phases]
+    assert own is not None
+    assert own.team is not None
+    assert tick.innovation is not None
+    shift = jnp.zeros_like(tick.time) if own.team.shift is None else own.team.shift.wanted
+    follows = own.phase < mission.hold
+    relative, servicer = orbit.relative, orbit.servicer
+    R_HN = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)[0]
+    return Announcements(
+        plans=intent.intent(tick.flight.plan, follows, shift, tick.innovation.accepted, tick.time),
+        slots=_slots(mission, params),
+        place_H=-apply(R_HN, relative.r_TS_N),
+        R_HN=R_HN,
+        sun_H=apply(R_HN, gradient_safe.normalize(tick.sky.sun_N)),
+    )
 
-    def of_member(params: Params) -> Array:
-        assert params.flight.mission is not None
-        references = [params.flight.mission.phases[name].reference for name in names]
-        return jnp.stack([phase_goal.planned_phase(reference) for reference in references])
 
-    return loop.params.each(of_member)()
+def _slots(mission: MissionSettings, params: Params) -> Array:
+    """Phases (rows,) of a servicer's relative orbits by the plan [rad], 0 where a phase has another reference."""
+    assert params.flight.mission is not None
+    references = [params.flight.mission.phases[phase.name].reference for phase in mission.phases]
+    return jnp.stack([phase_goal.planned_phase(reference) for reference in references])
 
 
 def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after: State) -> TeamState:
@@ -167,24 +149,24 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
     if state.sharing is None or state.links is None:
         return replace(state, servicers=after)
 
-    def burns(params: Params, memory: FlightMemory) -> tuple[Array, Array, Array]:
-        thrust = memory.thrust_estimate
-        planned = thrust.ratio * gradient_safe.norm(memory.plan.delta_v_N)
-        return thrust.ratio, planned, thrust_estimator.sigma_inflation(params.flight.navigation, thrust)
+    def moved(params: Params, tick: Tick, after: FlightMemory, commanded_N: Array) -> TickMotion:
+        tuning, thrust = params.flight.navigation, after.thrust_estimate
+        planned = thrust.ratio * gradient_safe.norm(after.plan.delta_v_N)
+        delta_v_N = thrust.ratio * commanded_N
+        sigma = thrust_estimator.sigma_inflation(tuning, thrust) * burn_execution_error.new_sigma(tuning)
+        return TickMotion(
+            r_before_N=tick.flight.orbit.servicer.r_SN_N,
+            r_after_N=after.orbit.servicer.r_SN_N,
+            delta_v_N=delta_v_N,
+            burn_covariance=burn_execution_error.burn_covariance(
+                delta_v_N, planned, sigma, tuning.burn_direction_sigma
+            ),
+            reopened=tick.flight.reopened,
+        )
 
-    ratio, planned, inflation = loop.params.each(burns)(after.flight)
-    memory = sharing.predict(
-        loop.settings.link,
-        _tuning(loop.params),
-        state.sharing,
-        ticks.flight.orbit,
-        after.flight.orbit,
-        ratio[None] * motion.delta_v_N,
-        planned,
-        inflation,
-        ticks.flight.reopened,
-        loop.scenario.tick_s,
-    )
+    motions = loop.params.each(moved, (tick_axes(-1), -1, -1))(ticks, after.flight, motion.delta_v_N)
+    target = after.flight.orbit.relative
+    memory = sharing.predict(_link(loop), _tuning(loop.params), state.sharing, target, motions)
     number = ticks.state.tick + 1
 
     def advance(params: Params, keys: Array, error_N: Array) -> Array:
@@ -226,8 +208,8 @@ def _has_recovered(params: Params, memory: FlightMemory) -> Bool[Array, ""]:
     return recovered
 
 
-def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkState, Bool[Array, "N N"]]:
-    """Links after a tick, and which messages (receiver, sender) that are due arrive."""
+def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkState, Bool[Array, "peers N"]]:
+    """Links after a tick, and which messages that are due arrive, of the peers of each servicer."""
     settings, count = loop.settings.link, loop.settings.servicers
     radio = loop.params.member(0).link
     time = _time(ticks)
@@ -235,13 +217,14 @@ def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkS
     uniforms = random_streams.uniform(key, 2 * count * count).reshape(2, count, count)
     in_burst = radio_link.advance_bursts(radio, links.in_burst, uniforms[0], loop.scenario.tick_s)
     due = (ticks.state.tick - settings.delay_ticks) % settings.period_ticks == 0
-    heard = _pairs(settings.hears, count)
+    linked = _pairs(settings.hears, count)
     works = jnp.isinf(ticks.state.failed_at) & _radio_works(loop, time)
     if settings.sharing == "central":
         arrives = jnp.ones((count, count), dtype=bool)
     else:
         arrives = radio_link.arrives(radio, in_burst, uniforms[1], time) & due
-    return replace(links, in_burst=in_burst), arrives & heard & works[None, :] & works[:, None]
+    arrived = of_pairs(arrives & linked & works[None, :] & works[:, None], settings.peers)
+    return replace(links, in_burst=in_burst), arrived
 
 
 def _range_biases(loop: TeamLoop, servicers: State) -> Array:
@@ -257,8 +240,7 @@ def _ranges(loop: TeamLoop, links: LinkState, ticks: Tick) -> Array | None:
     normals = _range_normals(ticks.state.keys, ticks.state.tick)
     place_N = ticks.state.truth.r_ST_N
     ranges = link_range_sensor.measure(loop.params.member(0).link_range, place_N, links.range_bias, normals)
-    rows = [jnp.stack([ranges[i, j] for j in row]) for i, row in enumerate(loop.settings.link.peers)]
-    return jnp.stack(rows, axis=-1)
+    return of_pairs(ranges, loop.settings.link.peers)
 
 
 def _range_normals(keys: Array, number: Array) -> Array:
@@ -301,12 +283,14 @@ def _carrier_normals(keys: Array, number: Array) -> Array:
     return random_streams.normal(random_streams.fold_in(keys[Stream.GPS_DIFFERENCES], number), 6)
 
 
-def _baseline(loop: TeamLoop) -> BaselineTuning:
-    return loop.params.member(0).baseline
+def _link(loop: TeamLoop) -> Link:
+    return Link(loop.settings.link, loop.params.member(0).baseline, loop.scenario.tick_s)
 
 
-def _tuning(params: TeamParams) -> OrbitFilterTuning:
-    return params.of_each(lambda member: member.flight.navigation)
+def _tuning(params: TeamParams) -> ServicerTuning:
+    return params.of_each(
+        lambda member: ServicerTuning(filter=member.flight.navigation, focal_px=member.flight.vehicle.focal_px)
+    )
 
 
 def _no_position(servicers: State) -> GpsMeasurement:

@@ -8,10 +8,11 @@ from scipy.integrate import solve_ivp
 
 from rpojax.core.pytree import replace
 from rpojax.flight.cooperation import baseline_motion
+from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.flight_records import FlightParams
 
 DT = 5.0
-propagate = jax.jit(baseline_motion.propagate, static_argnums=(0, 5))
+propagate = jax.jit(baseline_motion.propagate, static_argnums=(0, 3))
 
 
 def coasted(r: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -26,7 +27,10 @@ def test_a_baseline_moves_as_two_orbits_do_less_the_own_burn() -> None:
     r, v = rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N
     baseline, delta_v = np.array([2000.0, -3000.0, 1000.0, 1.0, 2.0, -3.0]), np.array([0.02, -0.05, 0.03])
     own, peer = coasted(r, v), coasted(r + baseline[:3], v + baseline[3:])
-    found = np.asarray(propagate(0, baseline, r, own[:3], delta_v, DT))
+    motion = TickMotion(
+        r_before_N=r, r_after_N=own[:3], delta_v_N=delta_v, burn_covariance=np.zeros((3, 3)), reopened=np.array(False)
+    )
+    found = np.asarray(propagate(0, baseline, motion, DT))
     # The burn is spread over the step.
     expected = peer - own - np.concatenate([0.5 * DT * delta_v, delta_v])
     np.testing.assert_allclose(found[:3], expected[:3], atol=1e-5)

@@ -13,9 +13,9 @@ from rpojax.flight.cooperation import covariance_intersection, estimate_sharing
 from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.cooperation.covariance_intersection import SplitEstimate
 from rpojax.flight.cooperation.estimate_sharing import Baselines, EstimateSharing, Tracks
-from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.cooperation.message import Message, TargetTrack
-from rpojax.flight.cooperation.peer_news import News
+from rpojax.flight.cooperation.received_messages import OwnThen, ReceivedMessages
+from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_state import VIEW_STATES, RelativeEstimate
@@ -34,7 +34,7 @@ TRACK_SIGMAS = np.array([*3 * [0.5], *3 * [2e-3]])
 
 
 class Team:
-    """Two peers, of one of which there is no news or no GPS position, with random numbers everywhere."""
+    """Two peers, from one of which there is no message or no GPS position, with random numbers everywhere."""
 
     def __init__(self, flight: FlightParams, used: list[bool], measured: list[bool]) -> None:
         rng = np.random.default_rng(2)
@@ -60,13 +60,14 @@ class Team:
         self.ranges = np.linalg.norm(self.x[:, :3], axis=1) + rng.normal(0.0, 0.1, 2)
 
     @property
-    def news(self) -> News:
+    def received(self) -> ReceivedMessages:
         track = TargetTrack(state=self.state, covariance=self.covariance, correlated=self.correlated)
         unused = jnp.zeros(2)
         message = Message(
             time=unused, gps=None, burns=None, from_start=None, q_KN=None, attitude_variance=unused, track=track
         )
-        news = News(
+        forth, back = expm(DELAY * self.generator), expm(-DELAY * self.generator)
+        received = ReceivedMessages(
             messages=message,
             used=self.used,
             interval=self.interval,
@@ -74,12 +75,11 @@ class Team:
             attitude_variance=unused,
             baseline=self.gps,
             measured=self.measured,
-            own_burns=self.own_burns,
+            own=OwnThen(message=None, burns=self.own_burns, to_now=forth, to_stamp=back),
             tuning=None,
-            focal_px=unused,
             ranges=self.ranges,
         )
-        return jax.tree.map(jnp.asarray, news)
+        return jax.tree.map(jnp.asarray, received)
 
     @property
     def memory(self) -> EstimateSharing:
@@ -122,17 +122,17 @@ class Team:
 
 
 def results(team: Team) -> tuple[EstimateSharing, RelativeEstimate, EstimateSharing, RelativeEstimate]:
-    return _results(team.memory, team.orbit, team.news)
+    return _results(team.memory, team.orbit, team.received)
 
 
 @jax.jit
 def _results(
-    memory: EstimateSharing, orbit: OrbitEstimate, news: News
+    memory: EstimateSharing, orbit: OrbitEstimate, received: ReceivedMessages
 ) -> tuple[EstimateSharing, RelativeEstimate, EstimateSharing, RelativeEstimate]:
     naive = replace(memory, local=None, correlated=None, tracks=None)
     return (
-        *estimate_sharing.receive(TUNING, memory, orbit, news, DELAY),
-        *estimate_sharing.receive_naively(TUNING, naive, orbit, news, DELAY),
+        *estimate_sharing.receive(TUNING, memory, received),
+        *estimate_sharing.receive_naively(TUNING, naive, orbit.relative, received),
     )
 
 

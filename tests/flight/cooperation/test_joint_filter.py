@@ -1,6 +1,6 @@
 """Joint filter of several bodies against a dense filter in Joseph's form, and its covariance over a long time."""
 
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -10,10 +10,13 @@ import pytest
 
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import replace
-from rpojax.flight.cooperation import free_relative_motion, joint_filter, joint_measurements
+from rpojax.core.vectors import apply
+from rpojax.flight.cooperation import baseline_motion, joint_filter, joint_measurements
+from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.cooperation.joint_filter import JointEstimate
-from rpojax.flight.cooperation.link_settings import BaselineTuning
+from rpojax.flight.cooperation.received_messages import OwnThen, ReceivedMessages
+from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, LinkSettings, ServicerTuning
 from rpojax.flight.navigation import outline_correlation, relative_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
@@ -21,9 +24,10 @@ from rpojax.flight.navigation.relative_state import VIEW_STATES
 from rpojax.scenario import params as parameters
 from rpojax.scenario.loading import scenario_loader
 
-G = np.asarray(jax.jit(two_body_gravity.gravity_gradient)(np.array([6.9e6, 1e5, -3e5])))
+R_N = np.array([6.9e6, 1e5, -3e5])
+G = np.asarray(jax.jit(two_body_gravity.gravity_gradient)(R_N))
 BURNS = np.diag([1e-8, 4e-8, 2e-8])
-BACK = jax.jit(free_relative_motion.transition_matrix)(G, -3.0)
+BACK = jax.jit(baseline_motion.transition_matrix)(G, -3.0)
 BASELINE = BaselineTuning(
     noise=jnp.asarray(0.05),
     error_sigma=jnp.asarray(0.007),
@@ -31,6 +35,7 @@ BASELINE = BaselineTuning(
     range_noise=jnp.asarray(0.02),
     range_bias_sigma=jnp.asarray(0.05),
 )
+LINK = Link(LinkSettings(3, "boxes", 1, 3, (), 0, True), BASELINE, 1.0)
 PLACES = jnp.array([[30.0, 20.0, 0.0, 0.0, 0.01, 0.02], [0.0, 0.0, -40.0, 0.01, 0.0, 0.0]])
 IDENTITY = jnp.array([1.0, 0.0, 0.0, 0.0])
 BODIES, SLOW, PEER = 3, 20, 7
@@ -52,7 +57,7 @@ def peer_tuning() -> OrbitFilterTuning:
 @jax.jit
 def initial() -> JointEstimate:
     own = relative_state.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3), VIEW_STATES)
-    return joint_filter.initial(tuning(), BASELINE, own, PLACES, peer_tuning(), True)
+    return joint_filter.initial(LINK, tuning(), peer_tuning(), own, PLACES)
 
 
 def ahead() -> BoxMeasurement:
@@ -72,6 +77,18 @@ def ahead() -> BoxMeasurement:
     )
 
 
+def received(used: jax.Array, **known: Any) -> ReceivedMessages:
+    """What is received of the peers, or of one of them, as far as it is `known`."""
+    unknown = dict.fromkeys(["messages", "interval", "burns", "attitude_variance", "baseline", "measured", "own"])
+    tunings = ServicerTuning(filter=peer_tuning(), focal_px=None)
+    return ReceivedMessages(**{**unknown, "used": used, "tuning": tunings, **known})
+
+
+def own_then(to_stamp: jax.Array | None) -> OwnThen:
+    """A servicer that has not burned since the time stamp."""
+    return OwnThen(message=None, burns=jnp.zeros(6), to_stamp=to_stamp)
+
+
 def place(kind: str, body: int) -> slice:
     first = {"x": 3 * body, "v": 3 * BODIES + 3 * body, "gps": 6 * BODIES + 6 + PEER * (body - 1) + 3}[kind]
     return slice(first, first + 3)
@@ -83,23 +100,34 @@ def tick(estimate: JointEstimate, heard: jax.Array, burn: jax.Array) -> JointEst
     burns = BurnEffect(
         change=jnp.zeros((2, 6)), covariance=jnp.zeros((2, 6, 6)).at[:, 3:, 3:].set(burn * jnp.asarray(BURNS))
     )
-    one = jnp.ones(2)
-    estimate = joint_filter.hear(peer_tuning(), BASELINE, estimate, heard, one, burns, 1e-8 * one)
-    then = jnp.stack([free_relative_motion.apply(BACK[:3], row[:6]) for row in estimate.peers])
-    zero = jnp.zeros(6)
-    measured = then + estimate.peers[:, 9:12]
-    estimate = joint_measurements.update_baselines(BASELINE, estimate, heard, measured, zero, BACK)
-    return joint_filter.propagate(
-        tuning(), estimate, estimate.own, estimate.peers[:, :6], jnp.asarray(G), burn * jnp.asarray(BURNS), 1.0
+    one, own = jnp.ones(2), own_then(BACK)
+    of_peers = received(heard, interval=one, burns=burns, attitude_variance=1e-8 * one, own=own)
+    estimate = joint_filter.advance_peers(BASELINE, estimate, of_peers)
+    then = jnp.stack([apply(BACK[:3], row[:6]) for row in estimate.peers])
+    of_peers = replace(of_peers, measured=heard, baseline=then + estimate.peers[:, 9:12])
+    estimate = joint_measurements.update_baselines(BASELINE, estimate, of_peers)
+    motion = TickMotion(
+        r_before_N=jnp.asarray(R_N),
+        r_after_N=jnp.asarray(R_N),
+        delta_v_N=jnp.zeros(3),
+        burn_covariance=burn * jnp.asarray(BURNS),
+        reopened=jnp.asarray(False),
     )
+    return joint_filter.propagate(tuning(), estimate, estimate, motion, 1.0)
 
 
-peer_process = jax.jit(
-    lambda estimate, peer: joint_filter._peer_process(
-        tuning(), BASELINE, estimate, peer, jnp.ones(()), jnp.float64(1e-8)
-    ),
-    static_argnums=1,
-)
+@partial(jax.jit, static_argnums=1)
+def peer_process(estimate: JointEstimate, peer: int) -> tuple[jax.Array, jax.Array]:
+    """Decay and process variance of the slow errors of a peer that was received a second ago."""
+    of_peer = received(
+        jnp.asarray(True),
+        interval=jnp.ones(()),
+        attitude_variance=jnp.float64(1e-8),
+        tuning=ServicerTuning(filter=tuning(), focal_px=None),
+    )
+    return joint_filter._peer_process(BASELINE, estimate, peer, of_peer)
+
+
 slow_process = jax.jit(lambda own: relative_state.slow_process(tuning(), own, own.r_TS_N, own.v_TS_N, 1.0))
 widen = jax.jit(joint_filter.widen)
 update_ranges = jax.jit(joint_measurements.update_ranges)
@@ -168,7 +196,8 @@ def test_errors_of_a_peer_that_is_heard_fade_to_what_they_are_without_measuremen
     estimate = replace(estimate, covariance=P, peers=jnp.asarray(peers))
     burns = BurnEffect(change=jnp.asarray(rng.normal(size=(2, 6))), covariance=jnp.asarray(np.stack([np.eye(6)] * 2)))
     used, both = jnp.array([True, False]), jnp.ones(2)
-    after = jax.jit(joint_filter.hear)(peer_tuning(), BASELINE, estimate, used, dt * both, burns, attitude * both)
+    of_peers = received(used, interval=dt * both, burns=burns, attitude_variance=attitude * both)
+    after = jax.jit(joint_filter.advance_peers)(BASELINE, estimate, of_peers)
 
     time = outline_correlation.correlation_time(estimate.own.outline)
     r, v = estimate.own.r_TS_N - peers[0, :3], estimate.own.v_TS_N - peers[0, 3:6]
@@ -199,11 +228,12 @@ def test_covariance_stays_symmetric_and_definite_for_hours() -> None:
     def advance(estimate: JointEstimate, number: jax.Array) -> tuple[JointEstimate, Any]:
         burn = jnp.where(number % 100 == 0, 1.0, 0.0)
         heard = jnp.stack([number % 3 > 0, number % 7 > 2])
-        seen = joint_measurements.update_own(tuning(), jnp.asarray(700.0), estimate, IDENTITY, ahead())
+        seen = joint_measurements.update_own(own_tuning, estimate, IDENTITY, ahead())
         after = tick(replace(seen, own=estimate.own), heard, burn)
         after = joint_filter.widen(after, jnp.where(number % 1500 == 1499, jnp.sqrt(2.0), 1.0))
         return after, None
 
+    own_tuning = ServicerTuning(filter=tuning(), focal_px=jnp.asarray(700.0))
     run = jax.jit(lambda estimate, numbers: jax.lax.scan(advance, estimate, numbers)[0])
     estimate = initial()
     for hour in range(3):
@@ -249,7 +279,8 @@ def test_a_range_is_used_as_a_dense_filter_does(delay: jax.Array | None) -> None
     b = motion[:3] if delay is None else np.asarray(delay)[:3] @ motion
     distance = float(np.linalg.norm(b))
     ranges = np.array([distance + 0.1, 0.0])
-    after = update_ranges(BASELINE, estimate, np.array([True, False]), ranges, np.zeros(6), delay)
+    of_peers = received(jnp.array([True, False]), ranges=jnp.asarray(ranges), own=own_then(delay))
+    after = update_ranges(BASELINE, estimate, of_peers)
     h, u = np.zeros(SIZE), b / distance
     h[place("x", 1)] = u if delay is None else u @ np.asarray(delay[:3, :3])
     if delay is not None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rpojax.core.orbits import two_body_gravity
-from rpojax.flight.cooperation import burn_effect, free_relative_motion, message
+from rpojax.flight.cooperation import baseline_motion, burn_effect, message
 from rpojax.flight.cooperation.burn_effect import BurnSum
 from rpojax.flight.cooperation.message import Message, TargetTrack
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
@@ -15,7 +15,7 @@ R_N = jnp.array([6.9e6, 1e5, -3e5])
 
 
 gravity_gradient = jax.jit(two_body_gravity.gravity_gradient)
-transition_matrix = jax.jit(free_relative_motion.transition_matrix)
+transition_matrix = jax.jit(baseline_motion.transition_matrix)
 advance = jax.jit(burn_effect.advance, static_argnums=4)
 since = jax.jit(burn_effect.since)
 push = jax.jit(message.push)
@@ -61,7 +61,7 @@ def test_free_motion_is_the_exponential(t: float) -> None:
 def test_burns_of_lost_messages_are_known_from_the_next_one() -> None:
     gradient = gravity_gradient(R_N)
     phi = np.asarray(transition_matrix(gradient, 1.0))
-    burns, heard = burn_effect.initial(), burn_effect.none()
+    burns, before = burn_effect.initial(), burn_effect.none()
     expected, P = np.zeros(6), np.zeros((6, 6))
     rng = np.random.default_rng(0)
     for tick in range(60):
@@ -73,10 +73,10 @@ def test_burns_of_lost_messages_are_known_from_the_next_one() -> None:
         P = phi @ P @ phi.T
         P[3:, 3:] += Q
         if tick == 20:
-            heard, expected, P = burns.at_start, np.zeros(6), np.zeros((6, 6))
-    news = since(burns.at_start, heard, burns.from_start, jnp.asarray(40.0))
-    np.testing.assert_allclose(news.change, expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(news.covariance, P, atol=1e-9)
+            before, expected, P = burns.at_start, np.zeros(6), np.zeros((6, 6))
+    found = since(burns.at_start, before, burns.from_start, jnp.asarray(40.0))
+    np.testing.assert_allclose(found.change, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.covariance, P, atol=1e-9)
 
 
 def test_what_burns_added_is_a_covariance_however_long_ago_the_first_was() -> None:
@@ -93,9 +93,9 @@ def test_what_burns_added_is_a_covariance_however_long_ago_the_first_was() -> No
     run = jax.jit(lambda burns, ticks: jax.lax.scan(step, burns, ticks)[0])
     before = run(burn_effect.initial(), np.arange(3999.0))
     after = run(before, np.arange(3999.0, 4000.0))
-    news = since(after.at_start, before.at_start, after.from_start, jnp.asarray(4e4))
+    found = since(after.at_start, before.at_start, after.from_start, jnp.asarray(4e4))
     assert np.linalg.eigvalsh(after.at_start.covariance)[-1] > 1e6
     # Of steps of 10 s, the transition there and back differs from one by a thousandth after seven orbits.
-    np.testing.assert_allclose(news.covariance[3:, 3:], Q, atol=5e-9)
+    np.testing.assert_allclose(found.covariance[3:, 3:], Q, atol=5e-9)
     # Sums of kilometres squared, rounded to parts in 1e16 and mapped over seven orbits: millimetres of position.
-    assert np.linalg.eigvalsh(news.covariance)[0] > -(5e-3**2)
+    assert np.linalg.eigvalsh(found.covariance)[0] > -(5e-3**2)

@@ -6,12 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cooperative_scene import Case, each, settings, start
+from cooperative_scene import Case, link_of, servicers_tuning, settings, start
 
 from rpojax.core.pytree import replace
 from rpojax.flight.cooperation import sharing
-from rpojax.flight.cooperation.link_settings import BaselineTuning
+from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.cooperation.sharing import SharingMemory
+from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.scenario.params import Params
 
 SERVICERS = 2
@@ -31,9 +32,16 @@ def after_a_tick(method: str, params: Params, inflation: jax.Array, reopened: ja
     world = start(case, tuning, BASELINE, jax.random.key(0))
     relative = world.orbit.relative
     before = replace(world.orbit, relative=replace(relative, covariance=inflation * relative.covariance))
-    none = jnp.zeros(SERVICERS)
-    motion = before, before, jnp.zeros((3, SERVICERS)), none, none + 1.0, reopened
-    return sharing.predict(case.link, each(tuning, SERVICERS), world.memory, *motion, 1.0)
+    place = before.servicer.r_SN_N
+    motion = TickMotion(
+        r_before_N=place,
+        r_after_N=place,
+        delta_v_N=jnp.zeros((3, SERVICERS)),
+        burn_covariance=jnp.zeros((3, 3, SERVICERS)),
+        reopened=reopened,
+    )
+    link = link_of(case, BASELINE)
+    return sharing.predict(link, servicers_tuning(tuning, SERVICERS), world.memory, before.relative, motion)
 
 
 def position_variances(memory: SharingMemory) -> np.ndarray:

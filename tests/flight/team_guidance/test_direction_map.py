@@ -8,7 +8,7 @@ from numpy_reference import unit
 from rpojax.core.pytree import replace
 from rpojax.flight.team_guidance import direction_map
 from rpojax.flight.team_guidance.direction_map import COUNT, DIRECTIONS
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance.team_situation import TeamTuning
 
 VIEW, SUN = np.deg2rad(50.0), np.deg2rad(70.0)
 UNUSED = jnp.zeros(())
@@ -54,12 +54,10 @@ def test_a_side_is_seen_within_the_incidence_of_view_and_sunlight() -> None:
 
 
 def test_only_those_that_see_the_target_make_sides_seen() -> None:
-    before = jnp.linspace(0.0, 99.0, COUNT)
-    time = jnp.asarray(100.0)
-    found = direction_map.update(
-        TUNING, before, jnp.asarray(PLACES.T), jnp.array([True, False]), jnp.asarray(SUN_H), time
-    )
-    np.testing.assert_array_equal(found, np.where(seen_from(PLACES[0]), 100.0, before))
+    for sees in ([True, False], [False, True], [True, True], [False, False]):
+        found = direction_map.seen_by_any(TUNING, jnp.asarray(PLACES.T), jnp.array(sees), jnp.asarray(SUN_H))
+        expected = [seen_from(place) for place, one_sees in zip(PLACES, sees, strict=True) if one_sees]
+        np.testing.assert_array_equal(found, np.any([np.zeros(COUNT, dtype=bool), *expected], axis=0))
 
 
 def test_a_side_is_worth_more_the_longer_it_was_not_seen() -> None:

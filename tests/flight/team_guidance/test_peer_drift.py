@@ -16,8 +16,8 @@ from rpojax.flight.mission import safe_burn
 from rpojax.flight.mission.drift_clearance import Drift, orbit_period
 from rpojax.flight.team_guidance import peer_drift
 from rpojax.flight.team_guidance.intent import Intent
-from rpojax.flight.team_guidance.known_peers import KnownPeers
-from rpojax.flight.team_guidance.peer_drift import PeerDrifts
+from rpojax.flight.team_guidance.peer_drift import NextBurn, PeerDrifts
+from rpojax.flight.team_guidance.team_knowledge import KnownPeers
 
 LEAD = 60.0
 OWN = np.array([0.0, 36.0, 22.0, 0.01992, 0.0, 0.0])
@@ -82,7 +82,10 @@ def at_burn(scene: Any, peers: KnownPeers) -> tuple[np.ndarray, np.ndarray]:
     c, s = np.cos(LEAD * omega_HN_N @ R_HN[2]), np.sin(LEAD * omega_HN_N @ R_HN[2])
     R_CN = np.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]])
     state, covariance = relative_motion(
-        estimate, peers, burn_orbit, R_CN, jnp.float64(0.0), jnp.float64(LEAD), jnp.float64(0.02)
+        estimate,
+        peers,
+        NextBurn(orbit=burn_orbit, R_CN=R_CN, time=jnp.float64(0.0), lead=jnp.float64(LEAD)),
+        jnp.float64(0.02),
     )
     return np.asarray(state)[0], np.asarray(covariance)[0]
 

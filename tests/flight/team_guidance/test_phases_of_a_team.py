@@ -8,9 +8,8 @@ import pytest
 from rpojax.core.pytree import replace
 from rpojax.flight.guidance import burn_planning
 from rpojax.flight.mission import team_mission
-from rpojax.flight.team_guidance import direction_map, intent, phase_spreading, viewpoint_assignment
-from rpojax.flight.team_guidance.team_situation import TeamSituation, least_angle
-from rpojax.flight.team_guidance.team_tuning import TeamTuning
+from rpojax.flight.team_guidance import direction_map, intent, phase_assignment, viewpoint_assignment
+from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning, least_angle
 
 TUNING = TeamTuning(
     keep_out=jnp.float64(10.0),
@@ -22,7 +21,7 @@ TUNING = TeamTuning(
     keeping_delta_v=jnp.float64(0.005),
 )
 RADIAL, CROSS_TRACK, N = 18.0, 22.0, 1.1e-3
-spread = jax.jit(phase_spreading.spread)
+spread = jax.jit(phase_assignment.spread)
 assign = jax.jit(viewpoint_assignment.assign)
 seen_from = jax.jit(viewpoint_assignment._seen)
 
