@@ -29,8 +29,9 @@ from rpojax.flight.cooperation.message import TargetTrack
 from rpojax.flight.cooperation.peer_news import News
 from rpojax.flight.navigation import believed_sensor, orbit_covariance, relative_orbit_ekf, relative_state
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Flag = Bool[Array, ""]
@@ -148,7 +149,7 @@ def update(
     local, correlated = memory.local, memory.correlated
     assert local is not None
     assert correlated is not None
-    rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, focal_px, local, q_KN, box)
+    rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, local, box_view(box, focal_px, q_KN))
     drift = local.layout.vector(bearing_bias=jnp.full(2, box.attitude_variance_change))
     inflation = relative_orbit_ekf.recovery_variance(tuning, local.layout, local.r_TS_N, recovered)
     gains, P = kalman_update.reduced_by_rows(local.covariance + jnp.diag(drift), rows)
@@ -310,7 +311,7 @@ def predict(
 ) -> EstimateSharing:
     """Memory `dt` [s] later; the arguments are those of `box_sharing.predict`."""
     r_before_N, r_after_N = before.servicer.r_SN_N, after.servicer.r_SN_N
-    gradient = two_body_gravity.gravity_gradient(r_before_N)
+    step = OrbitStep(dt=dt, r_SN_N=r_before_N, velocity_covariance=burn_covariance)
     unmodelled = tuning.relative_acceleration_noise**2 * dt * jnp.eye(3, dtype=burn_covariance.dtype)
     noise = burn_covariance + unmodelled
 
@@ -320,7 +321,7 @@ def predict(
     def grown(P: Array, process: Matrix) -> Array:
         slow = P.shape[0] - MOTION.size
         one, zero = jnp.ones(slow, dtype=P.dtype), jnp.zeros(slow, dtype=P.dtype)
-        return orbit_covariance.propagate(P, gradient, one, process, zero, dt)
+        return orbit_covariance.propagate(P, replace(step, velocity_covariance=process), one, zero)
 
     count = memory.baselines.mean.shape[0]
     mean = [
@@ -343,10 +344,9 @@ def predict(
     )
     of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
     motion = MOTION.split(moved(MOTION.vector(position=memory.local.r_TS_N, velocity=memory.local.v_TS_N)))
-    target = motion["position"], motion["velocity"], r_before_N
-    wider = relative_state.reopen(memory.local, reopened)
-    local = relative_orbit_ekf.predict(tuning, wider, *target, burn_covariance, dt)
-    correlated = relative_state.reopen(replace(memory.local, covariance=memory.correlated), reopened)
-    correlated = relative_orbit_ekf.predict(tuning, correlated, *target, zero, dt)
+    target = replace(memory.local, r_TS_N=motion["position"], v_TS_N=motion["velocity"])
+    local = relative_orbit_ekf.predict(tuning, relative_state.reopen(target, reopened), step)
+    correlated = relative_state.reopen(replace(target, covariance=memory.correlated), reopened)
+    correlated = relative_orbit_ekf.predict(tuning, correlated, replace(step, velocity_covariance=zero))
     tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
     return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

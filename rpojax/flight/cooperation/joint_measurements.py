@@ -26,7 +26,7 @@ from rpojax.flight.navigation import (
     shape_errors,
 )
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Flag = Bool[Array, ""]
@@ -41,7 +41,7 @@ def update_own(
     tuning: OrbitFilterTuning, focal_px: Scalar, estimate: JointEstimate, q_KN: Float[Array, "4"], box: BoxMeasurement
 ) -> JointEstimate:
     """Estimate after the servicer's own box, which has passed its gate."""
-    rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, focal_px, own_estimate(estimate), q_KN, box)
+    rows, _ = relative_orbit_ekf.rows_of_box(tuning, False, own_estimate(estimate), box_view(box, focal_px, q_KN))
     own, layout = estimate.own.layout, estimate.own_slow
     estimate = inflate(estimate, own.vector(bearing_bias=jnp.full(2, box.attitude_variance_change)))
     P, J = estimate.covariance, rows.jacobian
@@ -172,7 +172,7 @@ def update_peer_box(
     P, slow, own = estimate.covariance, estimate.slow_places(peer, "size", "bearing_bias"), estimate.own.layout
     errors = _fast_errors(tuning, estimate, peer)
     view, position_rows = _view(estimate, peer, errors, back)
-    rows, accepted = relative_orbit_ekf.rows_of_box(tuning, True, focal_px, view, q_KN, box)
+    rows, accepted = relative_orbit_ekf.rows_of_box(tuning, True, view, box_view(box, focal_px, q_KN))
     J = rows.jacobian
     by_position = J[:, own["position"]]
     interval = jnp.maximum(jnp.maximum(interval, box.interval), _LEAST_INTERVAL)
