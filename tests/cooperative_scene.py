@@ -22,7 +22,7 @@ from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import linearise_box
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
 from rpojax.flight.navigation.relative_state import VIEW_STATES
 from rpojax.sensors import link_range
 from rpojax.sensors.link_range import LinkRange
@@ -183,9 +183,8 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
     boxes = []
     for i in range(N):
         template = jax.tree.map(lambda leaf, i=i: leaf[..., i], blank(N))
-        model = linearise_box(
-            tuning, jnp.asarray(FOCAL_PX), quaternion.to_matrix(q_KN[:, i]), world.d[:3, i], template, world.scale[0, i]
-        )
+        view = box_view(template, jnp.asarray(FOCAL_PX), q_KN[:, i])
+        model = linearise_box(tuning, view, world.d[:3, i], world.scale[0, i])
         noise = jnp.sqrt(model.variance) * white[:3, i]
         tangent = model.predicted[:2] + world.bias[:, i] + model.inverse_depth * world.center[:, i] + noise[:2]
         log_size = model.predicted[2] + jnp.sum(world.scale[:, i]) + noise[2]

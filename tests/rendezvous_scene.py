@@ -10,6 +10,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FilterSettings, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import target_pointing
+from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
@@ -105,3 +106,8 @@ def box(
         attitude_variance_change=jnp.zeros(()),
         interval=jnp.ones(()),
     )
+
+
+def with_acquisition(pointing: PointingState, **changes: jax.Array) -> PointingState:
+    """State of the attitude guidance with some fields of its acquisition changed."""
+    return replace(pointing, acquisition=replace(pointing.acquisition, **changes))

@@ -13,7 +13,7 @@ from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import station_keeping, wheel_torque_allocation
-from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.decisions import burn_decision, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
@@ -26,6 +26,7 @@ from rpojax.flight.guidance import (
     slew_profile,
     target_visibility,
 )
+from rpojax.flight.guidance.attitude_guidance import GuidanceTick
 from rpojax.flight.navigation import (
     attitude_ekf,
     believed_sensor,
@@ -38,7 +39,7 @@ from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation_health import NavigationHealth
+from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
@@ -134,7 +135,9 @@ def navigate(
         rejected_s=rejected_s,
         own=own,
     )
-    return replace(after, health=_updated_health(params, memory, after, innovation, box.interval, time)), innovation
+    evidence = _health_evidence(memory, after, innovation, box.interval, time)
+    health = navigation_health.update(params.health, params.navigation, memory.health, evidence)
+    return replace(after, health=health), innovation
 
 
 def _recovered(
@@ -180,35 +183,26 @@ def camera_attitude(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Float[
     return quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), estimate.q_BN)
 
 
-def _updated_health(
-    params: FlightParams,
-    memory: FlightMemory,
-    after: FlightMemory,
-    innovation: Innovation,
-    interval: Scalar,
-    time: Scalar,
-) -> NavigationHealth:
-    """Health tests after the update of the orbit filter at `time` [s], `interval` [s] after the one before it."""
-    orbit, gate = after.orbit, after.gate
-    ignition, cutoff = memory.plan.ignition, memory.plan.cutoff
+def _health_evidence(
+    memory: FlightMemory, after: FlightMemory, innovation: Innovation, interval: Scalar, time: Scalar
+) -> HealthEvidence:
+    """Evidence by the update of the orbit filter at `time` [s], `interval` [s] after the one before it."""
+    orbit, ignition, cutoff = after.orbit, memory.plan.ignition, memory.plan.cutoff
     effort = control_effort.update(
         memory.health.effort,
         memory.orbit.relative,
         orbit.relative,
         burn_begins=(time >= ignition) & (time - interval < ignition) & (cutoff > ignition),
-        inflated=gate.recovered,
+        inflated=after.gate.recovered,
     )
-    return navigation_health.update(
-        params.health,
-        params.navigation,
-        memory.health,
-        effort,
-        innovation,
-        gate,
-        orbit.relative,
-        memory.pointing.unseen_time,
-        line_of_sight_uncertainty.relative_range_sigma(orbit),
-        interval,
+    return HealthEvidence(
+        interval=interval,
+        innovation=innovation,
+        gate=after.gate,
+        estimate=orbit.relative,
+        effort=effort,
+        unseen_time=memory.pointing.acquisition.unseen_time,
+        range_sigma=line_of_sight_uncertainty.relative_range_sigma(orbit),
     )
 
 
@@ -227,13 +221,17 @@ def guide(
 
     `seen` says that a sensor has shown the target at `time` [s]; the Sun is at `sun_N` [m].
     """
-    params, dt = software.params, software.tick_s
-    plan = burn_planning.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
-    visible = _may_be_visible(params, memory.orbit, sun_N)
-    other = mission_decision.other_pointing(software, memory, sun_N)
-    pointing, mode = attitude_guidance.guide(
-        params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, seen, visible, time, dt, other
+    params, guidance = software.params, software.guidance
+    plan = burn_planning.inhibit(guidance, memory.plan, memory.attitude.q_BN, time)
+    tick = GuidanceTick(
+        time=time,
+        estimate=memory.orbit,
+        plan=plan,
+        target_seen=seen,
+        visible=_may_be_visible(params, memory.orbit, sun_N),
+        other=mission_decision.other_pointing(software, memory, sun_N),
     )
+    pointing, mode = attitude_guidance.guide(guidance, memory.pointing, tick)
     reopened = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_state.reopen(memory.orbit.relative, reopened))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from rpojax.flight.flight_records import FilterSettings, FlightParams
 from rpojax.flight.guidance.detector_window import CameraFormat
+from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.stages import Stages
 
@@ -29,3 +30,11 @@ class FlightSoftware:
     mission: MissionSettings | None
     tick_s: float
     formation_period_s: float
+
+    @property
+    def guidance(self) -> GuidanceSoftware:
+        """The part that guidance has."""
+        params = self.params
+        return GuidanceSoftware(
+            pointing=params.pointing, formation=params.formation, vehicle=params.vehicle, tick_s=self.tick_s
+        )

@@ -104,23 +104,34 @@ def initial(relative: RelativeEstimate) -> NavigationHealth:
     )
 
 
-def update(
-    tuning: HealthTuning,
-    filter_tuning: OrbitFilterTuning,
-    health: NavigationHealth,
-    effort: ControlEffort,
-    innovation: Innovation,
-    gate: GateState,
-    estimate: RelativeEstimate,
-    unseen_time: Scalar,
-    range_sigma: Scalar,
-    interval: Scalar,
-) -> NavigationHealth:
-    """Health after the measurements of a tick, `interval` [s] after the one before it, with the `estimate` by them.
+@pytree
+class HealthEvidence:
+    """What the measurements of a tick tell of the health.
 
-    `effort` is the control effort after them, `unseen_time` [s] the time without a box in which the target should have
-    been seen, `range_sigma` [-] the sigma of the range over the range.
+    Attributes:
+        interval: () since the tick before [s]
+        innovation: diagnostics of the orbit filter
+        gate: state of the outlier gate after them
+        estimate: of the target by them
+        effort: control effort after them
+        unseen_time: () without a box in which the target should have been seen [s]
+        range_sigma: () sigma of the range over the range [-]
     """
+
+    interval: Array
+    innovation: Innovation
+    gate: GateState
+    estimate: RelativeEstimate
+    effort: ControlEffort
+    unseen_time: Array
+    range_sigma: Array
+
+
+def update(
+    tuning: HealthTuning, filter_tuning: OrbitFilterTuning, health: NavigationHealth, found: HealthEvidence
+) -> NavigationHealth:
+    """Health after the measurements of a tick."""
+    innovation, gate, estimate, interval = found.innovation, found.gate, found.estimate, found.interval
     evidence = box_evidence.evidence_time(interval) / tuning.time_constant
     deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
     fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
@@ -144,9 +155,9 @@ def update(
             jnp.max(jnp.abs(mean[3:]), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
             contradicted / tuning.contradiction_limit,
             jnp.abs(jnp.sum(size_error, axis=0)) / size_sigma / tuning.size_limit,
-            unseen_time / tuning.unseen_limit,
-            range_sigma / tuning.range_limit,
-            effort.ratio / effort_limit,
+            found.unseen_time / tuning.unseen_limit,
+            found.range_sigma / tuning.range_limit,
+            found.effort.ratio / effort_limit,
         ]
     )
     # The relative state does not depend on GPS.
@@ -157,7 +168,7 @@ def update(
         square=square,
         contradicted=contradicted,
         size_error=size_error,
-        effort=effort,
+        effort=found.effort,
         ratios=ratios,
         confident=confident,
         confident_range=jnp.where(confident, gradient_safe.norm(estimate.r_TS_N), health.confident_range),

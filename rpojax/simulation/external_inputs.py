@@ -9,7 +9,8 @@ from jaxtyping import Array, Float, UInt8
 
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance import burn_planning, slew_profile
+from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
+from rpojax.flight.guidance.burn_planning import ExternalBurn
 from rpojax.physics.thruster import draw_burn_error
 from rpojax.simulation import camera_models, noise, step_stages
 from rpojax.simulation.tick import Loop, Tick
@@ -34,23 +35,6 @@ class ExternalOrbitEstimate:
     v_TS_N: Array
     servicer_covariance: Array
     relative_covariance: Array
-
-
-@pytree
-class ExternalBurn:
-    """Burn commanded by an external program; times since the start of the run.
-
-    Attributes:
-        commanded: () bool, whether there is a command in this tick; without one the plan stays
-        ignition: () [s]
-        cutoff: () [s]; the valve closes immediately if it is not later than the ignition
-        q_burn: (4,) body attitude during the burn
-    """
-
-    commanded: Array
-    ignition: Array
-    cutoff: Array
-    q_burn: Array
 
 
 def replace_orbit_estimate(tick: Tick, estimate: ExternalOrbitEstimate) -> Tick:
@@ -82,25 +66,15 @@ def _with_orbit_block(P: Float[Array, "n n"], block: Float[Array, "6 6"]) -> Flo
 
 def plan_external_burn(loop: Loop, tick: Tick, burn: ExternalBurn) -> Tick:
     """The tick with a burn plan from an external command, in place of the stage `plan_burn`."""
-    flight = loop.params.flight
-    before = tick.flight.plan
-    plan = burn_planning.plan_from_command(
-        flight.pointing,
-        flight.vehicle,
-        tick.flight.orbit,
-        before,
-        burn.ignition,
-        burn.cutoff,
-        burn.q_burn,
-        tick.flight.pointing.reference.q_EN,
-        tick.time,
-    )
+    guidance, flight, before = loop.software.guidance, tick.flight, tick.flight.plan
+    q_look, _ = target_pointing.look_attitude(guidance.vehicle, flight.orbit, flight.pointing.reference.q_EN)
+    plan = burn_planning.plan_from_command(guidance, burn, before, q_look, tick.time)
     # Each ignition has its own execution error; a change of the cutoff alone keeps it.
     is_new = burn.commanded & (burn.cutoff > burn.ignition) & (burn.ignition != before.ignition)
     burn_error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
     return replace(
         tick,
-        flight=replace(tick.flight, plan=select(burn.commanded, plan, before)),
+        flight=replace(flight, plan=plan),
         burn_error=select(is_new, burn_error, tick.burn_error),
     )
 

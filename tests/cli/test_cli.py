@@ -464,12 +464,12 @@ def test_bench_states_speed_and_time_to_compile(call: Call, monkeypatch: pytest.
 
 
 def test_bench_takes_a_duration_that_the_scenario_accepts() -> None:
-    assert bench._load_for(BenchCommand("inspection"), None).duration_s == 800.0
-    longer = bench._load_for(BenchCommand("vbar_approach"), None).duration_s
+    assert bench._load_for(BenchCommand(scenario="inspection"), None).duration_s == 800.0
+    longer = bench._load_for(BenchCommand(scenario="vbar_approach"), None).duration_s
     assert 800.0 < longer < scenario_loader.load("vbar_approach").duration_s
     assert np.log2(longer / 800.0) % 1.0 == 0.0
     with pytest.raises(RpojaxError, match=r"^duration_s: found 800, expected one that the scenario accepts, such as"):
-        bench._load_for(BenchCommand("vbar_approach", duration_s=800.0), None)
+        bench._load_for(BenchCommand(scenario="vbar_approach", duration_s=800.0), None)
 
 
 def test_bench_prints_a_table_for_every_part(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,7 @@ from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight import computer
 from rpojax.flight.computer import MotionOnBoard
-from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.decisions import burn_decision
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
@@ -83,7 +83,9 @@ def memory(flight: FlightParams) -> FlightMemory:
 
 def acquired(memory: FlightMemory) -> FlightMemory:
     """Memory with the target acquired."""
-    pointing = replace(memory.pointing, acquired=jnp.asarray(True), recent_detections=jnp.float64(5.0))
+    pointing = rendezvous_scene.with_acquisition(
+        memory.pointing, acquired=jnp.asarray(True), recent_detections=jnp.float64(5.0)
+    )
     return replace(memory, pointing=pointing)
 
 
@@ -259,7 +261,10 @@ def test_burns_are_planned_only_for_an_acquired_target_in_the_light(flight: Flig
     assert burns(flight, ready)
     assert not burns(flight, ready, rendezvous_scene.SUN_BEHIND_EARTH)
     unseen = replace(
-        ready, pointing=replace(ready.pointing, recent_detections=jnp.zeros(()), acquired=jnp.asarray(False))
+        ready,
+        pointing=rendezvous_scene.with_acquisition(
+            ready.pointing, recent_detections=jnp.zeros(()), acquired=jnp.asarray(False)
+        ),
     )
     for boxes, allowed in ((1, False), (2, False), (3, True)):
         memory = unseen
@@ -282,7 +287,7 @@ def test_in_the_dark_the_camera_points_at_the_estimate(flight: FlightParams, rea
         memory, mode = guide(flight, memory, np.asarray(False), rendezvous_scene.SUN_BEHIND_EARTH, np.float64(tick))
         modes.add(int(mode))
     assert modes == {Mode.LOOK}
-    assert memory.pointing.unseen_time == 0.0
+    assert memory.pointing.acquisition.unseen_time == 0.0
 
 
 @pytest.mark.parametrize(
@@ -293,8 +298,10 @@ def test_guidance_says_when_it_widens_the_estimate_after_a_failed_search(
 ) -> None:
     """A target that may be too small to be seen is not looked for in vain."""
     flight = replace(flight, navigation=replace(flight.navigation, minimum_size=jnp.asarray(smallest_px)))
-    unseen = replace(
-        ready.pointing, acquired=jnp.asarray(False), unseen_time=jnp.float64(1e3), search_time=jnp.float64(searched_s)
+    unseen = rendezvous_scene.with_acquisition(
+        replace(ready.pointing, search_time=jnp.float64(searched_s)),
+        acquired=jnp.asarray(False),
+        unseen_time=jnp.float64(1e3),
     )
     searching = replace(ready, pointing=unseen)
     for sees in (False, True):

@@ -12,10 +12,27 @@ from rpojax.flight import navigation_health
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
-from rpojax.flight.navigation_health import TESTS, NavigationHealth
+from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation_health import TESTS, HealthEvidence, NavigationHealth
 
 TICKS = 1500
+
+
+def evidence(
+    health: NavigationHealth, innovation: Innovation, gate: GateState, estimate: RelativeEstimate, interval: jax.Array
+) -> HealthEvidence:
+    """Evidence of a tick in which the target is seen at a known range."""
+    return HealthEvidence(
+        interval=interval,
+        innovation=innovation,
+        gate=gate,
+        estimate=estimate,
+        effort=health.effort,
+        unseen_time=jnp.zeros(()),
+        range_sigma=jnp.zeros(()),
+    )
 
 
 @jax.jit
@@ -40,13 +57,7 @@ def run_tests(flight: FlightParams, sigmas: jax.Array, contradicted: jax.Array, 
             flight.health,
             flight.navigation,
             health,
-            health.effort,
-            innovation,
-            gate,
-            estimate,
-            jnp.zeros(()),
-            jnp.zeros(()),
-            jnp.ones(()),
+            evidence(health, innovation, gate, estimate, jnp.ones(())),
         )
         return after, after
 
@@ -125,13 +136,7 @@ def test_a_recovery_of_the_gate_takes_the_confidence_for_ten_minutes_at_any_rate
             flight.health,
             flight.navigation,
             health,
-            health.effort,
-            quiet,
-            gate,
-            estimate,
-            jnp.zeros(()),
-            jnp.zeros(()),
-            jnp.float64(interval),
+            evidence(health, quiet, gate, estimate, jnp.float64(interval)),
         )
         gate, without = outlier_gate.initial(), without + int(not health.confident)
     assert without == ticks  # (1 - interval/300)^k falls below 0.14 with the next tick

@@ -15,14 +15,14 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
 from rpojax.flight.control import attitude_control, formation_law, station_keeping
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.box_measurement import outlier_gate
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
 from rpojax.scenario.params import Params
 
 
@@ -121,9 +121,8 @@ def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: ja
     deviation = at_burn.state_H - jnp.concatenate([flight.formation.desired_position, station.arrival_velocity])
     command_H = formation_law.lqr_feedback(gain * (1.0 + 0.1 * x[6]), deviation)
     delta_v_N = jnp.sum(at_burn.R_CN * (station.impulse + command_H)[:, None], axis=0)
-    plan = burn_planning.schedule_burn(
-        flight.formation, flight.pointing, flight.vehicle, delta_v_N, q_BN, allowed, time, 1.0
-    )
+    guidance = rendezvous_scene.software(flight).guidance
+    plan = burn_planning.schedule_burn(guidance, delta_v_N, q_BN, allowed, time)
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
 
@@ -173,7 +172,7 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
         age=jnp.ones(()),
     )
     after, _, result, _, _ = relative_orbit_ekf.update(
-        tuning, True, flight.vehicle.focal_px, moved, track, q_KN, measured
+        tuning, True, moved, track, box_view(measured, flight.vehicle.focal_px, q_KN)
     )
     return after.r_TS_N - known.r_TS_N, after.slow["size"], 1e2 * after.covariance, 1e-3 * result.log_likelihood
 

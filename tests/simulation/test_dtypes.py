@@ -11,7 +11,7 @@ import pytest
 
 import rpojax
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.control.station_keeping import solve_station_keeping
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params

@@ -11,10 +11,10 @@ from short_run import STAGES, TICKS, Run, assert_close
 from rpojax.core.pytree import replace
 from rpojax.flight.control import attitude_control
 from rpojax.flight.control.attitude_control import AttitudeCommand
+from rpojax.flight.guidance.burn_planning import ExternalBurn
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import external_inputs, step_stages
-from rpojax.simulation.external_inputs import ExternalBurn
 from rpojax.simulation.state import State
 from rpojax.simulation.telemetry import Telemetry, telemetry_of
 from rpojax.simulation.tick import Loop, Motion, Tick

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import rendezvous_scene
 from named_loops import name_loop
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
@@ -230,7 +231,9 @@ def planned_delta_v(file: ScenarioFile, stages: Stages | None = None, **numbers:
     `numbers` are those of the reference of the phase `only`.
     """
     scenario, params, state = single_run.initialise_run(file)
-    pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), recent_detections=jnp.asarray(5.0))
+    pointing = rendezvous_scene.with_acquisition(
+        state.flight.pointing, acquired=jnp.asarray(True), recent_detections=jnp.asarray(5.0)
+    )
     state = replace(state, flight=replace(state.flight, pointing=pointing), tick=state.tick + 200)
     changed = dispersed_values.apply_to_params(params, {f"phases.only.reference.{k}": v for k, v in numbers.items()})
     return planned(scenario, stages or Stages(), changed, state).plan.delta_v_N
@@ -311,7 +314,9 @@ def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_
     mission = replace(state.flight.mission, has_seen_target=jnp.asarray(True))
 
     def abort_reason(unseen_s: float) -> int:
-        pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), unseen_time=jnp.asarray(unseen_s))
+        pointing = rendezvous_scene.with_acquisition(
+            state.flight.pointing, acquired=jnp.asarray(True), unseen_time=jnp.asarray(unseen_s)
+        )
         flight = replace(state.flight, pointing=pointing, mission=mission)
         after = decided(scenario, Stages(), params, replace(state, flight=flight, tick=state.tick + 200)).mission
         assert after is not None

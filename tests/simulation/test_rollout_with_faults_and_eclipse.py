@@ -145,8 +145,8 @@ def test_in_eclipse_there_are_no_boxes_no_search_and_no_burn_plans(runs: Runs, n
     # Sunset and sunrise as predicted on board differ by a second or two.
     deep = flags & np.roll(flags, 3) & np.roll(flags, -3)
     assert np.all(telemetry.mode[deep] != Mode.SEARCH)
-    assert np.all(telemetry.flight.pointing.unseen_time[deep] == 0.0)
-    assert np.all(telemetry.flight.pointing.recent_detections[deep] == 0.0)
+    assert np.all(telemetry.flight.pointing.acquisition.unseen_time[deep] == 0.0)
+    assert np.all(telemetry.flight.pointing.acquisition.recent_detections[deep] == 0.0)
 
 
 def test_after_sunset_the_estimate_is_propagated_with_growing_covariance(runs: Runs) -> None:
@@ -155,7 +155,7 @@ def test_after_sunset_the_estimate_is_propagated_with_growing_covariance(runs: R
     last = np.flatnonzero(~flags)[-1]
     looking = (telemetry.mode == Mode.LOOK) & ~flags & (np.arange(TICKS) > 20)
     assert telemetry.innovation.accepted[looking].mean() > 0.5
-    assert telemetry.flight.pointing.acquired[last - 5]
+    assert telemetry.flight.pointing.acquisition.acquired[last - 5]
     uncertain = sigma(telemetry, "relative")
     assert uncertain[-1] > 1.2 * uncertain[last]
     gained = telemetry.truth.delta_v
@@ -169,6 +169,6 @@ def test_after_sunrise_the_target_is_acquired_and_burns_begin(runs: Runs) -> Non
     assert np.all(telemetry.truth.delta_v[:sunrise] == 0.0)
     accepted = np.flatnonzero(telemetry.innovation.accepted)
     assert sunrise <= accepted[0] < sunrise + 60
-    acquired = telemetry.flight.pointing.acquired
+    acquired = telemetry.flight.pointing.acquisition.acquired
     assert not acquired[sunrise - 1]
     assert acquired[-1]

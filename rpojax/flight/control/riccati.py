@@ -1,13 +1,21 @@
-"""Discrete algebraic Riccati equation: stabilising solution, its derivative and the optimal gain."""
+"""Discrete Riccati and Lyapunov equations: solutions, the derivative of the former, and the optimal gain."""
 
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from rpojax.flight.control.lyapunov import solve_lyapunov
-
 _DOUBLINGS = 24
+
+
+def solve_lyapunov(F: Float[Array, "n n"], S: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """Solution X of `X = F'XF + S` for a stable F, by doubling (Smith, 1968)."""
+
+    def double(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
+        X, F = carry
+        return (X + F.T @ X @ F, F @ F), None
+
+    return jax.lax.scan(double, (S, F), None, length=_DOUBLINGS)[0][0]
 
 
 def optimal_gain(A: Array, B: Array, R: Array, P: Array) -> Array:

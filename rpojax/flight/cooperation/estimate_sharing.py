@@ -27,7 +27,9 @@ from rpojax.flight.cooperation.received_messages import ReceivedMessages
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, ServicerTuning
 from rpojax.flight.navigation import believed_sensor, orbit_covariance, relative_orbit_ekf, relative_state
+from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import box_view
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Matrix = Float[Array, "3 3"]
@@ -129,7 +131,8 @@ def update(tuning: ServicerTuning, memory: EstimateSharing, records: TeamRecords
     local, correlated, box = memory.local, memory.correlated, records.gated_box
     assert local is not None
     assert correlated is not None
-    rows, _ = relative_orbit_ekf.rows_of_box(tuning.filter, False, tuning.focal_px, local, records.q_KN, box)
+    view = box_view(box, tuning.focal_px, records.q_KN)
+    rows, _ = relative_orbit_ekf.rows_of_box(tuning.filter, False, local, view)
     drift = local.layout.vector(bearing_bias=jnp.full(2, box.attitude_variance_change))
     recovered = records.gate.recovered
     inflation = relative_orbit_ekf.recovery_variance(tuning.filter, local.layout, local.r_TS_N, recovered)
@@ -280,7 +283,8 @@ def _moved(estimates: SplitEstimate, to_now: Float[Array, "6 6"]) -> SplitEstima
 
 def predict(link: Link, tuning: OrbitFilterTuning, memory: EstimateSharing, motion: TickMotion) -> EstimateSharing:
     """Memory after the motion of a tick."""
-    dt, burn_covariance, gradient = link.tick_s, motion.burn_covariance, motion.gravity_gradient
+    dt, burn_covariance = link.tick_s, motion.burn_covariance
+    step = OrbitStep(dt=dt, r_SN_N=motion.r_before_N, velocity_covariance=burn_covariance)
     unmodelled = tuning.relative_acceleration_noise**2 * dt * jnp.eye(3, dtype=burn_covariance.dtype)
     noise = burn_covariance + unmodelled
 
@@ -290,7 +294,7 @@ def predict(link: Link, tuning: OrbitFilterTuning, memory: EstimateSharing, moti
     def grown(P: Array, process: Matrix) -> Array:
         slow = P.shape[0] - MOTION.size
         kept, zero = jnp.ones(slow, dtype=P.dtype), jnp.zeros(slow, dtype=P.dtype)
-        return orbit_covariance.propagate(P, gradient, kept, process, zero, dt)
+        return orbit_covariance.propagate(P, replace(step, velocity_covariance=process), kept, zero)
 
     count = memory.baselines.mean.shape[0]
     mean = [
@@ -313,10 +317,9 @@ def predict(link: Link, tuning: OrbitFilterTuning, memory: EstimateSharing, moti
     )
     of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
     state = MOTION.split(moved(MOTION.vector(position=memory.local.r_TS_N, velocity=memory.local.v_TS_N)))
-    target = state["position"], state["velocity"], motion.r_before_N
-    wider = relative_state.reopen(memory.local, motion.reopened)
-    local = relative_orbit_ekf.predict(tuning, wider, *target, burn_covariance, dt)
-    correlated = relative_state.reopen(replace(memory.local, covariance=memory.correlated), motion.reopened)
-    correlated = relative_orbit_ekf.predict(tuning, correlated, *target, zero, dt)
+    target = replace(memory.local, r_TS_N=state["position"], v_TS_N=state["velocity"])
+    local = relative_orbit_ekf.predict(tuning, relative_state.reopen(target, motion.reopened), step)
+    correlated = relative_state.reopen(replace(target, covariance=memory.correlated), motion.reopened)
+    correlated = relative_orbit_ekf.predict(tuning, correlated, replace(step, velocity_covariance=zero))
     tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
     return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

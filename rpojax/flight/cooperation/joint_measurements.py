@@ -26,7 +26,7 @@ from rpojax.flight.navigation import (
     shape_errors,
 )
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation.shape_errors import ShapeErrors
 
@@ -41,8 +41,8 @@ def update_own(
     tuning: ServicerTuning, estimate: JointEstimate, q_KN: Float[Array, "4"], box: BoxMeasurement
 ) -> JointEstimate:
     """Estimate after the servicer's own box, which has passed its gate."""
-    before = own_estimate(estimate)
-    rows, _ = relative_orbit_ekf.rows_of_box(tuning.filter, False, tuning.focal_px, before, q_KN, box)
+    view = box_view(box, tuning.focal_px, q_KN)
+    rows, _ = relative_orbit_ekf.rows_of_box(tuning.filter, False, own_estimate(estimate), view)
     own, layout = estimate.own.layout, estimate.own_slow
     estimate = inflate(estimate, own.vector(bearing_bias=jnp.full(2, box.attitude_variance_change)))
     P, J = estimate.covariance, rows.jacobian
@@ -157,7 +157,8 @@ def update_peer_box(
     box = replace(sent.box, present=sent.box.present & used, expected=sent.box.expected & used)
     errors = _fast_errors(tuning.filter, estimate, peer)
     view, position_rows = _view(estimate, peer, errors, to_stamp)
-    rows, accepted = relative_orbit_ekf.rows_of_box(tuning.filter, True, tuning.focal_px, view, sent.q_KN, box)
+    seen = box_view(box, tuning.focal_px, sent.q_KN)
+    rows, accepted = relative_orbit_ekf.rows_of_box(tuning.filter, True, view, seen)
     J = rows.jacobian
     by_position = J[:, own["position"]]
     interval = jnp.maximum(jnp.maximum(received.interval, box.interval), _LEAST_INTERVAL)

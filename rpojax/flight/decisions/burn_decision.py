@@ -17,6 +17,7 @@ from rpojax.flight.guidance import (
     target_pointing,
     target_visibility,
 )
+from rpojax.flight.guidance.approach_inhibition import Approach, Confidence
 from rpojax.flight.guidance.burn_planning import BurnPlan, StateAtBurn
 from rpojax.flight.guidance.target_pointing import TargetPointing
 from rpojax.flight.navigation.box_measurement import detection_model
@@ -33,14 +34,11 @@ def plan_burn(software: FlightSoftware, memory: FlightMemory, pointing: TargetPo
     known = line_of_sight_uncertainty.relative_range_sigma(memory.orbit) < params.formation.range_uncertainty_limit
     wanted_H = memory.station_keeping.impulse + command_H
     return burn_planning.schedule_burn(
-        params.formation,
-        params.pointing,
-        params.vehicle,
+        software.guidance,
         apply_transposed(at_burn.R_CN, _safe_delta_v(software, memory, at_burn, pointing, wanted_H)),
         pointing.q_BN,
         pointing.visible & thruster_works(params, memory, time) & ~is_lost(params, memory) & known,
         time,
-        software.tick_s,
     )
 
 
@@ -63,7 +61,7 @@ def _formation_command(
     desired_H = jnp.concatenate([params.formation.desired_position, memory.station_keeping.arrival_velocity])
     deviation = at_burn.state_H - desired_H
     wanted_N = apply_transposed(at_burn.R_CN, impulse + formation_law.lqr_feedback(memory.gain, deviation))
-    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, q_look, software.tick_s)
+    limit = burn_planning.largest_delta_v(software.guidance, wanted_N, q_look)
     governed = reference_governor.govern(memory.gain, deviation, impulse, limit)
     return software.stages.call(
         "formation_law", memory.own, gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time
@@ -82,7 +80,7 @@ def _safe_delta_v(
     formation, orbit = params.formation, memory.orbit
     r_TN_N, v_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N, orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
-    certain = burn_planning.certain_delta_v(params.pointing, params.vehicle, software.tick_s)
+    certain = burn_planning.certain_delta_v(software.guidance)
     stop = gradient_safe.norm(approach_inhibition.change_to_stop(at_burn.state_H, n))
     # A thruster that cannot burn in every direction within the limit gives no measure.
     burns_to_stop = jnp.where(certain > 0.0, _BURNS_PER_STOP * stop / jnp.where(certain > 0.0, certain, 1.0), 0.0)
@@ -90,26 +88,24 @@ def _safe_delta_v(
     stays_visible = target_visibility.is_visible_after(
         params.vehicle, orbit, pointing.sun_N, n * (formation.lead + burns * period)
     )
-    return approach_inhibition.inhibit(
-        params.health.clearance,
-        formation.desired_position,
-        at_burn.state_H,
-        line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
-        wanted_H,
-        certain,
-        approach_inhibition.Confidence(present=memory.health.confident, last_range=memory.health.confident_range),
-        stays_visible,
-        n,
-        period,
+    approach = Approach(
+        station_H=formation.desired_position, state_H=at_burn.state_H, stays_visible=stays_visible, n=n, period=period
     )
+    confidence = Confidence(
+        present=memory.health.confident,
+        last_range=memory.health.confident_range,
+        range_sigma=line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
+    )
+    return approach_inhibition.inhibit(params.health.clearance, approach, confidence, wanted_H, certain)
 
 
 def is_lost(params: FlightParams, memory: FlightMemory) -> Bool[Array, ""]:
     """True without a box of the target for so long that no burn should be based on the estimate."""
-    missing = memory.pointing.unseen_time > params.health.unseen_limit
+    acquisition = memory.pointing.acquisition
+    missing = acquisition.unseen_time > params.health.unseen_limit
     return jnp.where(
         may_be_too_small(params, memory),
-        missing | ~memory.pointing.acquired,
+        missing | ~acquisition.acquired,
         attitude_guidance.is_lost(params.pointing, memory.pointing),
     )
 

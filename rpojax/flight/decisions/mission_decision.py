@@ -8,8 +8,8 @@ from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control import periodic_lqr_gain
+from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.decisions import burn_decision, phase_goal
 from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams
@@ -118,7 +118,7 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, predicted: Pr
         burn_pending=(memory.plan.cutoff > memory.plan.ignition) & (memory.plan.cutoff > time),
         end_H=phase_goal.end_position(software, state, predicted.orbit, time),
         range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
-        seen=memory.pointing.acquired,
+        seen=memory.pointing.acquisition.acquired,
         lost=_is_lost(params, memory),
         confident=memory.health.confident,
         thruster_works=burn_decision.thruster_works(params, memory, time),
@@ -139,7 +139,7 @@ def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
     A burn is not based on a target that has been out of sight for some seconds. An abort waits: at the edge of light
     the camera may see nothing before the estimate says so, and burns keep the motion safe for two control periods.
     """
-    return memory.pointing.unseen_time > params.health.unseen_limit
+    return memory.pointing.acquisition.unseen_time > params.health.unseen_limit
 
 
 def other_pointing(software: FlightSoftware, memory: FlightMemory, sun_N: Vector) -> OtherPointing | None:

@@ -75,13 +75,13 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     what was measured since. Returned beside the burn is the state of the mission with its records of these decisions.
     """
     settings, tuning = phase_goal.mission_of(software)
-    params, tick_s, team, time = software.params, software.tick_s, decision.team, decision.time
+    params, team, time = software.params, decision.team, decision.time
     if team is not None and settings.phasing != "fixed":
         shifted = _with_phase_of_team(software, decision, team)
         decision = replace(decision, memory=replace(decision.memory, mission=shifted))
     memory, predicted, pointing = decision.memory, decision.predicted, decision.pointing
     state = _mission_state(decision)
-    period = _period(settings, state, tick_s)
+    period = _period(settings, state, software.tick_s)
     planned_H = _planned_delta_v(software, decision, period)
     aborted = state.phase == settings.aborted
     works = burn_decision.thruster_works(params, memory, time)
@@ -92,8 +92,8 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     after_abort = abort_burn.permission(state.abort_burns, aborted, works, sees, was_made)
     passive = is_passively_safe(settings, state)
     drift = _drift_after_burn(settings, tuning, state, predicted, passive, period)
-    greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
-    planned_H = _within_limit(params, predicted, pointing, jnp.where(keeps, planned_H, 0.0), tick_s)
+    greatest = burn_planning.certain_delta_v(software.guidance)
+    planned_H = _within_limit(software, predicted, pointing, jnp.where(keeps, planned_H, 0.0))
     may_wait = passive & ~after_abort.of_abort
     can_burn = (keeps & works) | after_abort.of_abort | after_abort.of_sight
     decided = state.team
@@ -103,16 +103,8 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
         others = _others(software, decision, drift, team)
         burn = safe_burn.safe_delta_v_among(drift, others, planned_H, greatest, may_wait)
         safe_H, decided = burn.delta_v_H, _decided(decided, burn, team, can_burn, time)
-    plan = burn_planning.schedule_burn(
-        params.formation,
-        params.pointing,
-        params.vehicle,
-        apply_transposed(predicted.R_CN, safe_H),
-        pointing.q_BN,
-        can_burn,
-        time,
-        tick_s,
-    )
+    delta_v_N = apply_transposed(predicted.R_CN, safe_H)
+    plan = burn_planning.schedule_burn(software.guidance, delta_v_N, pointing.q_BN, can_burn, time)
     burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
     return plan, replace(state, team=decided, abort_burns=burns)
 
@@ -136,11 +128,11 @@ def _period(settings: MissionSettings, state: MissionState, tick_s: float) -> Sc
 
 
 def _within_limit(
-    params: FlightParams, predicted: Prediction, pointing: TargetPointing, planned_H: Vector, tick_s: float
+    software: FlightSoftware, predicted: Prediction, pointing: TargetPointing, planned_H: Vector
 ) -> Vector:
     """A planned velocity change [m/s] as the look-away limit shortens it: so it is judged."""
     planned_N = apply_transposed(predicted.R_CN, planned_H)
-    share = burn_planning.share_within_limit(params.pointing, params.vehicle, planned_N, pointing.q_BN, tick_s)
+    share = burn_planning.share_within_limit(software.guidance, planned_N, pointing.q_BN)
     return planned_H * share
 
 
@@ -250,7 +242,7 @@ def _drift_after_burn(
 
 def _planned_delta_v(software: FlightSoftware, decision: Decision, period: Scalar) -> Vector:
     """Velocity change (3,) in H [m/s] by the control law for the reference of the present phase."""
-    params, memory, predicted = software.params, decision.memory, decision.predicted
+    memory, predicted = decision.memory, decision.predicted
     state = _mission_state(decision)
     assert memory.phase_gains is not None
     gain = of_phase(
@@ -259,9 +251,7 @@ def _planned_delta_v(software: FlightSoftware, decision: Decision, period: Scala
     goal = phase_goal.goal_at_burn(software, state, predicted, decision.time, period)
     deviation = predicted.burn_state_H - jnp.concatenate([goal.position, goal.arrival_velocity])
     wanted_N = apply_transposed(predicted.R_CN, goal.impulse + formation_law.lqr_feedback(gain, deviation))
-    limit = burn_planning.largest_delta_v(
-        params.pointing, params.vehicle, wanted_N, decision.pointing.q_BN, software.tick_s
-    )
+    limit = burn_planning.largest_delta_v(software.guidance, wanted_N, decision.pointing.q_BN)
     governed = reference_governor.govern(gain, deviation, goal.impulse, limit)
     command_H = software.stages.call(
         "formation_law", memory.own, gain=gain, deviation=governed, estimate=memory.orbit, time=decision.time

@@ -44,55 +44,63 @@ class Confidence:
     Attributes:
         present: () bool
         last_range: () estimated range when there last was confidence [m]
+        range_sigma: () 1-sigma of the range [m]
     """
 
     present: Array
     last_range: Array
+    range_sigma: Array
 
 
-def inhibit(
-    clearance: Scalar,
-    station_H: Vector,
-    state_H: Float[Array, "6"],
-    range_sigma: Scalar,
-    wanted_H: Vector,
-    certain_delta_v: Scalar,
-    confidence: Confidence,
-    stays_visible: Flag,
-    n: Scalar,
-    period: float,
-) -> Vector:
-    """Velocity change [m/s] of the next burn: the `wanted_H` if it is safe, else half of it, a stop, none or a retreat.
+@pytree
+class Approach:
+    """Relative motion at the next burn, and where it is to lead.
 
-    A burn is safe if the free motion after it stays farther from the target than the fraction `clearance` of the
-    distance of the `station_H` [m], with a margin for the uncertain range; or than the servicer is, if that is less, so
-    that many small burns do not add up to an approach. Without confidence a hold at the present range is wanted
-    instead, and no burn comes nearer than the range at which the confidence was lost, or the present one if that is
-    nearer. If nothing is safe, the change with the greatest least range is made. A change that is not finite is
-    returned. The last burns before the target is out of sight are stops.
-
-    Args:
-        clearance: () least range over the station's distance [-]
+    Attributes:
         station_H: (3,) desired position [m]
         state_H: (6,) relative state predicted to the middle of the burn [m, m/s]
-        range_sigma: () 1-sigma of the range [m]
-        wanted_H: (3,) velocity change of the control law [m/s]
-        certain_delta_v: () size of a change that a burn can make in any direction; a larger one may be cut [m/s]
-        confidence: in the estimate
         stays_visible: () bool, there will be another burn after this one
         n: () mean motion of the target [rad/s]
         period: time between burns [s]
     """
-    now, station = gradient_safe.norm(state_H[:3]), gradient_safe.norm(station_H)
-    candidates = _candidates(station_H, state_H, wanted_H, confidence, stays_visible, n, period)
+
+    station_H: Array
+    state_H: Array
+    stays_visible: Array
+    n: Array
+    period: float
+
+
+def inhibit(
+    clearance: Scalar, approach: Approach, confidence: Confidence, wanted_H: Vector, certain_delta_v: Scalar
+) -> Vector:
+    """Velocity change [m/s] of the next burn: the `wanted_H` if it is safe, else half of it, a stop, none or a retreat.
+
+    A burn is safe if the free motion after it stays farther from the target than the fraction `clearance` of the
+    station's distance, with a margin for the uncertain range; or than the servicer is, if that is less, so that many
+    small burns do not add up to an approach. Without confidence a hold at the present range is wanted instead, and no
+    burn comes nearer than the range at which the confidence was lost, or the present one if that is nearer. If nothing
+    is safe, the change with the greatest least range is made. A change that is not finite is returned. The last burns
+    before the target is out of sight are stops.
+
+    Args:
+        clearance: () least range over the station's distance [-]
+        approach: relative motion at the burn
+        confidence: in the estimate
+        wanted_H: (3,) velocity change of the control law [m/s]
+        certain_delta_v: () size of a change that a burn can make in any direction; a larger one may be cut [m/s]
+    """
+    state_H, n = approach.state_H, approach.n
+    now, station = gradient_safe.norm(state_H[:3]), gradient_safe.norm(approach.station_H)
+    candidates = _candidates(approach, confidence, wanted_H)
     sizes = gradient_safe.sqrt(jnp.sum(candidates * candidates, axis=1))
     cut = certain_delta_v / jnp.maximum(sizes, certain_delta_v)
-    horizon = jnp.where(stays_visible, _HORIZON_PERIODS * period, 2.0 * math.pi / n)
+    horizon = jnp.where(approach.stays_visible, _HORIZON_PERIODS * approach.period, 2.0 * math.pi / n)
     least = jnp.minimum(
         _least_range(n, horizon, state_H[:3], state_H[None, 3:] + candidates),
         _least_range(n, horizon, state_H[:3], state_H[None, 3:] + cut[:, None] * candidates),
     )
-    cleared = clearance * station + _SIGMAS * range_sigma
+    cleared = clearance * station + _SIGMAS * confidence.range_sigma
     nearest = jnp.minimum(now, jnp.where(confidence.present, cleared, confidence.last_range))
     chosen, greatest = candidates[0], least[0]
     for index in range(1, len(candidates)):
@@ -103,24 +111,16 @@ def inhibit(
     return jnp.where(jnp.all(jnp.isfinite(wanted_H), axis=0), chosen, wanted_H)
 
 
-def _candidates(
-    station_H: Vector,
-    state_H: Float[Array, "6"],
-    wanted_H: Vector,
-    confidence: Confidence,
-    stays_visible: Flag,
-    n: Scalar,
-    period: float,
-) -> Float[Array, "7 3"]:
+def _candidates(approach: Approach, confidence: Confidence, wanted_H: Vector) -> Float[Array, "7 3"]:
     """Velocity changes [m/s] in the order of preference."""
-    rho = state_H[:3]
-    now, station = gradient_safe.norm(rho), gradient_safe.norm(station_H)
+    state_H, n, rho = approach.state_H, approach.n, approach.state_H[:3]
+    now, station = gradient_safe.norm(rho), gradient_safe.norm(approach.station_H)
     stop = change_to_stop(state_H, n)
     caution = jnp.where(confidence.present, 1.0, _HOLD_FRACTION)
-    hold = _change_to_hold(station_H, state_H, confidence.last_range, n, _HORIZON_PERIODS * period)
-    preferred = jnp.where(stays_visible, jnp.where(confidence.present, wanted_H, caution * hold), stop)
+    hold = _change_to_hold(approach, confidence.last_range)
+    preferred = jnp.where(approach.stays_visible, jnp.where(confidence.present, wanted_H, caution * hold), stop)
     along_track = jnp.stack([0.0 * n, stop[1], 0.0 * n])
-    retreat = caution * stop + _RETREAT * jnp.minimum(station, now) / (period * now) * rho
+    retreat = caution * stop + _RETREAT * jnp.minimum(station, now) / (approach.period * now) * rho
     return jnp.stack([preferred, 0.5 * preferred, caution * stop, jnp.zeros_like(stop), stop, along_track, retreat])
 
 
@@ -130,25 +130,23 @@ def change_to_stop(state_H: Float[Array, "6"], n: Scalar) -> Vector:
     return jnp.stack([0.0 * n, -2.0 * n * state_H[0], 0.0 * n]) - state_H[3:]
 
 
-def _change_to_hold(
-    station_H: Vector, state_H: Float[Array, "6"], last_range: Scalar, n: Scalar, duration: float
-) -> Vector:
-    """Velocity change [m/s] that leads in a time [s] to the line through target and station, at the present range.
+def _change_to_hold(approach: Approach, last_range: Scalar) -> Vector:
+    """Velocity change [m/s] that leads to the line through target and station, at the present range.
 
     Far from that line the place to hold is the present one.
     """
-    rho = state_H[:3]
+    n, rho = approach.n, approach.state_H[:3]
     now = gradient_safe.norm(rho)
-    station_axis = station_H / gradient_safe.norm(station_H)
+    station_axis = approach.station_H / gradient_safe.norm(approach.station_H)
     cosine = jnp.sum(station_axis * rho, axis=0) / now
     away = jnp.where(jnp.abs(cosine) > _NEAR_STATION_AXIS, jnp.sign(cosine) * station_axis, rho / now)
-    transition = transition_matrix(n, jnp.full_like(n, duration))[:3]
+    transition = transition_matrix(n, jnp.full_like(n, _HORIZON_PERIODS * approach.period))[:3]
     place = away * jnp.maximum(now, (1.0 + _HOLD_MARGIN) * last_range)
     way = place - jnp.sum(transition[:, :3] * rho[None, :], axis=1)
     a, b, d = transition[0, 3], transition[0, 4], transition[1, 4]
     # In the orbit plane the matrix from velocity to position is ((a, b), (-b, d)).
     in_plane = jnp.stack([d * way[0] - b * way[1], b * way[0] + a * way[1]]) / (a * d + b * b)
-    return jnp.concatenate([in_plane, way[2:] / transition[2, 5]]) - state_H[3:]
+    return jnp.concatenate([in_plane, way[2:] / transition[2, 5]]) - approach.state_H[3:]
 
 
 def _least_range(n: Scalar, horizon: Scalar, rho_H: Vector, rho_dot_H: Float[Array, "k 3"]) -> Float[Array, " k"]:

@@ -14,8 +14,9 @@ from rpojax.flight.guidance import search_spiral, slew_profile, target_acquisiti
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware, PointingTuning
 from rpojax.flight.guidance.slew_profile import SlewReference
+from rpojax.flight.guidance.target_acquisition import Acquisition
 from rpojax.flight.guidance.target_pointing import look_attitude
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
@@ -32,20 +33,37 @@ class PointingState:
     Attributes:
         reference: attitude reference
         burn_attitude_commanded: () bool, the end attitude is the burn's
-        acquired: () bool, the target has been acquired since it last came into the light
-        recent_detections: () evidence of accepted boxes, fading while the target should be seen and is not [s]
-        unseen_time: () since the last accepted box, planned look-aways and darkness left out [s]
+        acquisition: of the target
         search_time: () along the search spiral; 0 when not searching [s]
         search_failed: () bool, all directions of the uncertainty have been searched in this tick without success
     """
 
     reference: SlewReference
     burn_attitude_commanded: Array
-    acquired: Array
-    recent_detections: Array
-    unseen_time: Array
+    acquisition: Acquisition
     search_time: Array
     search_failed: Array
+
+
+@pytree
+class GuidanceTick:
+    """What attitude guidance goes by in a tick.
+
+    Attributes:
+        time: () since the start of the run [s]
+        estimate: of both orbits
+        plan: latest decided burn
+        target_seen: () bool, a sensor has shown the target
+        visible: () bool, the target may be visible; in the dark there is no search
+        other: attitude in place of that towards the target, None where no phase may ask for one
+    """
+
+    time: Array
+    estimate: OrbitEstimate
+    plan: BurnPlan
+    target_seen: Array
+    visible: Array
+    other: OtherPointing | None = None
 
 
 def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> PointingState:
@@ -59,9 +77,7 @@ def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> Pointing
     return PointingState(
         reference=reference,
         burn_attitude_commanded=never,
-        acquired=never,
-        recent_detections=zero,
-        unseen_time=zero,
+        acquisition=target_acquisition.never_seen(),
         search_time=zero,
         search_failed=never,
     )
@@ -69,72 +85,50 @@ def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> Pointing
 
 def is_lost(pointing: PointingTuning, state: PointingState) -> Flag:
     """True while the target is not acquired, or has not been seen for too long."""
+    acquisition = state.acquisition
     return (
-        (state.unseen_time > pointing.search_after)
-        | ~state.acquired
-        | (state.recent_detections < target_acquisition.LOSS_EVIDENCE)
+        (acquisition.unseen_time > pointing.search_after)
+        | ~acquisition.acquired
+        | (acquisition.recent_detections < target_acquisition.LOSS_EVIDENCE)
     )
 
 
-def guide(
-    pointing: PointingTuning,
-    vehicle: VehicleModel,
-    estimate: OrbitEstimate,
-    plan: BurnPlan,
-    state: PointingState,
-    box_accepted: Flag,
-    visible: Flag,
-    time: Scalar,
-    dt: float,
-    other: OtherPointing | None = None,
-) -> tuple[PointingState, Array]:
-    """Pointing state with the reference for the next `dt` [s], and the pointing mode.
-
-    In the dark (not `visible`) there is no search, nor while an `other` attitude is wanted.
-    """
-    visible = visible | box_accepted
+def guide(guidance: GuidanceSoftware, state: PointingState, tick: GuidanceTick) -> tuple[PointingState, Array]:
+    """Pointing state with the reference up to the next tick, and the pointing mode."""
+    pointing, plan, other = guidance.pointing, tick.plan, tick.other
+    visible = tick.visible | tick.target_seen
     if other is not None:
         visible = visible & ~other.is_wanted
-    to_burn = (time >= plan.turn_start - _TIME_TOLERANCE) & (time < plan.cutoff)
-    looking_away = to_burn | (state.burn_attitude_commanded | _is_slewing_back(state)) & ~box_accepted
+    to_burn = (tick.time >= plan.turn_start - _TIME_TOLERANCE) & (tick.time < plan.cutoff)
+    looking_away = to_burn | (state.burn_attitude_commanded | _is_slewing_back(state)) & ~tick.target_seen
     acquisition = target_acquisition.update_acquisition(
-        pointing,
-        state.recent_detections,
-        state.acquired,
-        state.unseen_time,
-        box_accepted,
-        visible,
-        looking_away,
-        dt,
+        guidance, state.acquisition, tick.target_seen, visible, looking_away
     )
-    searching = (acquisition.unseen_time > acquisition.wait) & ~to_burn
-    pace = search_spiral.spiral_pace(dt)
+    wait = target_acquisition.search_wait(guidance, acquisition.acquired)
+    searching = (acquisition.unseen_time > wait) & ~to_burn
     # A restarted spiral waits for the slew to its middle, or nobody would look there.
-    advance = jnp.where((state.search_time > 0.0) & _is_slewing_back(state), 0.0, pace * dt)
-    duration = search_spiral.spiral_duration(pointing, estimate)
+    way = search_spiral.spiral_pace(guidance.tick_s) * guidance.tick_s
+    advance = jnp.where((state.search_time > 0.0) & _is_slewing_back(state), 0.0, way)
+    duration = search_spiral.spiral_duration(pointing, tick.estimate)
     ends = searching & (state.search_time + advance > duration)
     search_time = jnp.where(searching, jnp.where(ends, 1.0, state.search_time + advance), 0.0)
 
-    q_target, omega_target = _target_attitude(
-        pointing, vehicle, estimate, state.reference.q_EN, searching, search_time, pace, time
-    )
+    q_target, omega_target = _target_attitude(guidance, tick, state.reference.q_EN, searching, search_time)
     if other is not None:
         q_target = jnp.where(other.is_wanted, other.q_BN, q_target)
         omega_target = jnp.where(other.is_wanted, other.omega_BN_B, omega_target)
     q_end = jnp.where(to_burn, plan.q_burn, q_target)
     omega_end = jnp.where(to_burn, 0.0, omega_target)
     changed = to_burn != state.burn_attitude_commanded
-    reference = slew_profile.retarget(pointing, state.reference, q_end, omega_end, changed, dt)
+    reference = slew_profile.retarget(guidance, state.reference, q_end, omega_end, changed)
     after = PointingState(
         reference=reference,
         burn_attitude_commanded=to_burn,
-        acquired=acquisition.acquired,
-        recent_detections=acquisition.recent_detections,
-        unseen_time=acquisition.unseen_time,
+        acquisition=acquisition,
         search_time=search_time,
-        search_failed=ends & search_spiral.covers_uncertainty(pointing, estimate),
+        search_failed=ends & search_spiral.covers_uncertainty(pointing, tick.estimate),
     )
-    return after, _pointing_mode(pointing, plan, reference, to_burn, searching, time)
+    return after, _pointing_mode(pointing, tick, reference, to_burn, searching)
 
 
 _TIME_TOLERANCE = 1e-6
@@ -147,31 +141,29 @@ def _is_slewing_back(state: PointingState) -> Flag:
 
 
 def _target_attitude(
-    pointing: PointingTuning,
-    vehicle: VehicleModel,
-    estimate: OrbitEstimate,
-    q_before: Float[Array, "4"],
-    searching: Flag,
-    search_time: Scalar,
-    pace: float,
-    time: Scalar,
+    guidance: GuidanceSoftware, tick: GuidanceTick, q_before: Float[Array, "4"], searching: Flag, search_time: Scalar
 ) -> tuple[Float[Array, "4"], Vector]:
     """Attitude `q_BN` towards the estimated target, or on the search spiral around it, and its rate [rad/s] in B."""
     # They would be repeated in each component of the attitude.
     (q_look, omega_look), (offset_K, rate_K) = fusion_barrier(
-        (look_attitude(vehicle, estimate, q_before), search_spiral.spiral_offset(pointing, search_time)), time
+        (
+            look_attitude(guidance.vehicle, tick.estimate, q_before),
+            search_spiral.spiral_offset(guidance.pointing, search_time),
+        ),
+        tick.time,
     )
-    q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
+    q_BK = quaternion.conjugate(quaternion.normalize(guidance.vehicle.camera_mounting))
     q_search = quaternion.exp(-rotate(q_BK, offset_K))
-    omega_search = rotate(q_search, omega_look) + rotate(q_BK, pace * rate_K)
+    omega_search = rotate(q_search, omega_look) + rotate(q_BK, search_spiral.spiral_pace(guidance.tick_s) * rate_K)
     q_target = jnp.where(searching, quaternion.multiply(q_search, q_look), q_look)
     return q_target, jnp.where(searching, omega_search, omega_look)
 
 
 def _pointing_mode(
-    pointing: PointingTuning, plan: BurnPlan, reference: SlewReference, to_burn: Flag, searching: Flag, time: Scalar
+    pointing: PointingTuning, tick: GuidanceTick, reference: SlewReference, to_burn: Flag, searching: Flag
 ) -> Array:
-    """Pointing mode at `time` [s] from the start of the run."""
+    """Pointing mode of the tick."""
+    plan, time = tick.plan, tick.time
     slewing = reference.slew_age < reference.slew_time
     away_mode = jnp.where(time >= plan.ignition, Mode.BURN, Mode.TURN)
     # An inhibited burn is followed by a turn back, too.

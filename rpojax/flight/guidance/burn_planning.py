@@ -13,11 +13,9 @@ from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.quaternion import rotate
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware, PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
-from rpojax.flight.guidance.target_pointing import look_attitude
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -51,23 +49,17 @@ def no_burn() -> BurnPlan:
 
 
 def schedule_burn(
-    formation: FormationTuning,
-    pointing: PointingTuning,
-    vehicle: VehicleModel,
-    delta_v_N: Vector,
-    q_look: Float[Array, "4"],
-    allowed: Flag,
-    time: Scalar,
-    dt: float,
+    guidance: GuidanceSoftware, delta_v_N: Vector, q_look: Float[Array, "4"], allowed: Flag, time: Scalar
 ) -> BurnPlan:
     """Next burn with a commanded velocity change [m/s], and a turn from the look attitude `q_look` before it.
 
     There is no burn inside the dead band, below the thruster's minimum on-time, or unless `allowed`; a burn too long
-    for the look-away limit is shortened. Guidance works every `dt` [s].
+    for the look-away limit is shortened.
     """
+    formation, pointing, vehicle, dt = guidance.formation, guidance.pointing, guidance.vehicle, guidance.tick_s
     size, direction_N = gradient_safe.norm(delta_v_N), gradient_safe.normalize(delta_v_N)
 
-    turn_N, turn_time = _turn_to_burn(pointing, vehicle, direction_N, q_look)
+    turn_N, turn_time = _turn_to_burn(guidance, direction_N, q_look)
     # The turn begins up to one tick late, and the attitude is checked up to one tick before ignition.
     settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
     on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, longest_on_time(pointing, turn_time, dt))
@@ -85,41 +77,34 @@ def schedule_burn(
     )
 
 
-def certain_delta_v(pointing: PointingTuning, vehicle: VehicleModel, dt: float) -> Scalar:
+def certain_delta_v(guidance: GuidanceSoftware) -> Scalar:
     """Velocity change [m/s] of the longest burn in any direction: between two turns by half a circle."""
-    half_turn = slew_duration(pointing, jnp.full_like(vehicle.mass, math.pi))
-    return longest_on_time(pointing, half_turn, dt) * vehicle.thrust / vehicle.mass
+    vehicle = guidance.vehicle
+    half_turn = slew_duration(guidance.pointing, jnp.full_like(vehicle.mass, math.pi))
+    return longest_on_time(guidance.pointing, half_turn, guidance.tick_s) * vehicle.thrust / vehicle.mass
 
 
-def largest_delta_v(
-    pointing: PointingTuning, vehicle: VehicleModel, delta_v_N: Vector, q_look: Float[Array, "4"], dt: float
-) -> Scalar:
-    """Velocity change [m/s] of the longest burn in the direction of `delta_v_N` from the look attitude `q_look`.
-
-    `dt` [s] is the time between guidance ticks.
-    """
-    _, turn_time = _turn_to_burn(pointing, vehicle, gradient_safe.normalize(delta_v_N), q_look)
-    return longest_on_time(pointing, turn_time, dt) * vehicle.thrust / vehicle.mass
+def largest_delta_v(guidance: GuidanceSoftware, delta_v_N: Vector, q_look: Float[Array, "4"]) -> Scalar:
+    """Velocity change [m/s] of the longest burn in the direction of `delta_v_N` from the look attitude `q_look`."""
+    vehicle = guidance.vehicle
+    _, turn_time = _turn_to_burn(guidance, gradient_safe.normalize(delta_v_N), q_look)
+    return longest_on_time(guidance.pointing, turn_time, guidance.tick_s) * vehicle.thrust / vehicle.mass
 
 
-def share_within_limit(
-    pointing: PointingTuning, vehicle: VehicleModel, delta_v_N: Vector, q_look: Float[Array, "4"], dt: float
-) -> Scalar:
+def share_within_limit(guidance: GuidanceSoftware, delta_v_N: Vector, q_look: Float[Array, "4"]) -> Scalar:
     """Part of a velocity change [m/s] that is left where the look-away limit shortens its burn, 1 where it does not.
 
     Arguments are those of `largest_delta_v`.
     """
-    limit = largest_delta_v(pointing, vehicle, delta_v_N, q_look, dt)
+    limit = largest_delta_v(guidance, delta_v_N, q_look)
     return limit / jnp.maximum(gradient_safe.norm(delta_v_N), jnp.maximum(limit, _LEAST_DELTA_V))
 
 
-def _turn_to_burn(
-    pointing: PointingTuning, vehicle: VehicleModel, direction_N: Vector, q_look: Float[Array, "4"]
-) -> tuple[Vector, Scalar]:
+def _turn_to_burn(guidance: GuidanceSoftware, direction_N: Vector, q_look: Float[Array, "4"]) -> tuple[Vector, Scalar]:
     """Rotation vector in N [rad] that turns the thrust from the look attitude to a direction, and its time [s]."""
-    thrust_now_N = rotate(quaternion.conjugate(q_look), vehicle.thrust_direction)
+    thrust_now_N = rotate(quaternion.conjugate(q_look), guidance.vehicle.thrust_direction)
     turn_N = quaternion.rotation_vector_between(thrust_now_N, direction_N)
-    return turn_N, slew_duration(pointing, gradient_safe.norm(turn_N))
+    return turn_N, slew_duration(guidance.pointing, gradient_safe.norm(turn_N))
 
 
 def longest_on_time(pointing: PointingTuning, turn_time: Scalar, dt: float) -> Scalar:
@@ -175,29 +160,37 @@ def state_at_burn(formation: FormationTuning, estimate: OrbitEstimate) -> StateA
     return StateAtBurn(state_H=jnp.sum(transition * now[None, :], axis=1), R_CN=R_CN)
 
 
-def plan_from_command(
-    pointing: PointingTuning,
-    vehicle: VehicleModel,
-    estimate: OrbitEstimate,
-    before: BurnPlan,
-    ignition: Scalar,
-    cutoff: Scalar,
-    q_burn: Float[Array, "4"],
-    q_before: Float[Array, "4"],
-    time: Scalar,
-) -> BurnPlan:
-    """Burn plan from an external command: valve times [s] from the start of the run, and the burn attitude.
+@pytree
+class ExternalBurn:
+    """Burn commanded by an external program; times since the start of the run.
 
-    `q_before` is the end of the present attitude reference.
+    Attributes:
+        commanded: () bool, whether there is a command in this tick; without one the plan stays
+        ignition: () [s]
+        cutoff: () [s]; the valve closes immediately if it is not later than the ignition
+        q_burn: (4,) body attitude during the burn
+    """
+
+    commanded: Array
+    ignition: Array
+    cutoff: Array
+    q_burn: Array
+
+
+def plan_from_command(
+    guidance: GuidanceSoftware, burn: ExternalBurn, before: BurnPlan, q_look: Float[Array, "4"], time: Scalar
+) -> BurnPlan:
+    """Burn plan from an external command, with a turn from the look attitude `q_look` before it.
 
     A command with the ignition of the plan `before` only changes its cut-off. Without on-time the valve closes now.
     """
+    pointing, vehicle = guidance.pointing, guidance.vehicle
+    ignition, cutoff, q_burn = burn.ignition, burn.cutoff, burn.q_burn
     wanted = cutoff > ignition
-    q_look, _ = look_attitude(vehicle, estimate, q_before)
     turn = quaternion.log(quaternion.multiply(q_burn, quaternion.conjugate(q_look)))
     turn_start = jnp.maximum(ignition - pointing.settle_time - slew_duration(pointing, gradient_safe.norm(turn)), time)
     direction_N = rotate(quaternion.conjugate(q_burn), vehicle.thrust_direction)
-    burn = BurnPlan(
+    commanded = BurnPlan(
         turn_start=jnp.where(ignition == before.ignition, before.turn_start, turn_start),
         ignition=ignition,
         cutoff=cutoff,
@@ -206,15 +199,15 @@ def plan_from_command(
     )
     stopped = jnp.minimum(before.ignition, time)
     closed = replace(before, ignition=stopped, cutoff=jnp.clip(before.cutoff, stopped, time))
-    return select(wanted, burn, closed)
+    return select(burn.commanded, select(wanted, commanded, closed), before)
 
 
-def inhibit(pointing: PointingTuning, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float) -> BurnPlan:
-    """Plan with thrust cut off if it is due within the next `dt` [s] and the attitude is too far from the burn's."""
+def inhibit(guidance: GuidanceSoftware, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar) -> BurnPlan:
+    """Plan with thrust cut off if it is due before the next tick and the attitude is too far from the burn's."""
     # The scalar product of two unit quaternions is the cosine of half the angle between the attitudes.
     half_angle_cosine = jnp.abs(jnp.sum(plan.q_burn * q_BN, axis=0))
-    mispointed = half_angle_cosine < jnp.cos(0.5 * pointing.burn_attitude_limit)
-    firing = (time + dt > plan.ignition) & (time < plan.cutoff)
+    mispointed = half_angle_cosine < jnp.cos(0.5 * guidance.pointing.burn_attitude_limit)
+    firing = (time + guidance.tick_s > plan.ignition) & (time < plan.cutoff)
     stop = mispointed & firing
     ignition = jnp.where(stop, jnp.minimum(plan.ignition, time), plan.ignition)
     return replace(plan, ignition=ignition, cutoff=jnp.where(stop, jnp.maximum(ignition, time), plan.cutoff))

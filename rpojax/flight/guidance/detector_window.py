@@ -62,7 +62,8 @@ def select_window(
     depth = jnp.maximum(r_TK_K[2], 1e-3)
     center_px = jnp.array([0.5 * camera.width_px, 0.5 * camera.height_px], dtype=depth.dtype)
     expected_px = center_px + vehicle.focal_px * r_TK_K[:2] / depth
-    tracked = pointing.acquired & (pointing.unseen_time < _TRACKING_TIMEOUT_S) & (r_TK_K[2] > 0.0)
+    acquisition = pointing.acquisition
+    tracked = acquisition.acquired & (acquisition.unseen_time < _TRACKING_TIMEOUT_S) & (r_TK_K[2] > 0.0)
     return window_around(camera, expected_px, vehicle.focal_px * target_size / depth, tracked)
 
 

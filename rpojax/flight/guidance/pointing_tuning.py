@@ -1,8 +1,12 @@
-"""Tuning of the attitude guidance."""
+"""Tuning of the attitude guidance, and all of guidance that does not change from tick to tick."""
+
+from dataclasses import dataclass
 
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.vehicle_model import VehicleModel
 
 
 @pytree
@@ -34,3 +38,20 @@ class PointingTuning:
     search_sigmas: Array
     search_radius_max: Array
     burn_attitude_limit: Array
+
+
+@dataclass(frozen=True, eq=False)
+class GuidanceSoftware:
+    """Guidance of one servicer: what does not change from tick to tick.
+
+    Attributes:
+        pointing: tuning of the attitude guidance
+        formation: tuning of formation keeping
+        vehicle: nominal properties of the servicer
+        tick_s: time between guidance ticks [s]
+    """
+
+    pointing: PointingTuning
+    formation: FormationTuning
+    vehicle: VehicleModel
+    tick_s: float

@@ -11,7 +11,7 @@ from rpojax.core.numerics.trigonometric_series import cos_sinc
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware, PointingTuning
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -64,12 +64,13 @@ def evaluate(reference: SlewReference, age: Scalar) -> AttitudeCommand:
 
 
 def retarget(
-    pointing: PointingTuning, before: SlewReference, q_end: Array, omega_end: Vector, changed: Flag, dt: float
+    guidance: GuidanceSoftware, before: SlewReference, q_end: Array, omega_end: Vector, changed: Flag
 ) -> SlewReference:
-    """Reference `dt` [s] later with a new end attitude.
+    """Reference a tick later with a new end attitude.
 
     If the end attitude has `changed` its purpose or jumps, a new slew starts from the present command.
     """
+    dt = guidance.tick_s
     step = jnp.asarray(dt, dtype=before.slew_age.dtype)
     q_end_expected = quaternion.propagate(before.q_EN, before.omega_EN_E, dt)
     jump = gradient_safe.norm(quaternion.log(quaternion.multiply(q_end, quaternion.conjugate(q_end_expected))))
@@ -81,7 +82,7 @@ def retarget(
         omega_EN_E=omega_end,
         remainder=jnp.where(restart, remainder, before.remainder),
         slew_age=jnp.where(restart, 0.0, before.slew_age + dt),
-        slew_time=jnp.where(restart, slew_duration(pointing, gradient_safe.norm(remainder)), before.slew_time),
+        slew_time=jnp.where(restart, slew_duration(guidance.pointing, gradient_safe.norm(remainder)), before.slew_time),
     )
 
 

@@ -1,62 +1,65 @@
-"""Target acquisition: when accepted boxes are enough to count the target as seen, or their absence as lost."""
-
-from dataclasses import dataclass
+"""Target acquisition: when sightings are enough to count the target as acquired, or their absence as lost."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.core.pytree import pytree
+from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
 from rpojax.flight.navigation.box_measurement import box_evidence
 
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]
 
 
-@dataclass(frozen=True)
+@pytree
 class Acquisition:
     """Acquisition state of the target.
 
     Attributes:
-        recent_detections: () evidence of accepted boxes, fading while the target should be seen and is not [s]
-        acquired: () bool, enough boxes since the target last came into the light
-        unseen_time: () since the last accepted box, planned look-aways and darkness left out [s]
-        wait: () unseen time after which a search begins [s]
+        acquired: () bool, the target has been acquired since it last came into the light
+        recent_detections: () evidence of sightings, fading while the target should be seen and is not [s]
+        unseen_time: () since the target was last seen, planned look-aways and darkness left out [s]
     """
 
-    recent_detections: Array
     acquired: Array
+    recent_detections: Array
     unseen_time: Array
-    wait: Array
+
+
+def never_seen() -> Acquisition:
+    """State before the first frame."""
+    zero = jnp.zeros((), dtype=jnp.float64)
+    return Acquisition(acquired=jnp.zeros((), dtype=bool), recent_detections=zero, unseen_time=zero)
 
 
 def update_acquisition(
-    pointing: PointingTuning,
-    recent_detections: Scalar,
-    acquired: Flag,
-    unseen_time: Scalar,
-    box_accepted: Flag,
-    visible: Flag,
-    looking_away: Flag,
-    dt: float,
+    guidance: GuidanceSoftware, before: Acquisition, target_seen: Flag, visible: Flag, looking_away: Flag
 ) -> Acquisition:
-    """Acquisition state after a frame, `dt` [s] after the one before it; darkness (not `visible`) resets it."""
-    recent_detections = sum_detections(recent_detections, box_accepted, visible, looking_away, dt)
-    confirmed = box_accepted & (recent_detections > ACQUISITION_EVIDENCE)
-    acquired = (acquired & visible) | confirmed
-    # A camera that is slower than these times gets a second and a third frame.
-    wait = jnp.maximum(jnp.where(acquired, pointing.search_after, pointing.acquisition_wait), _FRAMES_TO_WAIT * dt)
+    """Acquisition state after the frame of a tick; darkness (not `visible`) resets it."""
+    dt = guidance.tick_s
+    recent_detections = _sum_detections(before.recent_detections, target_seen, visible, looking_away, dt)
+    confirmed = target_seen & (recent_detections > ACQUISITION_EVIDENCE)
+    acquired = (before.acquired & visible) | confirmed
     hold_time = max(SINGLE_BOX_HOLD_TIME, _FRAMES_TO_WAIT * dt)
-    unseen_time = unseen_time + jnp.where(looking_away, 0.0, dt)
+    unseen_time = before.unseen_time + jnp.where(looking_away, 0.0, dt)
     # A single box may be false: it only holds the camera for a while, until further boxes confirm it.
-    unseen_time = jnp.where(box_accepted, jnp.minimum(unseen_time, wait - hold_time), unseen_time)
+    held = jnp.minimum(unseen_time, search_wait(guidance, acquired) - hold_time)
+    unseen_time = jnp.where(target_seen, held, unseen_time)
     unseen_time = jnp.where(confirmed | ~visible, 0.0, unseen_time)
-    return Acquisition(recent_detections=recent_detections, acquired=acquired, unseen_time=unseen_time, wait=wait)
+    return Acquisition(acquired=acquired, recent_detections=recent_detections, unseen_time=unseen_time)
 
 
-def sum_detections(before: Scalar, accepted: Flag, visible: Flag, looking_away: Flag, dt: float) -> Scalar:
-    """Fading sum of the evidence of accepted boxes [s]; unchanged during planned look-aways, zero in darkness."""
+def search_wait(guidance: GuidanceSoftware, acquired: Flag) -> Scalar:
+    """Unseen time after which a search begins [s]."""
+    wait = jnp.where(acquired, guidance.pointing.search_after, guidance.pointing.acquisition_wait)
+    # A camera that is slower than these times gets a second and a third frame.
+    return jnp.maximum(wait, _FRAMES_TO_WAIT * guidance.tick_s)
+
+
+def _sum_detections(before: Scalar, target_seen: Flag, visible: Flag, looking_away: Flag, dt: float) -> Scalar:
+    """Fading sum of the evidence of sightings [s]; unchanged during planned look-aways, zero in darkness."""
     gained, faded = before + box_evidence.evidence_time(dt), box_evidence.fade(_DETECTION_DECAY, dt) * before
-    evidence = jnp.where(accepted, gained, jnp.where(looking_away, before, faded))
+    evidence = jnp.where(target_seen, gained, jnp.where(looking_away, before, faded))
     return jnp.where(visible, jnp.minimum(evidence, _MAX_DETECTION_EVIDENCE), 0.0)
 
 

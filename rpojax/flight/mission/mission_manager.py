@@ -83,7 +83,7 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
     resumed = (state.phase == settings.hold) & (state.entered_at < tuning.resume_at)
     resumed &= idle & (situation.time >= tuning.resume_at)
     phase, by = jnp.where(resumed, state.held_phase, phase), jnp.where(resumed, int(Transition.RESUME_COMMAND), by)
-    reason = _abort_reason(settings, phases, tuning, state, situation, timed_out & aborts_on_timeout)
+    reason = _abort_reason(settings, tuning, state, situation, timed_out & aborts_on_timeout)
     aborts = (reason != AbortReason.NONE) & (state.phase != settings.aborted)
     phase = jnp.where(aborts | (state.phase == settings.aborted), settings.aborted, phase).astype(jnp.int32)
     begins = phase != state.phase
@@ -152,12 +152,7 @@ def _timeout_rows(settings: MissionSettings, row: Int[Array, ""]) -> tuple[Array
 
 
 def _abort_reason(
-    settings: MissionSettings,
-    phases: list,
-    tuning: MissionTuning,
-    state: MissionState,
-    situation: Situation,
-    timed_out: Flag,
+    settings: MissionSettings, tuning: MissionTuning, state: MissionState, situation: Situation, timed_out: Flag
 ) -> Int[Array, ""]:
     """The first reason for an abort, 0 without one.
 
@@ -169,9 +164,11 @@ def _abort_reason(
     row = jnp.minimum(state.phase, settings.hold - 1)
     forced = ~(running & constant_of_phase(row, [phase.passively_safe for phase in settings.phases]))
     outside = jnp.zeros((), dtype=bool)
-    for number, (static, phase) in enumerate(zip(settings.phases, phases, strict=True)):
-        if static.has_corridor:
-            outside |= (state.phase == number) & leaves_corridor(phase.corridor, situation.state_H[:3])
+    for number, phase in enumerate(settings.phases):
+        if phase.has_corridor:
+            corridor = tuning.phases[phase.name].corridor
+            assert corridor is not None
+            outside |= (state.phase == number) & leaves_corridor(corridor, situation.state_H[:3])
     watched = forced & state.has_seen_target
     reason = jnp.zeros((), dtype=jnp.int32)
     for applies, code in reversed(

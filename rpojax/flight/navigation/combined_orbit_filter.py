@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.flight.navigation import (
     believed_sensor,
     burn_execution_error,
@@ -27,8 +27,9 @@ from rpojax.flight.navigation import (
 from rpojax.flight.navigation.believed_sensor import SensorInnovation, SensorRows
 from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
+from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
 from rpojax.flight.navigation.relative_state import SLOW_STATES, RelativeEstimate, SlowState
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 
@@ -128,7 +129,7 @@ def predict(
     times = reference.node_times(runge_kutta.NODES["rk4"], dt)
     change_r, change_v, change_d, change_d_dot = runge_kutta.increment("rk4", derivative, mean, times, dt)
     r, v, orbit_low = reference.final_state(dt, change_r, change_v)
-    d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
+    relative = replace(relative, r_TS_N=relative.r_TS_N + change_d, v_TS_N=relative.v_TS_N + change_d_dot)
     magnitude_sigma = burn_execution_error.new_magnitude_sigma(tuning, burn_sigma_inflation)
     new = burn_execution_error.burn_covariance(delta_v_N, burn_delta_v, magnitude_sigma, tuning.burn_direction_sigma)
     # The servicer's own estimate, which GPS keeps, takes all of the error as new.
@@ -138,9 +139,11 @@ def predict(
         gradient_safe.sqrt(magnitude_sigma**2 + burn_execution_error.lasting_sigma(tuning) ** 2),
         tuning.burn_direction_sigma,
     )
+    step = OrbitStep(dt=dt, r_SN_N=servicer.r_SN_N, velocity_covariance=new, delta_v_N=delta_v_N)
+    servicer = replace(servicer, r_SN_N=r, v_SN_N=v, orbit_low=orbit_low)
     return OrbitEstimate(
-        servicer=servicer_orbit_ekf.predict(tuning, servicer, r, v, orbit_low, whole, dt),
-        relative=relative_orbit_ekf.predict(tuning, relative, d, d_dot, servicer.r_SN_N, new, dt, delta_v_N),
+        servicer=servicer_orbit_ekf.predict(tuning, servicer, replace(step, velocity_covariance=whole)),
+        relative=relative_orbit_ekf.predict(tuning, relative, step),
     )
 
 
@@ -161,7 +164,7 @@ def update(
     """
     servicer, gps_result = servicer_orbit_ekf.update(tuning, estimate.servicer, gps)
     relative, gate, box_result, used, expected = relative_orbit_ekf.update(
-        tuning, gated, focal_px, estimate.relative, gate, q_KN, box
+        tuning, gated, estimate.relative, gate, box_view(box, focal_px, q_KN)
     )
     of_sensors = {}
     for name, rows in (sensors or {}).items():

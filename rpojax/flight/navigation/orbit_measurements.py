@@ -1,7 +1,8 @@
 """Measurements of the orbit filter: GPS positions and bounding boxes."""
 
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
+from rpojax.core import quaternion
 from rpojax.core.pytree import pytree
 
 
@@ -47,3 +48,25 @@ class BoxMeasurement:
     half_frame_tangent: Array
     attitude_variance_change: Array
     interval: Array
+
+
+@pytree
+class BoxView:
+    """Bounding box with the camera that it comes from, as flight software knows it.
+
+    Attributes:
+        box: bounding box
+        focal_px: () of the camera [px]
+        q_KN: (4,) attitude of the camera by the attitude filter
+        R_KN: (3, 3) the same
+    """
+
+    box: BoxMeasurement
+    focal_px: Array
+    q_KN: Array
+    R_KN: Array
+
+
+def box_view(box: BoxMeasurement, focal_px: Float[Array, ""], q_KN: Float[Array, "4"]) -> BoxView:
+    """A box with its camera of a focal length [px] and an attitude."""
+    return BoxView(box=box, focal_px=focal_px, q_KN=q_KN, R_KN=quaternion.to_matrix(q_KN))

@@ -9,16 +9,14 @@ from jaxtyping import Array, Float
 from rpojax.core import kalman_update
 from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
 from rpojax.core.numerics import double_single
-from rpojax.core.numerics.double_single import LowOrder
-from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.navigation import orbit_covariance
+from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 
 Vector = Float[Array, "3"]
-Matrix = Float[Array, "3 3"]
 
 LAYOUT = StateLayout((*MOTION.blocks, ("gps_error", 3)))
 
@@ -66,29 +64,18 @@ def initial(tuning: OrbitFilterTuning, r_SN_N: Vector, v_SN_N: Vector) -> Servic
     )
 
 
-def predict(
-    tuning: OrbitFilterTuning,
-    estimate: ServicerEstimate,
-    r_SN_N: Vector,
-    v_SN_N: Vector,
-    orbit_low: LowOrder,
-    burn_covariance: Matrix,
-    dt: float,
-) -> ServicerEstimate:
-    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s] and `orbit_low`."""
-    decay = jnp.exp(-dt / tuning.gps_error_time_constant)
+def predict(tuning: OrbitFilterTuning, moved: ServicerEstimate, step: OrbitStep) -> ServicerEstimate:
+    """Estimate after a step, of which the orbit has `moved` already."""
+    decay = jnp.exp(-step.dt / tuning.gps_error_time_constant)
     gps_error_process_variance = tuning.gps_error_sigma**2 * (1.0 - decay**2)
-    velocity_process_covariance = burn_covariance + tuning.acceleration_noise**2 * dt * jnp.eye(3, dtype=decay.dtype)
-    gravity_gradient = two_body_gravity.gravity_gradient(estimate.r_SN_N)
-    process_noise = velocity_process_covariance, jnp.full(3, gps_error_process_variance)
     return replace(
-        estimate,
-        r_SN_N=r_SN_N,
-        v_SN_N=v_SN_N,
-        orbit_low=orbit_low,
-        gps_error_N=decay * estimate.gps_error_N,
+        moved,
+        gps_error_N=decay * moved.gps_error_N,
         covariance=orbit_covariance.propagate(
-            estimate.covariance, gravity_gradient, jnp.full(3, decay), *process_noise, dt
+            moved.covariance,
+            step.with_acceleration_noise(tuning.acceleration_noise),
+            jnp.full(3, decay),
+            jnp.full(3, gps_error_process_variance),
         ),
     )
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.quaternion import conjugate, rotate, to_matrix
 from rpojax.errors import UnfinishedError
+from rpojax.flight.guidance.burn_planning import ExternalBurn
 from rpojax.interop.cosimulation import command_checks, live_topics
 from rpojax.interop.cosimulation.clock import Clock
 from rpojax.interop.cosimulation.command_checks import BurnWindow, CommandLimits
@@ -22,7 +23,7 @@ from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, TopicMessages
 from rpojax.interop.ros2.odometry import block_diagonal, quaternion_from_orientation, rotate_covariance
 from rpojax.interop.ros2.topics import Topic
-from rpojax.simulation.external_inputs import ExternalBurn, ExternalOrbitEstimate
+from rpojax.simulation.external_inputs import ExternalOrbitEstimate
 
 _FRAME_ITERATIONS = 3
 """Fixed-point iterations for the target's Hill frame, started at the servicer's, which is off by 1e-5 rad."""

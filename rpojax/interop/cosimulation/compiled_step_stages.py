@@ -14,6 +14,7 @@ import numpy as np
 from rpojax.core import quaternion
 from rpojax.core.array_packing import PackedFunction, PackedLayout, PackedRecord
 from rpojax.core.pytree import pytree
+from rpojax.flight.guidance.burn_planning import ExternalBurn
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.stages import Stages
 from rpojax.interop.ros2 import message_values
@@ -23,7 +24,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import external_inputs, step_stages
 from rpojax.simulation.channels import Channels, compute_channels
-from rpojax.simulation.external_inputs import ExternalBurn, ExternalOrbitEstimate
+from rpojax.simulation.external_inputs import ExternalOrbitEstimate
 from rpojax.simulation.state import State
 from rpojax.simulation.telemetry import telemetry_of
 from rpojax.simulation.tick import Loop, Motion, Tick

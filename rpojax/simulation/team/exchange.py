@@ -99,7 +99,7 @@ def _confirmed(params: Params, tick: Tick, messages_used: Bool[Array, " peers"])
     """
     sigmas, half_frame = params.flight.pointing.search_sigmas, tick.measurements.box.half_frame_tangent
     is_in_frame = line_of_sight_uncertainty.is_within_frame(tick.flight.orbit, sigmas, half_frame)
-    return jnp.any(messages_used) & (tick.flight.pointing.acquired | is_in_frame)
+    return jnp.any(messages_used) & (tick.flight.pointing.acquisition.acquired | is_in_frame)
 
 
 def _coordinate(

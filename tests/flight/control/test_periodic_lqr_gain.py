@@ -15,8 +15,8 @@ from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, transition_matrix
 from rpojax.core.pytree import replace
 from rpojax.flight.control import periodic_lqr_gain
+from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.scenario.params import Params
 
 PERIGEE, PERIGEE_ANGLE, BURNS = 7.0e6, 2.1, 40

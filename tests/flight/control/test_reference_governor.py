@@ -9,8 +9,7 @@ from numpy_reference import SEEDS
 
 from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
 from rpojax.flight.control import reference_governor
-from rpojax.flight.control.formation_law import lqr_feedback
-from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.control.formation_law import lqr_feedback, lqr_gain
 from rpojax.flight.flight_records import FlightParams
 
 N, PERIOD = 1.1e-3, 200.0

@@ -1,11 +1,11 @@
-"""Riccati solution against scipy, and its derivative against differences."""
+"""Riccati and Lyapunov solutions against scipy, and the derivative of the former against differences."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
 from rpojax.flight.control import riccati
@@ -13,6 +13,7 @@ from rpojax.flight.control import riccati
 RATE = np.float64(1.1e-3)  # mean motion at 500 km
 RICCATI = 1e-9  # both solvers are good to the conditioning of the solution, 1e6, times rounding
 solve_riccati = jax.jit(riccati.solve_riccati)
+solve_lyapunov = jax.jit(riccati.solve_lyapunov)
 Problem = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -67,3 +68,9 @@ def test_the_derivative_agrees_with_differences_of_scipys_solution() -> None:
     _, found = jax.jvp(solve_riccati, (A, B, Q, R), (zero(A), zero(B), dQ, zero(R)))
     up, down = (solve_discrete_are(A, B, Q + sign * step * dQ, R) for sign in (1.0, -1.0))
     np.testing.assert_allclose(found, (up - down) / (2.0 * step), rtol=1e-6, atol=1e-8)
+
+
+def test_the_lyapunov_solution_agrees_with_scipy() -> None:
+    rng = np.random.default_rng(1)
+    F, S = 0.3 * rng.standard_normal((4, 4)), rng.standard_normal((4, 4))
+    np.testing.assert_allclose(solve_lyapunov(F, S), solve_discrete_lyapunov(F.T, S), atol=1e-12)

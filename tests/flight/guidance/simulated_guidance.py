@@ -11,6 +11,7 @@ from numpy_reference import (
     rotation_matrix,
 )
 
+from rpojax.core.pytree import replace
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.flight_records import FlightParams
@@ -20,8 +21,9 @@ from rpojax.flight.guidance import (
     slew_profile,
     target_pointing,
 )
-from rpojax.flight.guidance.attitude_guidance import PointingState
+from rpojax.flight.guidance.attitude_guidance import GuidanceTick, PointingState
 from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 GAIN = np.zeros((3, 6))
@@ -30,8 +32,19 @@ SAMPLES = 5
 Law = Callable[[jax.Array, jax.Array], jax.Array]
 TIME = np.float64(1000.0)  # of the decision
 evaluate = jax.jit(slew_profile.evaluate)
-guide = jax.jit(attitude_guidance.guide, static_argnums=8)
 look_attitude = jax.jit(target_pointing.look_attitude)
+
+
+def guidance_of(flight: FlightParams, dt: float = 1.0) -> GuidanceSoftware:
+    """Guidance at a tick every `dt` [s]."""
+    return replace(rendezvous_scene.software(flight), tick_s=dt).guidance
+
+
+@partial(jax.jit, static_argnums=3)
+def guide(
+    flight: FlightParams, state: PointingState, tick: GuidanceTick, dt: float = 1.0
+) -> tuple[PointingState, jax.Array]:
+    return attitude_guidance.guide(guidance_of(flight, dt), state, tick)
 
 
 @partial(jax.jit, static_argnums=(0, 5))
@@ -47,9 +60,7 @@ def plan_burn(
     at_burn = burn_planning.state_at_burn(flight.formation, estimate)
     desired_H = jnp.concatenate([flight.formation.desired_position, jnp.zeros(3)])
     delta_v_N = apply_transposed(at_burn.R_CN, law(GAIN, at_burn.state_H - desired_H))
-    return burn_planning.schedule_burn(
-        flight.formation, flight.pointing, flight.vehicle, delta_v_N, q_look, allowed, jnp.asarray(TIME), dt
-    )
+    return burn_planning.schedule_burn(guidance_of(flight, dt), delta_v_N, q_look, allowed, jnp.asarray(TIME))
 
 
 def push_back(gain: jax.Array, deviation: jax.Array) -> jax.Array:
@@ -107,9 +118,8 @@ def simulate(
         q_BN = slew_profile.evaluate(state.reference, jnp.full((), dt)).q_CN
         looks = attitude_guidance.rotate(attitude_guidance.quaternion.conjugate(q_BN), jnp.array([1.0, 0.0, 0.0]))
         accepted = (jnp.sum(looks * line) > jnp.cos(jnp.deg2rad(5.0))) & ~blind
-        state, mode = attitude_guidance.guide(
-            flight.pointing, flight.vehicle, estimate, plan, state, accepted, visible, time, dt
-        )
+        tick = GuidanceTick(time=time, estimate=estimate, plan=plan, target_seen=accepted, visible=visible)
+        state, mode = guide(flight, state, tick, dt)
         ages = dt * jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
         return state, (mode, jax.vmap(lambda age: slew_profile.evaluate(state.reference, age))(ages), accepted)
 
@@ -141,15 +151,12 @@ def look(
     state = attitude_guidance.initial_pointing(flight.vehicle, known) if state is None else state
     for tick, frame in enumerate(frames):
         accepted = np.asarray(frame == "x")
-        state, _ = guide(
-            flight.pointing,
-            flight.vehicle,
-            known,
-            burn_planning.no_burn() if plan is None else plan,
-            state,
-            accepted,
-            visible,
-            TIME + dt * tick,
-            dt,
+        inputs = GuidanceTick(
+            time=TIME + dt * tick,
+            estimate=known,
+            plan=burn_planning.no_burn() if plan is None else plan,
+            target_seen=accepted,
+            visible=visible,
         )
+        state, _ = guide(flight, state, inputs, dt)
     return state

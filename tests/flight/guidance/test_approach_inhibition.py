@@ -9,7 +9,7 @@ from numpy_reference import SEEDS
 from scipy.linalg import expm
 
 from rpojax.flight.guidance import approach_inhibition
-from rpojax.flight.guidance.approach_inhibition import Confidence
+from rpojax.flight.guidance.approach_inhibition import Approach, Confidence
 
 N = 1.1e-3
 PERIOD = 200.0
@@ -17,7 +17,7 @@ STATION = np.array([0.0, -30.0, 0.0])
 HILL = np.zeros((6, 6))
 HILL[:3, 3:] = np.eye(3)
 HILL[3, 0], HILL[3, 4], HILL[4, 3], HILL[5, 2] = 3.0 * N**2, 2.0 * N, -2.0 * N, -(N**2)
-inhibit = jax.jit(approach_inhibition.inhibit, static_argnums=9)
+inhibit = jax.jit(approach_inhibition.inhibit)
 
 
 def change(
@@ -30,13 +30,13 @@ def change(
 ) -> np.ndarray:
     """Velocity change instead of the `wanted` one [m/s]; the confidence was lost at the present range by default."""
     confident_range = float(np.linalg.norm(state[:3])) if confident_range is None else confident_range
-    return np.asarray(
-        inhibit(
-            np.float64(0.5), STATION, state, np.float64(sigma), wanted, np.float64(1.0),
-            Confidence(present=jnp.asarray(confident), last_range=jnp.asarray(confident_range)),
-            jnp.asarray(visible), np.float64(N), PERIOD,
-        )
-    )  # fmt: skip
+    approach = Approach(
+        station_H=STATION, state_H=state, stays_visible=jnp.asarray(visible), n=np.float64(N), period=PERIOD
+    )
+    confidence = Confidence(
+        present=jnp.asarray(confident), last_range=jnp.asarray(confident_range), range_sigma=np.float64(sigma)
+    )
+    return np.asarray(inhibit(np.float64(0.5), approach, confidence, wanted, np.float64(1.0)))
 
 
 def least_range(state: np.ndarray, delta_v: np.ndarray, duration: float = 2.0 * PERIOD) -> float:

@@ -88,7 +88,9 @@ def test_the_search_starts_after_the_wait_before_and_after_acquisition(
     # The first tick counts as the end of a slew, so a search begins one tick after the wait is over.
     modes, _ = simulate_search(flight, 3.0, 300)
     assert modes[:10].tolist() == [Mode.LOOK] * 4 + [Mode.SEARCH] * 6
-    acquired = replace(attitude_guidance.initial_pointing(flight.vehicle, known), acquired=jnp.asarray(True))
+    acquired = rendezvous_scene.with_acquisition(
+        attitude_guidance.initial_pointing(flight.vehicle, known), acquired=jnp.asarray(True)
+    )
     times = TIME + np.arange(300.0)
     later, _, _ = simulate(flight, known, burn_planning.no_burn(), acquired, times, np.asarray(True))
     assert np.asarray(later)[:70].tolist() == [Mode.LOOK] * 61 + [Mode.SEARCH] * 9
@@ -96,7 +98,9 @@ def test_the_search_starts_after_the_wait_before_and_after_acquisition(
 
 def test_a_search_ends_when_the_target_is_seen(flight: FlightParams, known: OrbitEstimate) -> None:
     state = attitude_guidance.initial_pointing(flight.vehicle, known)
-    searching = replace(state, unseen_time=jnp.float64(99.0), search_time=jnp.float64(4.0))
+    searching = replace(
+        rendezvous_scene.with_acquisition(state, unseen_time=jnp.float64(99.0)), search_time=jnp.float64(4.0)
+    )
     modes, _, accepted = simulate(
         flight, known, burn_planning.no_burn(), searching, TIME + np.arange(300.0), np.asarray(False)
     )
@@ -109,16 +113,19 @@ def test_the_target_is_lost_before_acquisition_and_after_a_minute_unseen(
 ) -> None:
     state = attitude_guidance.initial_pointing(flight.vehicle, known)
     assert bool(attitude_guidance.is_lost(flight.pointing, state))
-    acquired = replace(state, acquired=jnp.asarray(True), recent_detections=jnp.float64(3.0))
+    acquired = rendezvous_scene.with_acquisition(state, acquired=jnp.asarray(True), recent_detections=jnp.float64(3.0))
     assert not bool(attitude_guidance.is_lost(flight.pointing, acquired))
-    unseen = replace(acquired, unseen_time=jnp.float64(60.5))
+    unseen = rendezvous_scene.with_acquisition(acquired, unseen_time=jnp.float64(60.5))
     assert bool(attitude_guidance.is_lost(flight.pointing, unseen))
 
 
 def test_a_single_box_keeps_the_camera_from_searching_for_five_seconds(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
-    searching = replace(look(flight, known, ".."), unseen_time=jnp.float64(50.0), search_time=jnp.float64(4.0))
+    searching = replace(
+        rendezvous_scene.with_acquisition(look(flight, known, ".."), unseen_time=jnp.float64(50.0)),
+        search_time=jnp.float64(4.0),
+    )
     once = look(flight, known, "x", searching)
     assert once.search_time == 0.0
     assert look(flight, known, 5 * ".", once).search_time == 0.0
@@ -127,9 +134,13 @@ def test_a_single_box_keeps_the_camera_from_searching_for_five_seconds(
 
 def test_darkness_prevents_a_search_and_resets_the_acquisition(flight: FlightParams, known: OrbitEstimate) -> None:
     seen = look(flight, known, 5 * "x")
-    assert bool(seen.acquired)
+    assert bool(seen.acquisition.acquired)
     dark = look(flight, known, ".", seen, visible=NO)
-    assert (float(dark.recent_detections), float(dark.unseen_time), bool(dark.acquired)) == (0.0, 0.0, False)
+    assert (
+        float(dark.acquisition.recent_detections),
+        float(dark.acquisition.unseen_time),
+        bool(dark.acquisition.acquired),
+    ) == (0.0, 0.0, False)
     state = attitude_guidance.initial_pointing(flight.vehicle, known)
     times = TIME + np.arange(300.0)
     modes, commands, _ = simulate(flight, known, burn_planning.no_burn(), state, times, YES, NO)
@@ -145,7 +156,7 @@ def test_a_search_ends_at_sunset(flight: FlightParams, known: OrbitEstimate) -> 
     searching = look(flight, known, 30 * ".")
     assert searching.search_time > 0.0
     dark = look(flight, known, ".", searching, visible=NO)
-    assert (float(dark.search_time), float(dark.unseen_time)) == (0.0, 0.0)
+    assert (float(dark.search_time), float(dark.acquisition.unseen_time)) == (0.0, 0.0)
 
 
 def test_the_slew_back_from_an_inhibited_burn_is_no_search(flight: FlightParams, known: OrbitEstimate) -> None:

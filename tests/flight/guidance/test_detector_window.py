@@ -86,11 +86,13 @@ def test_the_command_follows_the_tracked_target_by_the_estimate(flight: FlightPa
     time = jnp.asarray(0.0)
     lost = command_camera(Stages(), flight, LARGE, memory, time).camera
     np.testing.assert_array_equal([*lost.corner_px, lost.binning], [*memory.camera.corner_px, memory.camera.binning])
-    acquired = replace(memory, pointing=replace(memory.pointing, acquired=jnp.asarray(True)))
+    acquired = replace(memory, pointing=rendezvous_scene.with_acquisition(memory.pointing, acquired=jnp.asarray(True)))
     seen = command_camera(Stages(), flight, LARGE, acquired, time).camera
     # The camera points at the target: the window is around the middle of the frame.
     np.testing.assert_allclose(seen.corner_px + 64.0 * seen.binning, [256.0, 256.0], atol=EXACT)
-    unseen = replace(acquired, pointing=replace(acquired.pointing, unseen_time=jnp.asarray(5.0)))
+    unseen = replace(
+        acquired, pointing=rendezvous_scene.with_acquisition(acquired.pointing, unseen_time=jnp.asarray(5.0))
+    )
     assert float(command_camera(Stages(), flight, LARGE, unseen, time).camera.binning) == 4.0
 
 

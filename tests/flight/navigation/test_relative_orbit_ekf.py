@@ -12,16 +12,24 @@ from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import outline_correlation, relative_orbit_ekf
 from rpojax.flight.navigation.box_measurement import box_measurement_model, outlier_gate
+from rpojax.flight.navigation.box_measurement.box_measurement_model import LinearisedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.scenario.params import Params
 
 TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding
-linearise_box = jax.jit(box_measurement_model.linearise_box)
-box_derivative = jax.jit(
-    jax.jacfwd(lambda *arguments: box_measurement_model.linearise_box(*arguments).predicted, argnums=3)
-)
+
+
+@jax.jit
+def linearise_box(
+    flight: FlightParams, q_KN: jax.Array, r_TS_N: jax.Array, box: BoxMeasurement, slow_scale: float = 0.0
+) -> LinearisedBox:
+    view = box_view(box, flight.vehicle.focal_px, q_KN)
+    return box_measurement_model.linearise_box(flight.navigation, view, r_TS_N, slow_scale)
+
+
+box_derivative = jax.jit(jax.jacfwd(lambda *arguments: linearise_box(*arguments).predicted, argnums=2))
 update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
 
 
@@ -48,11 +56,9 @@ def take(
     after, memory, _, used, _ = update(
         flight.navigation,
         gated,
-        flight.vehicle.focal_px,
         estimate,
         outlier_gate.initial() if track is None else track,
-        q_KN,
-        box,
+        box_view(box, flight.vehicle.focal_px, q_KN),
     )
     return after, memory, bool(used)
 
@@ -74,12 +80,12 @@ def test_the_gate_is_at_the_sigma_of_the_expected_box(
     estimate = replace(estimate, slow={**estimate.slow, **shown})
     box = seen(flight, q_KN, place, truncated=truncated)
     memory = outlier_gate.initial()
-    arguments = (flight.navigation, True, flight.vehicle.focal_px, estimate, memory, q_KN)
-    expected = update(*arguments, box)[4]
+    arguments = (flight.navigation, True, estimate, memory)
+    expected = update(*arguments, box_view(box, flight.vehicle.focal_px, q_KN))[4]
     offset = fraction * flight.navigation.gate_sigma * jnp.sqrt(expected.variance[axis]) * jnp.eye(2)[axis]
     tried = replace(box, tangent=expected.values[:2] + offset, log_size=expected.values[2])
     assert bool(expected.in_front)
-    assert bool(update(*arguments, tried)[3]) == used
+    assert bool(update(*arguments, box_view(tried, flight.vehicle.focal_px, q_KN))[3]) == used
 
 
 def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
@@ -114,16 +120,16 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         log_size=ideal.log_size + float(np.sum(scale)) + residual[2],
     )
     after, _, result, used, _ = update(
-        flight.navigation, True, flight.vehicle.focal_px, before, outlier_gate.initial(), q_KN, box
+        flight.navigation, True, before, outlier_gate.initial(), box_view(box, flight.vehicle.focal_px, q_KN)
     )
     assert used
     # The lasting error of burns is a thirteenth state, which boxes do not measure.
     H = np.zeros((3, 13))
-    H[:, :3] = box_derivative(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box)
+    H[:, :3] = box_derivative(flight, q_KN, r_TS_N, box)
     H[2, 6:8] = 1.0
     H[0, 8] = H[1, 9] = 1.0
     H[0, 10] = H[1, 11] = 1.0 / depth
-    expected = linearise_box(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box, scale[0])
+    expected = linearise_box(flight, q_KN, r_TS_N, box, scale[0])
     R = np.diag(np.asarray(expected.variance))
     S = H @ P @ H.T + R
     K = np.linalg.solve(S, H @ P).T
@@ -231,11 +237,7 @@ def test_a_single_box_is_accepted_up_to_three_box_sigmas_of_prior_uncertainty(
     flight: FlightParams, q_KN: np.ndarray, fraction: float, accepted: bool
 ) -> None:
     box = seen(flight, q_KN)
-    noise = float(
-        linearise_box(
-            flight.navigation, flight.vehicle.focal_px, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, box
-        ).variance[0]
-    )
+    noise = float(linearise_box(flight, q_KN, rendezvous_scene.TARGET_AHEAD, box).variance[0])
     # Bearing bias and offset of the box centre are part of the uncertainty.
     border = 30.0 * np.sqrt(3.0**2 * noise - np.deg2rad(0.03) ** 2 - (0.005 / 30.0) ** 2)
     _, _, used = take(flight, rendezvous_scene.estimate(flight, position_sigma=fraction * border).relative, q_KN, box)
@@ -329,9 +331,7 @@ def test_a_truncated_box_larger_than_the_target_is_rejected(
 ) -> None:
     aside = rotated(q_KN, 4.5)
     box = seen(flight, aside, truncated=True)
-    model = linearise_box(
-        flight.navigation, flight.vehicle.focal_px, rotation_matrix(aside), rendezvous_scene.TARGET_AHEAD, box
-    )
+    model = linearise_box(flight, aside, rendezvous_scene.TARGET_AHEAD, box)
     # The size's own noise, the target's two size errors, and the range.
     sigma = np.sqrt(model.variance[2] + 0.065**2 + 0.14**2 + (0.05 / 30.0) ** 2)
     for sigmas, accepted in ((3.9, True), (4.1, False), (-9.0, True)):

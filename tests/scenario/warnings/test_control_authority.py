@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from rpojax.flight.guidance import burn_planning
+from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
 from rpojax.scenario import params
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.warnings import control_authority, orbit_geometry
@@ -26,12 +27,13 @@ def test_the_longest_burn_leaves_time_for_both_turns(angle: float, turn_s: float
 def test_the_longest_burn_is_that_of_burn_planning(camera_hz: float) -> None:
     file = scenario_loader.load("inspection", ["dispersions=[]", f"rates.camera_hz={camera_hz}"])
     flight = params.build_params(file.model_dump(), file.camera.width_px, file.camera.height_px).flight
+    guidance = GuidanceSoftware(
+        pointing=flight.pointing, formation=flight.formation, vehicle=flight.vehicle, tick_s=1.0 / camera_hz
+    )
     q_look = jnp.array([1.0, 0.0, 0.0, 0.0])
     for push in np.eye(3):
         # Body axes along N: the camera looks along the body's x axis.
-        planned = burn_planning.largest_delta_v(
-            flight.pointing, flight.vehicle, jnp.asarray(push), q_look, 1.0 / camera_hz
-        )
+        planned = burn_planning.largest_delta_v(guidance, jnp.asarray(push), q_look)
         found = control_authority.largest_delta_v_m_s(file, DispersedReach(file), np.eye(3)[0], push)
         assert float(found) == pytest.approx(float(planned), rel=1e-9)
 

@@ -10,12 +10,10 @@ from rpojax.core.vectors import apply, product
 from rpojax.flight.navigation.box_measurement import box_measurement_model, box_position
 from rpojax.flight.navigation.box_measurement.box_measurement_model import LinearisedBox, linearise_box
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, BoxView
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Vector = Float[Array, "3"]
-Scalar = Float[Array, ""]
-Matrix = Float[Array, "3 3"]
 
 
 @pytree
@@ -69,24 +67,23 @@ class PriorBox:
     in_front: Array
 
 
-def prior_box(
-    tuning: OrbitFilterTuning, focal_px: Scalar, R_KN: Matrix, estimate: RelativeEstimate, box: BoxMeasurement
-) -> PriorBox:
+def prior_box(tuning: OrbitFilterTuning, view: BoxView, estimate: RelativeEstimate) -> PriorBox:
     """Box by the prior estimate, compared with the measured one."""
+    box, R_KN = view.box, view.R_KN
     # Without stars the attitude error is a slow drift, not white noise; it adds to the bearing bias.
     drift = jnp.full(2, box.attitude_variance_change)
     r_TS_N, size = estimate.r_TS_N, estimate.slow["size"]
-    at_prior = linearise_box(tuning, focal_px, R_KN, r_TS_N, box, size[0])
+    at_prior = linearise_box(tuning, view, r_TS_N, size[0])
     bearing_error = estimate.slow["bearing_bias"] + at_prior.inverse_depth * estimate.slow["center_offset"]
     slow_errors = jnp.concatenate([bearing_error, jnp.sum(size, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow_errors
     range_is_wide = box.present & box_position.is_range_wide(r_TS_N, estimate.position_covariance)
     reference = jnp.where(range_is_wide, box_position.position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
-    model = linearise_box(tuning, focal_px, R_KN, reference, box, size[0])
+    model = linearise_box(tuning, view, reference, size[0])
     innovation_variance = _innovation_variance(estimate, drift, model)
     variance = innovation_variance - model.variance
     # Compared with an untruncated box: the large noise of a truncated one would make any prior look certain enough.
-    untruncated_variance = box_measurement_model.untruncated_bearing_variance(tuning, focal_px)
+    untruncated_variance = box_measurement_model.untruncated_bearing_variance(tuning, view.focal_px)
     is_wide = jnp.any(variance[:2] > tuning.confirm_above**2 * untruncated_variance, axis=0)
     return PriorBox(
         predicted=at_prior.predicted,

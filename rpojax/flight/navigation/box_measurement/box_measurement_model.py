@@ -7,7 +7,7 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, BoxView
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -41,17 +41,13 @@ class LinearisedBox:
 
 
 def linearise_box(
-    tuning: OrbitFilterTuning,
-    focal_px: Scalar,
-    R_KN: Matrix,
-    r_TS_N: Vector,
-    box: BoxMeasurement,
-    slow_scale: Scalar | float = 0.0,
+    tuning: OrbitFilterTuning, view: BoxView, r_TS_N: Vector, slow_scale: Scalar | float = 0.0
 ) -> LinearisedBox:
     """Linearised box of a target at `r_TS_N` [m] without its slowly varying errors.
 
     `slow_scale` [-] is the estimated log of its size over the expected one, which determines the noise of the size.
     """
+    box, focal_px, R_KN = view.box, view.focal_px, view.R_KN
     r_K = apply(R_KN, r_TS_N)
     distance_squared = jnp.sum(r_TS_N * r_TS_N, axis=0)
     distance = jnp.sqrt(distance_squared)

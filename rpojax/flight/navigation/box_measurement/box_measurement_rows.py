@@ -12,31 +12,24 @@ from rpojax.flight.navigation.box_measurement.box_innovation import PriorBox
 from rpojax.flight.navigation.box_measurement.box_measurement_model import LinearisedBox, linearise_box
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateDecision
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxView
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
-Matrix = Float[Array, "3 3"]
 
 
 def measurement_rows(
-    tuning: OrbitFilterTuning,
-    focal_px: Scalar,
-    R_KN: Matrix,
-    estimate: RelativeEstimate,
-    prior: PriorBox,
-    box: BoxMeasurement,
-    decision: GateDecision,
+    tuning: OrbitFilterTuning, view: BoxView, estimate: RelativeEstimate, prior: PriorBox, decision: GateDecision
 ) -> tuple[LinearisedBox, MeasurementRows]:
     """Box at the linearisation point, and its rows for the update."""
     # Linearising at the posterior lets the noise of a box rotate its own Jacobian, which biases the range by decimetres
     # per hour; so only while the prior is much wider than the box, where linearising at the prior would be worse.
-    iterated = _iterated_position(tuning, focal_px, R_KN, estimate, box, prior.measured)
+    iterated = _iterated_position(tuning, view, estimate, prior.measured)
     linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
-    model = linearise_box(tuning, focal_px, R_KN, linearisation_point, box, estimate.slow["size"][0])
+    model = linearise_box(tuning, view, linearisation_point, estimate.slow["size"][0])
     residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
-    size = _size_row(tuning, focal_px, prior, box, decision, residual[2], model.variance[2])
+    size = _size_row(tuning, view, prior, decision, residual[2], model.variance[2])
     rows = MeasurementRows(
         residual=jnp.concatenate([residual[:2], size[:1]]),
         jacobian=_jacobian(estimate.layout, model),
@@ -48,14 +41,14 @@ def measurement_rows(
 
 def _size_row(
     tuning: OrbitFilterTuning,
-    focal_px: Scalar,
+    view: BoxView,
     prior: PriorBox,
-    box: BoxMeasurement,
     decision: GateDecision,
     residual: Scalar,
     variance: Scalar,
 ) -> Vector:
     """Residual, variance and weight of the log-size, measured by the box, and by whether there is one."""
+    box, focal_px = view.box, view.focal_px
     log_size_px = jnp.log(focal_px) + prior.model.predicted[2] + prior.slow_errors[2]
     half_size = 0.5 * jnp.exp(log_size_px) / focal_px
     in_frame = jnp.all(jnp.abs(prior.model.predicted[:2]) + half_size < box.half_frame_tangent, axis=0)
@@ -109,12 +102,7 @@ def jacobian_times_covariance(estimate: RelativeEstimate, model: LinearisedBox) 
 
 
 def _iterated_position(
-    tuning: OrbitFilterTuning,
-    focal_px: Scalar,
-    R_KN: Matrix,
-    estimate: RelativeEstimate,
-    box: BoxMeasurement,
-    measured: Vector,
+    tuning: OrbitFilterTuning, view: BoxView, estimate: RelativeEstimate, measured: Vector
 ) -> Vector:
     """Linearisation point near the posterior: two Gauss-Newton steps of an iterated filter on the bearing.
 
@@ -124,7 +112,7 @@ def _iterated_position(
     P, slow_size = estimate.position_covariance, estimate.slow["size"][0]
     point = estimate.r_TS_N
     for _ in range(2):
-        model = linearise_box(tuning, focal_px, R_KN, point, box, slow_size)
+        model = linearise_box(tuning, view, point, slow_size)
         G = model.position_jacobian[:2]
         residual = measured[:2] - model.predicted[:2] - jnp.sum(G * (estimate.r_TS_N - point)[None, :], axis=1)
         PG = jnp.sum(P[:, None, :] * G[None, :, :], axis=2)

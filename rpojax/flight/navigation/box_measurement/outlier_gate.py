@@ -8,12 +8,11 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation.box_measurement import box_evidence
+from rpojax.flight.navigation.box_measurement.box_innovation import PriorBox
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, BoxView
 
-Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
-Matrix = Float[Array, "3 3"]
 
 GATE_WIDTH = 0.25
 """Width of the gate's smooth derivative, in squared sigmas."""
@@ -87,44 +86,36 @@ def initial() -> GateState:
 
 
 def accept(
-    tuning: OrbitFilterTuning,
-    R_KN: Matrix,
-    state: GateState,
-    box: BoxMeasurement,
-    residual: Vector,
-    variance: Vector,
-    prior_is_wide: Bool[Array, ""],
-    possible: Bool[Array, ""],
+    tuning: OrbitFilterTuning, view: BoxView, state: GateState, prior: PriorBox, possible: Bool[Array, ""]
 ) -> GateDecision:
     """Whether the box is within the gate and, while the prior is wide, a recent box confirms it.
 
-    `residual` (tangents, log-size) has the innovation `variance`; `prior_is_wide` means that the prior is much less
-    certain than a box, `possible` that the predicted target can have such a box.
+    `possible` means that the predicted target can have such a box.
     """
-    margin = tuning.gate_sigma**2 - _worst_ratio(box, residual, variance)
+    margin = tuning.gate_sigma**2 - _worst_ratio(view.box, prior)
     inside = gradient_safe.gate(margin, jnp.asarray(GATE_WIDTH, dtype=margin.dtype))
-    confirmed = _is_confirmed(tuning, R_KN, state, box)
-    allowed = box.present & possible & (confirmed | ~prior_is_wide)
+    confirmed = _is_confirmed(tuning, view, state)
+    allowed = view.box.present & possible & (confirmed | ~prior.is_wide)
     return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0), confirmed=confirmed)
 
 
-def is_inside(tuning: OrbitFilterTuning, box: BoxMeasurement, residual: Vector, variance: Vector) -> Bool[Array, ""]:
-    """True if the `residual` (tangents, log-size) of innovation `variance` is within the gate."""
-    return _worst_ratio(box, residual, variance) < tuning.gate_sigma**2
+def is_inside(tuning: OrbitFilterTuning, box: BoxMeasurement, prior: PriorBox) -> Bool[Array, ""]:
+    """True if the box is within the gate."""
+    return _worst_ratio(box, prior) < tuning.gate_sigma**2
 
 
-def _worst_ratio(box: BoxMeasurement, residual: Vector, variance: Vector) -> Scalar:
+def _worst_ratio(box: BoxMeasurement, prior: PriorBox) -> Scalar:
     """Largest squared residual over its variance."""
-    ratio = residual**2 / variance
+    ratio = prior.residual**2 / prior.innovation_variance
     bearing = jnp.maximum(ratio[0], ratio[1])
     # The visible part of a truncated target may be smaller than the target, but not larger.
-    size = jnp.where(box.truncated & (residual[2] < 0.0), 0.0, ratio[2])
+    size = jnp.where(box.truncated & (prior.residual[2] < 0.0), 0.0, ratio[2])
     return jnp.maximum(bearing, size)
 
 
-def _is_confirmed(tuning: OrbitFilterTuning, R_KN: Matrix, state: GateState, box: BoxMeasurement) -> Bool[Array, ""]:
+def _is_confirmed(tuning: OrbitFilterTuning, view: BoxView, state: GateState) -> Bool[Array, ""]:
     """True if a box of the last few seconds, or of the frame before, had nearly the same direction in N and size."""
-    before = apply(R_KN, state.direction_N)
+    box, before = view.box, apply(view.R_KN, state.direction_N)
     depth = jnp.where(before[2] > 0.1, before[2], 0.1)
     apart = jnp.max(jnp.abs(before[:2] / depth - box.tangent), axis=0)
     # Half an interval is more than the rounding of an age, and less than a frame.
@@ -135,20 +126,15 @@ def _is_confirmed(tuning: OrbitFilterTuning, R_KN: Matrix, state: GateState, box
 
 
 def update(
-    tuning: OrbitFilterTuning,
-    state: GateState,
-    q_KN: Float[Array, "4"],
-    box: BoxMeasurement,
-    rejected: Bool[Array, ""],
-    confirmed: Bool[Array, ""],
+    tuning: OrbitFilterTuning, view: BoxView, state: GateState, decision: GateDecision
 ) -> tuple[GateState, Bool[Array, ""]]:
     """State after a frame, and whether boxes were rejected for so long that the covariance should be inflated.
 
-    The box, if there is one, was `rejected` or not, and is `confirmed` by another or not. In frames without a box the
-    evidence of rejections decays, so that isolated false boxes do not add up.
+    In frames without a box the evidence of rejections decays, so that isolated false boxes do not add up.
     """
+    box, rejected = view.box, view.box.present & ~decision.accepted
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
-    direction_N = quaternion.rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K))
+    direction_N = quaternion.rotate(quaternion.conjugate(view.q_KN), gradient_safe.normalize(ray_K))
     idle = jnp.where(box.present, 0.0, box_evidence.fade(_REJECTION_DECAY, box.interval) * state.rejections)
     evidence = jnp.where(rejected, state.rejections + box_evidence.evidence_time(box.interval), idle)
     recover = evidence >= tuning.recovery_after - ROUNDING
@@ -157,7 +143,7 @@ def update(
         log_size=jnp.where(box.present, box.log_size, state.log_size),
         truncated=jnp.where(box.present, box.truncated, state.truncated),
         age=jnp.where(box.present, box.interval, state.age + box.interval),
-        contradicted=rejected & confirmed,
+        contradicted=rejected & decision.confirmed,
         recovered=recover,
         rejections=jnp.where(recover, 0.0, evidence),
     )

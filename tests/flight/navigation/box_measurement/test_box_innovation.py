@@ -15,7 +15,7 @@ from rpojax.flight.navigation import relative_state
 from rpojax.flight.navigation.box_measurement import box_innovation
 from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox, PriorBox
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 FOCAL = 731.5
@@ -24,16 +24,16 @@ FOCAL = 731.5
 
 @jax.jit
 def _both(
-    tuning: OrbitFilterTuning, R_KN: jax.Array, estimate: RelativeEstimate, box: BoxMeasurement
+    tuning: OrbitFilterTuning, q_KN: jax.Array, estimate: RelativeEstimate, box: BoxMeasurement
 ) -> tuple[dict[str, Any], ExpectedBox]:
-    prior = box_innovation.prior_box(tuning, jnp.asarray(FOCAL), R_KN, estimate, box)
+    prior = box_innovation.prior_box(tuning, box_view(box, jnp.asarray(FOCAL), q_KN), estimate)
     return vars(prior), box_innovation.expected_box(prior, box)
 
 
 def both(
-    tuning: OrbitFilterTuning, R_KN: np.ndarray, estimate: RelativeEstimate, box: BoxMeasurement
+    tuning: OrbitFilterTuning, q_KN: np.ndarray, estimate: RelativeEstimate, box: BoxMeasurement
 ) -> tuple[PriorBox, ExpectedBox]:
-    prior, expected = _both(tuning, R_KN, estimate, box)
+    prior, expected = _both(tuning, q_KN, estimate, box)
     return PriorBox(**prior), expected
 
 
@@ -43,7 +43,8 @@ class Scene:
     def __init__(self, tuning: OrbitFilterTuning, seed: int, wide: bool = False, **flags: bool) -> None:
         rng = np.random.default_rng(seed)
         self.size = float(tuning.target_size)
-        self.R_KN = rotation_matrix(random_unit(rng, 4))
+        self.q_KN = random_unit(rng, 4)
+        self.R_KN = rotation_matrix(self.q_KN)
         self.r = rng.uniform(10.0, 60.0) * self.R_KN.T @ unit(np.array([*rng.uniform(-0.4, 0.4, 2), 1.0]))
         range_m = np.linalg.norm(self.r)
         sigmas = [*3 * [0.05 * range_m], *3 * [1e-3], 0.1, 0.05, 1e-3, 1e-3, 0.1, 0.1]
@@ -68,7 +69,7 @@ class Scene:
         estimate = relative_state.initial(tuning, jnp.asarray(self.r), jnp.zeros(3))
         self.prior, self.expected = both(
             tuning,
-            self.R_KN,
+            self.q_KN,
             replace(
                 estimate,
                 slow={
@@ -171,4 +172,4 @@ def test_a_bearing_is_wide_against_a_box_that_is_not_truncated(
     P[8 + axis, 8 + axis] = (factor * sigma) ** 2
     estimate = replace(relative_state.initial(tuning, jnp.asarray(scene.r), jnp.zeros(3)), covariance=jnp.asarray(P))
     still = replace(scene.box, attitude_variance_change=jnp.zeros(()))
-    assert bool(both(tuning, scene.R_KN, estimate, still)[0].is_wide) == is_wide
+    assert bool(both(tuning, scene.q_KN, estimate, still)[0].is_wide) == is_wide

@@ -11,6 +11,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import relative_orbit_ekf
 from rpojax.flight.navigation.box_measurement import box_position, outlier_gate
+from rpojax.flight.navigation.orbit_measurements import box_view
 
 
 def test_the_position_by_a_box_without_error_is_that_of_the_target(flight: FlightParams) -> None:
@@ -43,7 +44,7 @@ def test_two_boxes_find_a_target_at_a_range_far_from_the_believed_one(flight: Fl
     update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
     for _ in range(2):
         estimate, gate, _, used, _ = update(
-            flight.navigation, True, flight.vehicle.focal_px, estimate, gate, jnp.asarray(q_KN), box
+            flight.navigation, True, estimate, gate, box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN))
         )
     assert bool(used)
     error = np.linalg.norm(np.asarray(estimate.r_TS_N) - target) / np.linalg.norm(target)
@@ -64,7 +65,7 @@ def test_a_part_of_a_target_behind_the_estimated_place_is_found_in_front_of_the_
     update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
     for _ in range(3):
         estimate, gate, _, used, _ = update(
-            flight.navigation, True, flight.vehicle.focal_px, estimate, gate, jnp.asarray(q_KN), box
+            flight.navigation, True, estimate, gate, box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN))
         )
     assert bool(used)
     found = R_KN @ np.asarray(estimate.r_TS_N)

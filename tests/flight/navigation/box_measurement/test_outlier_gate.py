@@ -1,5 +1,7 @@
 """Outlier gate: decision, confirmation and count of rejections."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,9 +10,10 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, unit
 
 from rpojax.core.pytree import replace
 from rpojax.flight.navigation.box_measurement import outlier_gate
-from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
+from rpojax.flight.navigation.box_measurement.box_innovation import PriorBox
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateDecision, GateState
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
 from rpojax.scenario.params import Params
 
 FOCAL = 64.0 / np.tan(np.radians(5.0))
@@ -18,9 +21,42 @@ FOCAL = 64.0 / np.tan(np.radians(5.0))
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 VARIANCE = np.full(3, 4e-4)
 
-accept = jax.jit(outlier_gate.accept)
-update = jax.jit(outlier_gate.update)
-to_residual = jax.jit(jax.grad(lambda *arguments: outlier_gate.accept(*arguments).weight, argnums=4))
+
+def prior_of(residual: jax.Array, variance: jax.Array, wide: jax.Array) -> PriorBox:
+    """Prior with all that the gate looks at."""
+    others = dict.fromkeys((each.name for each in dataclasses.fields(PriorBox)), jnp.full((), jnp.nan))
+    return PriorBox(**others | {"residual": residual, "innovation_variance": variance, "is_wide": wide})
+
+
+@jax.jit
+def accept(
+    tuning: OrbitFilterTuning,
+    state: GateState,
+    box: BoxMeasurement,
+    residual: jax.Array,
+    variance: jax.Array,
+    wide: jax.Array,
+    possible: jax.Array,
+) -> GateDecision:
+    """Decision on a box of a camera with its axes along those of N."""
+    view = box_view(box, jnp.asarray(FOCAL), jnp.asarray(IDENTITY))
+    return outlier_gate.accept(tuning, view, state, prior_of(residual, variance, wide), possible)
+
+
+@jax.jit
+def update(
+    tuning: OrbitFilterTuning,
+    state: GateState,
+    q_KN: jax.Array,
+    box: BoxMeasurement,
+    rejected: jax.Array,
+    confirmed: jax.Array,
+) -> tuple[GateState, jax.Array]:
+    decision = GateDecision(accepted=box.present & ~rejected, weight=jnp.zeros(()), confirmed=confirmed)
+    return outlier_gate.update(tuning, box_view(box, jnp.asarray(FOCAL), q_KN), state, decision)
+
+
+to_residual = jax.jit(jax.grad(lambda *arguments: accept(*arguments).weight, argnums=3))
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +92,6 @@ def decide(
     """Decision on a box with residuals in sigmas of the innovation variance."""
     decision = accept(
         tuning,
-        np.eye(3),
         outlier_gate.initial() if state is None else state,
         box() if measured is None else measured,
         np.array(sigmas) * np.sqrt(VARIANCE),
@@ -141,7 +176,7 @@ def test_a_box_behind_the_camera_confirms_nothing(tuning: OrbitFilterTuning) -> 
 def test_the_decision_has_a_smooth_derivative_near_the_gate(tuning: OrbitFilterTuning) -> None:
     def derivative(sigmas: float) -> float:
         residual = np.array([sigmas * 0.02, 0.0, 0.0])
-        arguments = (tuning, np.eye(3), outlier_gate.initial(), box(), residual, VARIANCE, NO, YES)
+        arguments = (tuning, outlier_gate.initial(), box(), residual, VARIANCE, NO, YES)
         return float(to_residual(*arguments)[0])
 
     assert derivative(3.99) < -1.0
@@ -189,7 +224,7 @@ def update_all(tuning: OrbitFilterTuning, present: jax.Array) -> tuple[jax.Array
     """Count of rejections and recovery after each frame; every present box is rejected."""
 
     def frame(state: GateState, present: jax.Array) -> tuple[GateState, tuple[jax.Array, jax.Array]]:
-        after, recover = outlier_gate.update(tuning, state, jnp.asarray(IDENTITY), box(present=present), present, NO)
+        after, recover = update(tuning, state, jnp.asarray(IDENTITY), box(present=present), present, NO)
         return after, (after.rejections, recover)
 
     return jax.lax.scan(frame, outlier_gate.initial(), present)[1]
