@@ -58,7 +58,7 @@ def take(
         gated,
         estimate,
         outlier_gate.initial() if track is None else track,
-        box_view(box, flight.vehicle.focal_px, q_KN),
+        box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)),
     )
     return after, memory, bool(used)
 
@@ -81,11 +81,11 @@ def test_the_gate_is_at_the_sigma_of_the_expected_box(
     box = seen(flight, q_KN, place, truncated=truncated)
     memory = outlier_gate.initial()
     arguments = (flight.navigation, True, estimate, memory)
-    expected = update(*arguments, box_view(box, flight.vehicle.focal_px, q_KN))[4]
+    expected = update(*arguments, box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)))[4]
     offset = fraction * flight.navigation.gate_sigma * jnp.sqrt(expected.variance[axis]) * jnp.eye(2)[axis]
     tried = replace(box, tangent=expected.values[:2] + offset, log_size=expected.values[2])
     assert bool(expected.in_front)
-    assert bool(update(*arguments, box_view(tried, flight.vehicle.focal_px, q_KN))[3]) == used
+    assert bool(update(*arguments, box_view(tried, flight.vehicle.focal_px, jnp.asarray(q_KN)))[3]) == used
 
 
 def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
@@ -120,7 +120,11 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         log_size=ideal.log_size + float(np.sum(scale)) + residual[2],
     )
     after, _, result, used, _ = update(
-        flight.navigation, True, before, outlier_gate.initial(), box_view(box, flight.vehicle.focal_px, q_KN)
+        flight.navigation,
+        True,
+        before,
+        outlier_gate.initial(),
+        box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)),
     )
     assert used
     # The lasting error of burns is a thirteenth state, which boxes do not measure.
