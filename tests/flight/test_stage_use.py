@@ -250,7 +250,7 @@ def replay(file: ScenarioFile) -> None:
     state = jax.eval_shape(lambda: initial_state.init(scenario, params, run_key(0, 0)))
     stages = plugin_registry.stages_of(file)
     observe = spacecraft_states.observe_tick
-    jax.eval_shape(lambda now: run_replay._simulate_segment(scenario, stages, observe, 1, params, now), state)
+    jax.eval_shape(lambda now: run_replay._simulate_segment(scenario, stages, observe, params, now, 1), state)
 
 
 METRIC = "delta_v_m_s"

@@ -24,6 +24,7 @@ EXCEPTIONS = {
     **dict.fromkeys(
         (
             "flight/guidance/burn_planning.py",
+            "flight/guidance/target_acquisition.py",
             "flight/navigation/box_measurement/outlier_gate.py",
             "flight/navigation_health.py",
             "physics/equipment_faults.py",
