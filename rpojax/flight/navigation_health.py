@@ -15,7 +15,7 @@ from rpojax.core.pytree import pytree
 from rpojax.flight import control_effort
 from rpojax.flight.control_effort import ControlEffort
 from rpojax.flight.navigation import shape_errors
-from rpojax.flight.navigation.box_measurement import box_evidence
+from rpojax.flight.navigation.box_measurement import detection_model
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -132,7 +132,7 @@ def update(
 ) -> NavigationHealth:
     """Health after the measurements of a tick."""
     innovation, gate, estimate, interval = found.innovation, found.gate, found.estimate, found.interval
-    evidence = box_evidence.evidence_time(interval) / tuning.time_constant
+    evidence = detection_model.evidence_time(interval) / tuning.time_constant
     deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
     fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
     mean = health.mean + fraction * (jnp.where(innovation.used, deviation, 0.0) - health.mean)

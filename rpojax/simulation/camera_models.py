@@ -9,7 +9,6 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.numerics.gradient_safe import normalize
 from rpojax.core.orbits import camera_visibility, earth_rotation, eclipse
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
@@ -19,7 +18,7 @@ from rpojax.sensors import camera_pose, detector_input, geometric_camera, render
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import elapsed_time
-from rpojax.vision import bounding_box, box_projection, pinhole
+from rpojax.vision import box_projection, pinhole
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene
 
 
@@ -136,25 +135,6 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
 
 def _lens(scenario: Scenario, params: Params) -> pinhole.Intrinsics:
     return pinhole.pinhole_intrinsics(params.camera.field_of_view, scenario.width_px, scenario.height_px)
-
-
-def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> BoxMeasurement:
-    """Box as measured by the flight software, with the focal length of its vehicle model."""
-    focal = params.flight.vehicle.focal_px
-    center_px = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=focal.dtype)
-    side = bounding_box.box_size(frame.box.edges)
-    return BoxMeasurement(
-        tangent=(bounding_box.box_center(frame.box.edges) - center_px) / focal,
-        log_size=jnp.log(side / focal),
-        log_aspect=bounding_box.log_aspect_ratio(frame.box.edges),
-        side_px=side,
-        present=frame.box.present,
-        expected=jnp.ones_like(frame.box.present),
-        truncated=frame.box.truncated,
-        half_frame_tangent=center_px / focal,
-        attitude_variance_change=jnp.zeros_like(side),
-        interval=jnp.full_like(side, scenario.tick_s),
-    )
 
 
 def boresight_N(params: Params, truth: Truth) -> Float[Array, "3"]:

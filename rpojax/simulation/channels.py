@@ -25,7 +25,7 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation import camera_models
+from rpojax.simulation import tick_measurements
 from rpojax.simulation.camera_models import boresight_N
 from rpojax.simulation.telemetry import Telemetry, orbit_errors
 
@@ -98,7 +98,7 @@ class ObservedTick:
     @cached_property
     def measured_box(self) -> BoxMeasurement:
         """Measurement of the box."""
-        return camera_models.box_measurement(self.scenario, self.params, self.telemetry.frame)
+        return tick_measurements.box_measurement(self.scenario, self.params, self.telemetry.frame)
 
 
 ChannelFunctions = dict[str, Callable[[ObservedTick], Array]]

@@ -1,10 +1,11 @@
 """Measurements of one tick by all sensors, and propagation of the correlated sensor errors."""
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.flight.flight_records import Measurements
-from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
@@ -19,6 +20,7 @@ from rpojax.simulation import camera_models
 from rpojax.simulation.noise import TickNoise, camera_key
 from rpojax.simulation.state import SensorErrors, State
 from rpojax.simulation.tick import Loop
+from rpojax.vision import bounding_box
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -51,11 +53,30 @@ def measure(
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, noise.star_tracker),
         star_tracker_present=health.star_tracker
         & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
-        box=camera_models.box_measurement(scenario, params, frame),
+        box=box_measurement(scenario, params, frame),
         additional=_measure_additional(scenario, params, noise, SensedScene(truth=truth, sky=sky, time=time)),
         picture=picture if loop.stages.takes_picture else None,
     )
     return measurements, frame
+
+
+def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> BoxMeasurement:
+    """Box as measured by the flight software, with the focal length of its vehicle model."""
+    focal = params.flight.vehicle.focal_px
+    center_px = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=focal.dtype)
+    side = bounding_box.box_size(frame.box.edges)
+    return BoxMeasurement(
+        tangent=(bounding_box.box_center(frame.box.edges) - center_px) / focal,
+        log_size=jnp.log(side / focal),
+        log_aspect=bounding_box.log_aspect_ratio(frame.box.edges),
+        side_px=side,
+        present=frame.box.present,
+        expected=jnp.ones_like(frame.box.present),
+        truncated=frame.box.truncated,
+        half_frame_tangent=center_px / focal,
+        attitude_variance_change=jnp.zeros_like(side),
+        interval=jnp.full_like(side, scenario.tick_s),
+    )
 
 
 def _measure_additional(scenario: Scenario, params: Params, noise: TickNoise, scene: SensedScene) -> dict[str, Array]:

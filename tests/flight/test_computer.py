@@ -1,9 +1,12 @@
 """Flight computer: initial solution, expected velocity change, replaceable stages, darkness and failures."""
 
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from types import FrameType
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +15,7 @@ import pytest
 import rendezvous_scene
 from numpy_reference import IDENTITY, MU, axis_angle_quaternion, rotation_matrix, unit
 
+import rpojax
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
@@ -460,3 +464,39 @@ def test_after_a_burn_without_thrust_no_burn_is_planned_until_the_retry(
     assert burns(flight, weak, time=200.0)
     idle = carry(flight, ready, None, 0.0, end=61.0)  # without a burn the pressure is not used
     assert burns(flight, idle, time=200.0)
+
+
+def test_the_path_of_a_box_on_the_page_is_that_of_the_calls(flight: FlightParams, ready: FlightMemory) -> None:
+    """Every file of the path calls another one of it, up to the correction of the states; boxes go by no others."""
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "architecture.md").read_text(encoding="utf-8")
+    [listed] = re.findall(r"path from a box to the state, in the order of the calls:\n(.*?)\.\n5\.", page, re.S)
+    path = re.findall(r"`([a-z_/]+\.py)`", listed)
+    assert len(path) <= 9
+    package = str(Path(rpojax.__file__).parent) + "/"
+    calls: set[tuple[str, str, str]] = set()
+
+    def is_between(file: str) -> bool:
+        """Whether a file is of another package, such as the checks of types, or of calls of replaceable stages."""
+        return not file.startswith(package) or file.endswith(("flight/stages.py", "core/named_arguments.py"))
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        called, caller = frame.f_code, frame.f_back
+        if event != "call" or is_between(called.co_filename):
+            return
+        while caller and is_between(caller.f_code.co_filename):
+            caller = caller.f_back
+        if caller:
+            files = (code.co_filename.removeprefix(package) for code in (caller.f_code, called))
+            calls.add((*files, called.co_name))
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        sense(flight, ready, stages=Stages(wheel_torque=lambda: jnp.zeros(3)))
+    finally:
+        sys.setprofile(before)
+    edges = {(caller, called) for caller, called, _ in calls}
+    assert [called for called in path[3:] if not any((caller, called) in edges for caller in path)] == []
+    assert ("flight/navigation/relative_orbit_ekf.py", path[-1], "corrected") in calls
+    of_boxes = {called for _, called in edges if called.startswith("flight/navigation/box_measurement/")}
+    assert of_boxes - {"flight/navigation/box_measurement/detection_model.py"} <= set(path)

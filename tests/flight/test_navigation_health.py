@@ -11,7 +11,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight import navigation_health
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.box_measurement import outlier_gate
-from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
+from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.relative_state import RelativeEstimate

@@ -5,7 +5,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
-from rpojax.flight.navigation.box_measurement import box_evidence
+from rpojax.flight.navigation.box_measurement import detection_model
 
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]
@@ -58,7 +58,7 @@ def search_wait(guidance: GuidanceSoftware, acquired: Flag) -> Scalar:
 
 def _sum_detections(before: Scalar, target_seen: Flag, visible: Flag, looking_away: Flag, dt: float) -> Scalar:
     """Fading sum of the evidence of sightings [s]; unchanged during planned look-aways, zero in darkness."""
-    gained, faded = before + box_evidence.evidence_time(dt), box_evidence.fade(_DETECTION_DECAY, dt) * before
+    gained, faded = before + detection_model.evidence_time(dt), detection_model.fade(_DETECTION_DECAY, dt) * before
     evidence = jnp.where(target_seen, gained, jnp.where(looking_away, before, faded))
     return jnp.where(visible, jnp.minimum(evidence, _MAX_DETECTION_EVIDENCE), 0.0)
 

@@ -25,7 +25,7 @@ from rpojax.flight.navigation import (
     servicer_orbit_ekf,
 )
 from rpojax.flight.navigation.believed_sensor import SensorInnovation, SensorRows
-from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox
+from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning

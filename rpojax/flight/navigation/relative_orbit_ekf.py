@@ -11,10 +11,17 @@ from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.state_layout import StateLayout
-from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state
-from rpojax.flight.navigation.box_measurement import box_measurement_model, outlier_gate
-from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox, PriorBox, expected_box, prior_box
-from rpojax.flight.navigation.box_measurement.box_measurement_rows import jacobian_times_covariance, measurement_rows
+from rpojax.core.vectors import apply, product
+from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state, shape_errors
+from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate
+from rpojax.flight.navigation.box_measurement.box_measurement_model import (
+    ExpectedBox,
+    LinearisedBox,
+    PriorBox,
+    expected_box,
+    linearise_box,
+    prior_box,
+)
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateDecision, GateState
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -23,6 +30,116 @@ from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+
+
+def measurement_rows(
+    tuning: OrbitFilterTuning, view: BoxView, estimate: RelativeEstimate, prior: PriorBox, decision: GateDecision
+) -> tuple[LinearisedBox, MeasurementRows]:
+    """Box at the linearisation point, and its rows for the update."""
+    # Linearising at the posterior lets the noise of a box rotate its own Jacobian, which biases the range by decimetres
+    # per hour; so only while the prior is much wider than the box, where linearising at the prior would be worse.
+    iterated = _iterated_position(tuning, view, estimate, prior.measured)
+    linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
+    model = linearise_box(tuning, view, linearisation_point, estimate.slow["size"][0])
+    residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
+    size = _size_row(tuning, view, prior, decision, residual[2], model.variance[2])
+    rows = MeasurementRows(
+        residual=jnp.concatenate([residual[:2], size[:1]]),
+        jacobian=_jacobian(estimate.layout, model),
+        variance=jnp.concatenate([model.variance[:2], size[1:2]]),
+        weight=jnp.stack([decision.weight, decision.weight, size[2]]),
+    )
+    return model, rows
+
+
+def _size_row(
+    tuning: OrbitFilterTuning,
+    view: BoxView,
+    prior: PriorBox,
+    decision: GateDecision,
+    residual: Scalar,
+    variance: Scalar,
+) -> Vector:
+    """Residual, variance and weight of the log-size, measured by the box, and by whether there is one."""
+    box, focal_px = view.box, view.focal_px
+    log_size_px = jnp.log(focal_px) + prior.model.predicted[2] + prior.slow_errors[2]
+    half_size = 0.5 * jnp.exp(log_size_px) / focal_px
+    in_frame = jnp.all(jnp.abs(prior.model.predicted[:2]) + half_size < box.half_frame_tangent, axis=0)
+    looked_for = box.expected & ~box.present & prior.in_front & in_frame & ~prior.is_wide
+    whole = ~box.truncated
+    found = detection_model.detection_information(
+        tuning, log_size_px, prior.variance[2], decision.accepted & whole, looked_for
+    )
+    # The bearing to a part of the target lies on a half-line, which no linear update of a wide prior can represent: the
+    # size of that part keeps the target on it.
+    measured = jnp.where(whole | prior.range_is_wide, decision.weight, 0.0)
+    variance = jnp.where(whole, variance, _PART_SIZE_SIGMA**2)
+    precision = measured / variance + found.precision
+    known = precision > _LEAST_PRECISION
+    safe = jnp.where(known, precision, 1.0)
+    return jnp.stack([(measured * residual / variance + found.residual) / safe, 1.0 / safe, jnp.where(known, 1.0, 0.0)])
+
+
+_PART_SIZE_SIGMA = 0.5
+"""Sigma of the log-size of the target by the box of a part of it [-]."""
+
+_LEAST_PRECISION = 1e-6
+"""Precision below which a frame tells nothing of the size."""
+
+
+def _jacobian(layout: StateLayout, model: LinearisedBox) -> Float[Array, "3 n"]:
+    """Derivative of the box to the state."""
+    dtype = model.position_jacobian.dtype
+    bearing = jnp.eye(3, 2, dtype=dtype)
+    return layout.rows(
+        position=model.position_jacobian,
+        size=jnp.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]], dtype=dtype),
+        bearing_bias=bearing,
+        center_offset=model.inverse_depth * bearing,
+    )
+
+
+def jacobian_times_covariance(estimate: RelativeEstimate, model: LinearisedBox) -> Float[Array, "3 n"]:
+    """Jacobian times covariance, by the columns of the Jacobian that are not zero."""
+    P, layout, d = estimate.covariance, estimate.layout, model.inverse_depth
+    position = product(model.position_jacobian, P[layout["position"]])
+    bias, center, size = P[layout["bearing_bias"]], P[layout["center_offset"]], P[layout["size"]]
+    # Row by row: the update takes them one by one, and XLA need not join them.
+    return jnp.stack(
+        [
+            position[0] + bias[0] + d * center[0],
+            position[1] + bias[1] + d * center[1],
+            position[2] + size[0] + size[1],
+        ]
+    )
+
+
+def _iterated_position(
+    tuning: OrbitFilterTuning, view: BoxView, estimate: RelativeEstimate, measured: Vector
+) -> Vector:
+    """Linearisation point near the posterior: two Gauss-Newton steps of an iterated filter on the bearing.
+
+    A bearing far more certain than the prior must be linearised along the measured direction, or the long axis of the
+    updated covariance points the wrong way.
+    """
+    P, slow_size = estimate.position_covariance, estimate.slow["size"][0]
+    point = estimate.r_TS_N
+    for _ in range(2):
+        model = linearise_box(tuning, view, point, slow_size)
+        G = model.position_jacobian[:2]
+        residual = measured[:2] - model.predicted[:2] - jnp.sum(G * (estimate.r_TS_N - point)[None, :], axis=1)
+        PG = jnp.sum(P[:, None, :] * G[None, :, :], axis=2)
+        S = jnp.sum(G[:, :, None] * PG[None, :, :], axis=1)
+        noise = (
+            model.variance[:2]
+            + tuning.bearing_bias_sigma**2
+            + model.inverse_depth**2 * shape_errors.center_variance(tuning, slow_size, point)
+        )
+        a, b, c = S[0, 0] + noise[0], S[0, 1], S[1, 1] + noise[1]
+        solved = jnp.stack([c * residual[0] - b * residual[1], a * residual[1] - b * residual[0]]) / (a * c - b * b)
+        point = estimate.r_TS_N + jnp.sum(PG * solved[None, :], axis=1)
+    return point
 
 
 def predict(tuning: OrbitFilterTuning, moved: RelativeEstimate, step: OrbitStep) -> RelativeEstimate:

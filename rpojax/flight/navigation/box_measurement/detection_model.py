@@ -72,3 +72,20 @@ def detection_information(
     curvature = jnp.where(present, curvature_present, jnp.where(looked_for, jnp.maximum(curvature_absent, 0.0), 0.0))
     left = 1.0 - curvature * variance / total
     return DetectionInformation(precision=curvature / total / left, residual=slope / jnp.sqrt(total) / left)
+
+
+_LONGEST_EVIDENCE_S = 1.0
+"""Longest time for which one frame speaks [s]: a single box may be false, however long it takes until the next."""
+
+
+def evidence_time(interval: Scalar | float) -> Scalar:
+    """Time [s] for which a frame speaks that follows the one before it after `interval` [s].
+
+    Frames of the same second show the target in nearly the same attitude and share the evidence of one frame.
+    """
+    return jnp.minimum(interval, _LONGEST_EVIDENCE_S)
+
+
+def fade(factor: float, interval: Scalar | float) -> Scalar:
+    """Factor on the evidence so far after a frame without a box; `factor` is that of a second without one."""
+    return jnp.power(factor, evidence_time(interval))

@@ -7,8 +7,8 @@ from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
-from rpojax.flight.navigation.box_measurement import box_evidence
-from rpojax.flight.navigation.box_measurement.box_innovation import PriorBox
+from rpojax.flight.navigation.box_measurement import detection_model
+from rpojax.flight.navigation.box_measurement.box_measurement_model import PriorBox
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, BoxView
 
@@ -135,8 +135,8 @@ def update(
     box, rejected = view.box, view.box.present & ~decision.accepted
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
     direction_N = quaternion.rotate(quaternion.conjugate(view.q_KN), gradient_safe.normalize(ray_K))
-    idle = jnp.where(box.present, 0.0, box_evidence.fade(_REJECTION_DECAY, box.interval) * state.rejections)
-    evidence = jnp.where(rejected, state.rejections + box_evidence.evidence_time(box.interval), idle)
+    idle = jnp.where(box.present, 0.0, detection_model.fade(_REJECTION_DECAY, box.interval) * state.rejections)
+    evidence = jnp.where(rejected, state.rejections + detection_model.evidence_time(box.interval), idle)
     recover = evidence >= tuning.recovery_after - ROUNDING
     after = GateState(
         direction_N=jnp.where(box.present, direction_N, state.direction_N),

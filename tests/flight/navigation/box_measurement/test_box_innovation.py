@@ -12,8 +12,8 @@ from numpy_reference import SEEDS, random_covariance, random_unit, rotation_matr
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import relative_state
-from rpojax.flight.navigation.box_measurement import box_innovation
-from rpojax.flight.navigation.box_measurement.box_innovation import ExpectedBox, PriorBox
+from rpojax.flight.navigation.box_measurement import box_measurement_model
+from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox, PriorBox
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
 from rpojax.flight.navigation.relative_state import RelativeEstimate
@@ -26,8 +26,8 @@ FOCAL = 731.5
 def _both(
     tuning: OrbitFilterTuning, q_KN: jax.Array, estimate: RelativeEstimate, box: BoxMeasurement
 ) -> tuple[dict[str, Any], ExpectedBox]:
-    prior = box_innovation.prior_box(tuning, box_view(box, jnp.asarray(FOCAL), q_KN), estimate)
-    return vars(prior), box_innovation.expected_box(prior, box)
+    prior = box_measurement_model.prior_box(tuning, box_view(box, jnp.asarray(FOCAL), q_KN), estimate)
+    return vars(prior), box_measurement_model.expected_box(prior, box)
 
 
 def both(

@@ -10,7 +10,7 @@ from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import relative_orbit_ekf
-from rpojax.flight.navigation.box_measurement import box_position, outlier_gate
+from rpojax.flight.navigation.box_measurement import box_measurement_model, outlier_gate
 from rpojax.flight.navigation.orbit_measurements import box_view
 
 
@@ -21,14 +21,14 @@ def test_the_position_by_a_box_without_error_is_that_of_the_target(flight: Fligh
     target = rendezvous_scene.TARGET_AHEAD + np.array([2.0, -1.0, 3.0])
     box = rendezvous_scene.box(flight, R_KN, target)
     measured = jnp.concatenate([box.tangent, box.log_size[None]])
-    found = jax.jit(box_position.position_by_box)(R_KN, flight.navigation.target_size, measured)
+    found = jax.jit(box_measurement_model.position_by_box)(R_KN, flight.navigation.target_size, measured)
     np.testing.assert_allclose(found, target, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("sigma", "wide"), [(8.9, False), (9.1, True)])
 def test_the_range_is_wide_beyond_three_tenths(flight: FlightParams, sigma: float, wide: bool) -> None:
     covariance = jnp.asarray(sigma**2 * np.eye(3))
-    assert bool(box_position.is_range_wide(jnp.asarray(rendezvous_scene.TARGET_AHEAD), covariance)) is wide
+    assert bool(box_measurement_model.is_range_wide(jnp.asarray(rendezvous_scene.TARGET_AHEAD), covariance)) is wide
 
 
 @pytest.mark.parametrize("believed", [0.3, 3.0, 10.0])

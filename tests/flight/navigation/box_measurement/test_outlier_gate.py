@@ -10,7 +10,7 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, unit
 
 from rpojax.core.pytree import replace
 from rpojax.flight.navigation.box_measurement import outlier_gate
-from rpojax.flight.navigation.box_measurement.box_innovation import PriorBox
+from rpojax.flight.navigation.box_measurement.box_measurement_model import PriorBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateDecision, GateState
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
