@@ -8,7 +8,7 @@ Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
 from typing import Final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
@@ -22,7 +22,6 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
-Flag = Bool[Array, ""]
 
 TESTS: Final = (
     "gps_variance",

@@ -56,7 +56,7 @@ SHARING: Final = {
         "a team that shares `estimates`", _filters("whose filter of own boxes replaces what they return of the target")
     ),
     "central": Mode("a team that shares all boxes, `central`", _filters(_JOINT)),
-    "naive": Mode("a team that fuses estimates, `naive`"),
+    "naive": Mode("a team that fuses estimates, `naive`", {"own_memory": "which does not learn of what is fused"}),
 }
 """By what a team shares."""
 CAMERAS: Final = {
@@ -87,7 +87,8 @@ EXTERNAL: Final = {
         dict.fromkeys(("formation_law", "reference"), "where burns are those of another program"),
     ),
     "navigation": Mode(
-        "a live run with `--external navigation`", {"orbit_update": "where the estimate is that of another program"}
+        "a live run with `--external navigation`",
+        dict.fromkeys(("orbit_update", "own_memory"), "where the estimate is that of another program"),
     ),
 }
 """By the part of the flight software that is left to another program."""

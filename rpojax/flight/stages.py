@@ -359,7 +359,12 @@ class Stages:
 
     def initial_memory(self, **arguments: Any) -> Any:
         """Memory of one's own at the start of a run, as arrays; the arguments are those of `InitialMemory`."""
-        return jax.tree.map(jnp.asarray, self._result("own_memory", arguments))
+        own = self._result("own_memory", arguments)
+        try:
+            return jax.tree.map(jnp.asarray, own)
+        except TypeError:
+            found = f"found a {_type_name(own)} with others"
+            raise RpojaxError(f"stages.own_memory: {found}, expected numbers and arrays alone") from None
 
     def call(self, stage: str, own: Any = None, **arguments: Any) -> Any:
         """Result of the named stage, whose function gets those of the arguments that it declares.

@@ -28,7 +28,8 @@ def step(
         scenario: static settings
         params: parameters of the run
         state: at the beginning of the tick
-        stages: replaceable stages of the flight software, by default its own
+        stages: replaceable stages of the flight software, by default its own; those with a memory of their own need a
+            state that was made with them
         noise: random numbers of the tick, by default those of the run's keys
     """
     loop = Loop(scenario, params, stages or Stages())

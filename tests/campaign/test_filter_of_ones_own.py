@@ -92,3 +92,9 @@ def test_a_memory_of_another_form_is_refused(result: Any, line: str) -> None:
 def test_own_is_no_argument_of_a_reference() -> None:
     with pytest.raises(RpojaxError, match="found the argument 'own'"):
         Stages(reference=lambda own, entry: entry)
+
+
+def test_a_memory_of_texts_is_refused_in_one_line() -> None:
+    stages = Stages(own_memory=lambda: {"name": "mine"})
+    with pytest.raises(RpojaxError, match=r"^stages.own_memory: found a dict with others, expected numbers and arrays"):
+        stages.initial_memory(params=None, estimate=None, attitude=None, camera=None)

@@ -157,10 +157,11 @@ def _mass_against(
     other_mass: np.ndarray,
     pair: Sequence[tuple[Mapping[str, np.ndarray], Params]],
 ) -> np.ndarray:
-    """Mass (ticks, runs) [kg] at which drag on one servicer differs as it should from that on another one.
+    """Mass (ticks, runs) [kg] of one servicer that makes up for what another one has burned since the start.
 
-    A run's program gives the other one, which stands for the target, the mass of its start: what it has burned since
-    is part of the difference. Without drag it is that of sunlight.
+    The other one, which stands for the target, has the mass of its start in the program of a run. Drag on both differs
+    as it should with this mass; without drag, sunlight does. Where the first has no surface, or the change would be
+    as large as the mass itself, its own mass stays.
     """
     if not (effects.drag or effects.solar_pressure):
         return mass
@@ -172,7 +173,8 @@ def _mass_against(
     )
     ratio = np.divide(other_strength, strength, out=np.zeros(runs), where=strength > 0.0)
     at_start = _value(*pair[1], "servicer.mass_kg", runs)
-    return mass / (1.0 + mass.astype(float) * ratio * (1.0 / at_start - 1.0 / other_mass))
+    change = mass.astype(float) * ratio * (1.0 / at_start - 1.0 / other_mass)
+    return np.where(change > -0.9, mass / (1.0 + np.maximum(change, -0.9)), mass)
 
 
 def _value(drawn: Mapping[str, np.ndarray], nominal: Params, key: str, shape: tuple[int, ...]) -> np.ndarray:

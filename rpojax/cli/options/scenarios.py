@@ -13,7 +13,6 @@ class NewCommand(Command):
     """Write a commented scenario with the keys that people change first."""
 
     work = "scenarios.scenario:new"
-    prepares_jax = False
 
     name: Annotated[Positional[str], arg(metavar="NAME", help="Name of the scenario; the file is NAME.toml.")]
     extends: Annotated[str, arg(metavar="SCENARIO", help="Packaged scenario that it extends.")] = "inspection"

@@ -4,7 +4,7 @@ import math
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
@@ -12,7 +12,6 @@ from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
-Flag = Bool[Array, ""]
 
 _HORIZON_PERIODS = 2.0
 """Free motion that is looked at, in periods between burns: the next burn may have to be left out [-]."""

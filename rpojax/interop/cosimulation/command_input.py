@@ -1,8 +1,7 @@
 """Commands of external nodes as the flight software uses them, and the fallback for late ones."""
 
 import time
-from dataclasses import replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -33,11 +32,15 @@ Quaternion = Float[Array, "4"]
 Matrix = Float[Array, "3 3"]
 OdometryArrays = tuple[Vector, Quaternion, Vector, Matrix, Matrix]
 """Position, orientation (x, y, z, w), velocity along the child's axes, covariance of position and of that velocity."""
-NO_COMMAND = ExternalBurn(
-    commanded=jnp.array(False), ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0])
-)
+_EMPTY_BURN: dict[str, Any] = {
+    "ignition": np.zeros(()),
+    "cutoff": np.zeros(()),
+    "q_burn": np.array([1.0, 0.0, 0.0, 0.0]),
+}
+"""Of NumPy, since an array of JAX would start its backend with the import, before its flags are set."""
+NO_COMMAND = ExternalBurn(**_EMPTY_BURN, commanded=cast(Any, np.array(False)))
 """No command on burns: the plan stays."""
-CLOSED_VALVE = replace(NO_COMMAND, commanded=jnp.array(True))
+CLOSED_VALVE = ExternalBurn(**_EMPTY_BURN, commanded=cast(Any, np.array(True)))
 """Command that closes the valve."""
 
 

@@ -1,6 +1,7 @@
 """The command `rpojax export-rrd`: one run as a recording for the rerun viewer."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import replay
@@ -9,10 +10,9 @@ from rpojax.cli.options.output import ExportRrdCommand
 from rpojax.cli.output_paths import claim
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
-from rpojax.interop import run_replay, spacecraft_states
-from rpojax.interop.rerun_viewer import rrd_recording
-from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
+from rpojax.interop import run_replay
 from rpojax.interop.run_replay import PosedImage, ReplayedRun
+from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import items
 
 
@@ -22,9 +22,11 @@ def export_rrd(asked: ExportRrdCommand) -> int:
     if asked.every < 1:
         raise RpojaxError.of_argument("every", f"found {asked.every}, expected at least 1")
 
-    rrd_recording.require_rerun()
+    require_package("rerun")
+    from rpojax.interop.rerun_viewer import rrd_chunks, rrd_recording
+
     found = Campaign(asked.directory)
-    runs = replay.replay_servicers(found, asked.run_id, spacecraft_states.observe_tick, asked.as_json)
+    runs = replay.replay_servicers(found, asked.run_id, rrd_chunks.observe_tick, asked.as_json)
     agreement = run_replay.compare_with_campaign(run := runs[0], found)
     with items("writing the recording", quiet=asked.as_json) as watch:
         written = rrd_recording.write_servicers(runs, asked.out, [_shots(each, asked.every, watch) for each in runs])
@@ -37,7 +39,7 @@ def export_rrd(asked: ExportRrdCommand) -> int:
     return Status.DONE
 
 
-def _shots(run: ReplayedRun[ViewerChannels], every: int, watch: Callable[..., None]) -> Iterator[PosedImage] | None:
+def _shots(run: ReplayedRun[Any], every: int, watch: Callable[..., None]) -> Iterator[PosedImage] | None:
     """Pictures of a rendered camera; None for other camera models."""
     if run.file.camera.model != "rendered":
         return None
