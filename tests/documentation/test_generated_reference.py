@@ -1,5 +1,6 @@
 """What the site takes from the code is all that the code has."""
 
+import ast
 import json
 import sys
 from pathlib import Path
@@ -76,6 +77,13 @@ def test_the_committed_shape_has_every_part_that_the_report_writes() -> None:
     shape = json.loads(report_shape.FILE.read_text(encoding="utf-8"))
     parts = {key.partition(".")[0].partition("[")[0] for key in shape}
     source = (ROOT / "rpojax" / "report" / "page" / "report_json.py").read_text(encoding="utf-8")
-    written = {line.strip().split('"')[1] for line in source.splitlines() if line.startswith('        "')}
+    functions = {node.name: node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)}
+    written = {
+        key.value
+        for name in ("summarise", "report_content")
+        for record in (each for each in ast.walk(functions[name]) if isinstance(each, ast.Dict))
+        for key in record.keys
+        if isinstance(key, ast.Constant) and key.col_offset == 8
+    }
     assert written
     assert written <= parts
