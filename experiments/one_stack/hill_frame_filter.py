@@ -83,14 +83,14 @@ def update(
         z = jnp.maximum(z, 1.0)  # while the camera looks away there is no box
         return jnp.stack([x / z, y / z, jnp.log(tuning.target_size / z) + state[6]])
 
-    start, P = own["mean"], own["covariance"]
+    prior, P = own["mean"], own["covariance"]
     measured = jnp.append(box.tangent, box.log_size)
-    bearing = 10.0 * jnp.hypot(tuning.edge_noise / focal_px, tuning.center_sigma / jnp.linalg.norm(start[:3]))
+    bearing = 10.0 * jnp.hypot(tuning.edge_noise / focal_px, tuning.center_sigma / jnp.linalg.norm(prior[:3]))
     noise = jnp.stack([bearing, bearing, 10.0 * tuning.scale_sigma[0]]) ** 2
-    value, H = expected(start), jax.jacfwd(expected)(start)
-    mean, residuals, variances, uses = start, [], [], []
+    value, H = expected(prior), jax.jacfwd(expected)(prior)
+    mean, residuals, variances, uses = prior, [], [], []
     for row in range(3):
-        residual = measured[row] - value[row] - H[row] @ (mean - start)
+        residual = measured[row] - value[row] - H[row] @ (mean - prior)
         variance = H[row] @ P @ H[row] + noise[row]
         used = box.present & (residual**2 < 25.0 * variance) & ((row < 2) | ~box.truncated)
         gain = jnp.where(used, P @ H[row] / variance, 0.0)

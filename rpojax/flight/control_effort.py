@@ -7,12 +7,11 @@ square of the sum is known.
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
-Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]
 
 BURNS = 10.0

@@ -8,7 +8,6 @@ from jaxtyping import Array, Float
 from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
-Vector = Float[Array, "3"]
 
 _NEWTON_STEPS: Final = 3
 

@@ -3,13 +3,11 @@
 from typing import Final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
 from rpojax.core.numerics.exact_difference import Difference, inverse_norm
 from rpojax.core.pytree import pytree
-
-Scalar = Float[Array, ""]
 
 
 @pytree

@@ -22,7 +22,6 @@ from rpojax.flight.navigation import relative_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
-Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 Scalar = Float[Array, ""]
 

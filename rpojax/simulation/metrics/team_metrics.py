@@ -28,9 +28,9 @@ TEAM_CHANNELS = ("news_used", "burn_changed_for")
 def joined(metric: Metric | None, each: Floats) -> Floats:
     """Metric of the team (runs,) from those of its servicers (runs, servicers).
 
-    Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest; values at one
-    instant, such as the last range or the time of the first box, and a user's function of whole runs, since nobody
-    knows what it is, give their worst one; means, sums and counts of a run their mean. Undefined of one
+    Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest. Values at one
+    instant, such as the last range or the time of the first box, give their worst one, and so does a user's function of
+    whole runs, which may be anything. Means, sums and counts of a run give their mean. Undefined of one
     servicer it is undefined of the team: that it never saw the target must not pass for the times of the others. But of
     what need not happen, and of free drifts, those count that there are: without a burn none is stuck on. How long, or
     when, a team was in a phase is said by the last of them to come there: a team was there if all its servicers were.

@@ -20,7 +20,7 @@ from rpojax.runtime.progress import stage
 
 
 def compare(asked: CompareCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if asked.out is not None:
         output_paths.claim(asked.out, asked.force, (".html",))
 

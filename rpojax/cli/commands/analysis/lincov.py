@@ -22,7 +22,7 @@ _FIGURES = ("formation_error.png", "estimation_error.png", "delta_v.png", "error
 
 
 def lincov(asked: LincovCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     for name in (_RECORD, _ARRAYS, *_FIGURES):
         claim(asked.out / name, asked.force)
     file = load(asked.scenario, asked.overrides, rendered=False)

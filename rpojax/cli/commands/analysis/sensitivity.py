@@ -21,7 +21,7 @@ _LONGEST = 24
 
 
 def sensitivity(asked: SensitivityCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if asked.out is not None:
         claim(asked.out, asked.force, (".json",))
     file = load(asked.scenario, asked.overrides)

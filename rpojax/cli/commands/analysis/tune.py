@@ -35,7 +35,7 @@ SHOWN = (
 
 
 def tune(asked: TuneCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     settings = replace(asked.settings, parameters=_split_names(asked.parameters or asked.settings.parameters))
     report, progress = asked.out.with_suffix(".json"), asked.out.with_suffix(".progress.json")
     for path, suffix in ((asked.out, ".toml"), (report, ".json")):

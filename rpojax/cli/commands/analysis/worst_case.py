@@ -20,7 +20,7 @@ _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
 
 
 def worst_case(asked: WorstCaseCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
     show_unused_keys(file, quiet=asked.session.as_json)
     _claim(asked.out, asked.force)

@@ -24,7 +24,7 @@ from rpojax.scenario.schema import ScenarioFile
 
 
 def bench(asked: BenchCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     parts = _chosen_parts(asked.only)
     if parts == ["vision"] and (asked.overrides or asked.scenario != "inspection"):
         expected = "loop or kernels, too: its pictures are those of the packaged target in any scenario"

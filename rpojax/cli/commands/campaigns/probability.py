@@ -25,7 +25,7 @@ from rpojax.runtime.progress import run_progress
 
 
 def probability(asked: ProbabilityCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
     show_unused_keys(file, quiet=asked.session.as_json)
     return estimate(

@@ -28,7 +28,7 @@ from rpojax.runtime.progress import run_progress
 
 
 def run(asked: RunCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
     show_warnings(file, quiet=asked.as_json)
     options = CampaignOptions(runs=1, seed=asked.seed, first_run=asked.run_id, block_size=asked.block_size, report=True)
@@ -39,7 +39,7 @@ def run(asked: RunCommand) -> int:
 
 
 def campaign(asked: CampaignCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     asked.dry_run.check(asked.out, asked.output.force)
     file = load(asked.scenario, asked.overrides)
     asked.executor.check(asked.output.force)
@@ -63,7 +63,7 @@ def campaign(asked: CampaignCommand) -> int:
 
 
 def resume(asked: ResumeCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     asked.executor.check()
     if EstimateFolder(asked.directory).is_begun:
         asked.executor.refuse_other_processes()
@@ -87,7 +87,7 @@ def resume(asked: ResumeCommand) -> int:
 
 
 def rerun(asked: RerunCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     found = Campaign(asked.directory)
     fuse_loops_of(found.configuration.scenario)
     duration_s = float(found.configuration.scenario["duration_s"])

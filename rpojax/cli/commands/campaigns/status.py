@@ -8,7 +8,7 @@ from rpojax.cli.standard_streams import print_json
 
 
 def status(asked: StatusCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     found = look(asked.directory)
     if asked.as_json:
         print_json(found)

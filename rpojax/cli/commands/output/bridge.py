@@ -21,7 +21,7 @@ from rpojax.scenario.schema import ScenarioFile
 
 
 def bridge(asked: BridgeCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
     show_unused_keys(file, quiet=asked.session.as_json)
     preflight.check_numbers(1, asked.run_id, asked.seed, None)

@@ -9,7 +9,7 @@ from rpojax.runtime.progress import run_progress
 
 
 def export(asked: ExportCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     found = Campaign(asked.directory)
     names = [name.strip() for name in asked.what.split(",") if name.strip()]
     options = exports.ExportOptions(tables=tuple(names), run_id=asked.run_id, force=asked.force)

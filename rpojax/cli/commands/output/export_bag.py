@@ -18,7 +18,7 @@ from rpojax.runtime.progress import items
 
 
 def export_bag(asked: ExportBagCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     typestore()
     mcap_or_sqlite3_writer.check_output(asked.out, asked.force)
     found = Campaign(asked.directory)

@@ -17,7 +17,7 @@ from rpojax.runtime.progress import items
 
 
 def export_rrd(asked: ExportRrdCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     claim(asked.out, asked.force, (".rrd",))
     if asked.every < 1:
         raise RpojaxError.of_argument("every", f"found {asked.every}, expected at least 1")

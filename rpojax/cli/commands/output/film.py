@@ -19,7 +19,7 @@ from rpojax.scenario.team.members import member_names
 
 
 def film(asked: FilmCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     suffix = asked.out.suffix.lower()
     if suffix not in (".png", ".mp4"):
         raise OutputError(f"{asked.out}: found suffix {asked.out.suffix!r}, expected .png or .mp4")

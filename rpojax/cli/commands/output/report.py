@@ -12,7 +12,7 @@ from rpojax.report.page.detail_values import choose_run
 
 
 def report(asked: ReportCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     found = Campaign(asked.directory)
     found.verify()
     if asked.requirements is not None:

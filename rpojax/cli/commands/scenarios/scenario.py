@@ -20,7 +20,7 @@ from rpojax.scenario.trained.coverage_surface import surface_triangles
 
 
 def new(asked: NewCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}", asked.name):
         raise RpojaxError.of_argument("name", f"found {asked.name!r:.60}, expected letters, digits, - and _")
     path = Path(f"{asked.name}.toml")
@@ -35,7 +35,7 @@ def new(asked: NewCommand) -> int:
 
 
 def validate(asked: ValidateCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
     if file.coverage.enabled:
         surface_triangles(file.model_dump())

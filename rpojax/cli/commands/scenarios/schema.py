@@ -7,7 +7,7 @@ from rpojax.scenario.schema import ScenarioFile
 
 
 def schema(asked: SchemaCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     content = ScenarioFile.model_json_schema()
     if asked.partial:
         content["properties"] = {"extends": {"type": "string"}, **content["properties"]}

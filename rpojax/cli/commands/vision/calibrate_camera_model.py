@@ -23,7 +23,7 @@ _NOT_PRINTED = ("fitted_for", "made_with", "limits")
 
 
 def calibrate_camera_model(asked: CalibrateCameraModelCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if asked.samples < 200 or asked.sequences < 4:
         raise RpojaxError.of_argument(
             "samples, sequences", f"found {asked.samples}, {asked.sequences}, expected at least 200 and 4"

@@ -17,7 +17,7 @@ from rpojax.vision.imaging import image_files
 
 
 def detect(asked: DetectCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if not asked.images or not 0.0 < asked.threshold < 1.0:
         raise RpojaxError(
             f"IMAGE, --threshold: found {len(asked.images)}, {asked.threshold}, expected a picture and 0 to 1"

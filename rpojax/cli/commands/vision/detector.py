@@ -36,7 +36,7 @@ _MOST_JUDGED = 1000
 
 
 def data(asked: MakeDataCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if min(asked.count, asked.validation) < 1 or asked.craft < 1 or asked.views < 1:
         raise RpojaxError.of_argument("count, validation, craft, views", "expected at least 1 of each")
     claim_folder(asked.out)
@@ -110,7 +110,7 @@ def _make_part(part: _DataPart, out: Path, work: Path, mix: CompositeMix, quiet:
 
 
 def train(asked: TrainDetectorCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     _check_training(asked.epochs, asked.second_epochs, asked.minutes, asked.rate)
     claim(asked.out, asked.force)
 
@@ -195,7 +195,7 @@ def _recipes(
 
 
 def evaluate(asked: EvaluateDetectorCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if asked.limit is not None and asked.limit < 1:
         raise RpojaxError.of_argument("limit", f"found {asked.limit}, expected at least 1")
     if asked.form == "coco" and not (asked.labels is None and asked.limit is None):

@@ -40,7 +40,7 @@ _SHEET_LIMIT, _FILM_LIMIT = 64, 1000
 
 
 def train(asked: TrainFieldCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     _check_training(asked.kind, asked.views, asked.steps, asked.minutes)
     check_seed(asked.seed)
     claim(asked.out, asked.force)
@@ -88,7 +88,7 @@ def train(asked: TrainFieldCommand) -> int:
 
 
 def evaluate(asked: EvaluateFieldCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     if asked.sheet:
         claim(asked.sheet, asked.force, (".png",))
 
@@ -103,7 +103,7 @@ def evaluate(asked: EvaluateFieldCommand) -> int:
 
 
 def render(asked: RenderFieldCommand) -> int:
-    """Exit status of the command."""
+    """Does the work of the command; returns its exit status."""
     claim(asked.out, asked.force, (".png", ".mp4"))
     still = asked.out.suffix.lower() == ".png"
     most = _SHEET_LIMIT if still else _FILM_LIMIT
