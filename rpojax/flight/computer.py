@@ -8,13 +8,11 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
-from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
-from rpojax.flight.control import station_keeping, wheel_torque_allocation
-from rpojax.flight.control.formation_law import lqr_gain
-from rpojax.flight.decisions import burn_decision, mission_decision
+from rpojax.flight.control import wheel_torque_allocation
+from rpojax.flight.decisions import burn_conditions, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.flight_software import FlightSoftware
@@ -54,10 +52,8 @@ def initial(
     team: TeamStart | None = None,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples."""
-    params, period = software.params, software.formation_period_s
-    r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
-    v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
-    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    params = software.params
+    never = jnp.zeros_like(params.vehicle.mass)
     attitude = attitude_ekf.initial(params.attitude_filter, star_tracker_q_BN, gyro_B)
     return FlightMemory(
         orbit=orbit,
@@ -67,16 +63,14 @@ def initial(
         attitude_variance=_attitude_variance(params.vehicle, attitude),
         plan=burn_planning.no_burn(),
         thrust_estimate=thrust_estimator.initial(params.navigation),
-        thruster_failed_at=jnp.full_like(n, -jnp.inf),
+        thruster_failed_at=never - jnp.inf,
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
         reopened=jnp.zeros((), dtype=bool),
         camera=detector_window.whole_frame(software.camera),
-        gain=lqr_gain(params.formation, n, period),
-        station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
-        mission=None if software.mission is None else mission_decision.initial_state(software, orbit, team),
-        phase_gains=None if software.mission is None else mission_decision.phase_gains(software, orbit),
-        rejected_s={name: jnp.zeros_like(n) for name in params.sensors},
+        mission=mission_decision.initial_state(software, orbit, team),
+        phase_gains=mission_decision.phase_gains(software, orbit),
+        rejected_s=dict.fromkeys(params.sensors, never),
         own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
     )
 
@@ -232,7 +226,7 @@ def guide(
         other=mission_decision.other_pointing(software, memory, sun_N),
     )
     pointing, mode = attitude_guidance.guide(guidance, memory.pointing, tick)
-    reopened = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
+    reopened = pointing.search_failed & ~burn_conditions.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_state.reopen(memory.orbit.relative, reopened))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode
 

@@ -18,7 +18,7 @@ class FlightSoftware:
         params: tuning, vehicle model, and what it believes of sensors
         filter: static settings of the orbit filter
         camera: sizes of the camera's images
-        mission: static settings of the phases, None without phases
+        mission: static settings of the phases
         tick_s: time between guidance ticks [s]
         formation_period_s: time between burn decisions, but of phases with one of their own [s]
     """
@@ -27,7 +27,7 @@ class FlightSoftware:
     params: FlightParams
     filter: FilterSettings
     camera: CameraFormat
-    mission: MissionSettings | None
+    mission: MissionSettings
     tick_s: float
     formation_period_s: float
 

@@ -36,10 +36,10 @@ class Scenario:
         navigation_luni_solar: whether the orbit filter models the attraction of Sun and Moon
         effects: model switches of the plant
         ray_sampling: of rendered images, None for other camera models
+        mission: static settings of its phases
         chamber_pressure: whether the thruster's chamber pressure is measured
         additional_sensors: names and classes of the additional sensors
         records_poses: whether the poses of camera and target are channels
-        mission: static settings of its phases, None without phases
         team: static settings of a team of servicers, None for a servicer alone
     """
 
@@ -55,10 +55,10 @@ class Scenario:
     navigation_luni_solar: bool
     effects: Effects
     ray_sampling: RaySampling | None
+    mission: MissionSettings
     chamber_pressure: bool = False
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     records_poses: bool = False
-    mission: MissionSettings | None = None
     team: TeamSettings | None = None
 
     @property
@@ -105,7 +105,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         )
     if file.servicers:
         own, team = static_settings(member_files(file)[0], allow_single), team_settings(file)
-        mission = own.mission and replace(
+        mission = replace(
             own.mission,
             coordinated=team.coordinated,
             servicers=team.servicers,
@@ -130,7 +130,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         chamber_pressure=file.chamber_pressure.enabled,
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
         records_poses=file.coverage.enabled or file.camera.model == "rendered" or _metrics_need_poses(file),
-        mission=mission_settings(file) if file.phases else None,
+        mission=mission_settings(file),
     )
 
 

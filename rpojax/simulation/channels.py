@@ -113,7 +113,7 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     functions = {**CHANNELS, **(POSE_CHANNELS if scenario.records_poses else {})}
     if scenario.camera_model == "rendered":
         functions |= IMAGE_CHANNELS
-    if scenario.mission is not None:
+    if scenario.mission.is_managed:
         functions |= MISSION_CHANNELS
         if scenario.mission.coordinated:
             functions |= TEAM_CHANNELS
@@ -192,21 +192,16 @@ def _pointing_error(tick: ObservedTick) -> Scalar:
 
 
 def _desired_position(tick: ObservedTick) -> Vector:
-    assert tick.telemetry.rho_desired_H is not None
     return tick.telemetry.rho_desired_H
 
 
 def _mission(tick: ObservedTick) -> MissionState:
-    state = tick.telemetry.flight.mission
-    assert state is not None
-    return state
+    return tick.telemetry.flight.mission
 
 
 def _unmet_conditions(tick: ObservedTick) -> Array:
     """Conditions of `until` of the present phase that do not hold; 0 in the built-in phases."""
     settings, tuning, state = tick.scenario.mission, tick.params.flight.mission, _mission(tick)
-    assert settings is not None
-    assert tuning is not None
     row = jnp.minimum(state.phase, settings.hold - 1)
     until = of_phase(row, [tuning.phases[phase.name].until for phase in settings.phases])
     unmet = unmet_conditions(until, state, _time(tick))

@@ -8,7 +8,6 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
 from rpojax.flight import stage_use
-from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -81,7 +80,6 @@ class Tick:
         flight: memory of the flight software after the latest stage
         burn_error: execution error of the present burn
         innovation: of the orbit filter, None before navigation
-        prediction: of the relative motion to a burn on decision ticks of a mission, else zero; None without phases
         mode: () pointing mode, None before guidance
         confirmed: () bool, whether what other servicers see stands for an own box; None without others
         peers: what is known of the other servicers, None unless a team is coordinated
@@ -97,7 +95,6 @@ class Tick:
     flight: FlightMemory
     burn_error: BurnError
     innovation: Innovation | None = None
-    prediction: Prediction | None = None
     mode: Array | None = None
     confirmed: Array | None = None
     peers: KnownPeers | None = None

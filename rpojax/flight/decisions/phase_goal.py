@@ -1,5 +1,6 @@
 """Goal of the present phase: what its reference asks of the next burn."""
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -16,8 +17,8 @@ from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 from rpojax.flight.mission import team_mission
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import MissionSettings
-from rpojax.flight.mission.phase_table import MissionTuning, of_phase
+from rpojax.flight.mission.phase_settings import PhaseSettings
+from rpojax.flight.mission.phase_table import of_phase
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -65,17 +66,21 @@ def _shifted(reference: Any, state: MissionState, time: Scalar) -> Any:
 
 def references(software: FlightSoftware, entry: PhaseEntry) -> list[tuple[str, Any]]:
     """Name and reference of all rows; holding and aborted, a servicer keeps to the place where that began."""
-    settings, tuning = mission_of(software)
     place = Hold(position=entry.relative_state[:3])
-    named = [(phase.name, tuning.phases[phase.name].reference) for phase in settings.phases]
-    return [*named, ("hold", place), ("aborted", place)]
+    named = [(phase.name, reference_of(software, phase)) for phase in software.mission.phases]
+    return [*named, *((name, place) for name in software.mission.built_in)]
 
 
-def mission_of(software: FlightSoftware) -> tuple[MissionSettings, MissionTuning]:
-    """Static settings and numbers of the phases, where there are some."""
-    assert software.mission is not None
-    assert software.params.mission is not None
-    return software.mission, software.params.mission
+def reference_of(software: FlightSoftware, phase: PhaseSettings) -> Any:
+    """Record of the reference of a phase."""
+    return software.params.mission.phases[phase.name].trajectory(software.params.formation)
+
+
+def with_station(software: FlightSoftware, position: Vector) -> FlightSoftware:
+    """Flight software of a formation with another desired position [m]."""
+    params = software.params
+    formation = replace(params.formation, desired_position=position)
+    return dataclasses.replace(software, params=replace(params, formation=formation))
 
 
 def desired_state(software: FlightSoftware, state: MissionState, orbit: TargetOrbit, time: Scalar) -> Float[Array, "6"]:
@@ -100,11 +105,9 @@ def end_position(software: FlightSoftware, state: MissionState, orbit: TargetOrb
 
     A phase that no condition ends has that of its entry.
     """
-    settings, tuning = mission_of(software)
-    elapsed = time - state.starts_at
-    entry = state.entry
+    settings, entry, elapsed = software.mission, state.entry, time - state.starts_at
     ends = [
-        reference_motion.end_position(_shifted(tuning.phases[phase.name].reference, state, time), entry, orbit, elapsed)
+        reference_motion.end_position(_shifted(reference_of(software, phase), state, time), entry, orbit, elapsed)
         if phase.ends
         else entry.relative_state[:3]
         for phase in settings.phases

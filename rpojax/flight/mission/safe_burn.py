@@ -5,10 +5,12 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight.mission.drift_clearance import Drift, least_clearance
@@ -20,8 +22,8 @@ Flag = Bool[Array, ""]
 _SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Parts of the planned burn that are tried, the first safe one is taken [-]."""
 
-_NO_BURN: Final = (0, len(_SHARES) - 1)
-"""Place of no burn among those that are tried."""
+_NO_BURN: Final = len(_SHARES) - 1
+"""Place of no burn among these."""
 
 _ESTIMATE_WEIGHT: Final = 1e-3
 """Weight of the clearance by the estimate alone, which decides where none is left with its uncertainty [-]."""
@@ -54,9 +56,14 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         greatest: () size of the greatest change that can be made in any direction [m/s]
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
     """
-    burns = _burns(planned_H, greatest)
-    clearance, by_estimate = least_clearance(drift, burns.directions_H, burns.sizes)
-    return _chosen(burns, clearance, by_estimate, greatest, may_wait)
+    chosen, is_found = _of_planned(_clearances(drift, planned_H[:, None], _shares(planned_H)), planned_H, may_wait)
+
+    def other() -> Vector:
+        return _of_others(_clearances(drift, *_others(planned_H, greatest)), planned_H, greatest)
+
+    # Equal for all runs of a batch, so that it stays a branch: most decisions need no other burn.
+    found = jax.lax.cond(any_of_batch(~is_found), other, lambda: chosen)
+    return jnp.where(is_found, chosen, found)
 
 
 Clearance = Callable[[Float[Array, "3 d"], Float[Array, "d k"]], tuple[Float[Array, "n d k"], Float[Array, "n d k"]]]
@@ -80,73 +87,81 @@ def safe_delta_v_among(
     drift: Drift, others: Clearance, planned_H: Vector, greatest: Scalar, may_wait: Flag
 ) -> SafeBurn:
     """Burn as by `safe_delta_v` that keeps clear of others, too; who they are is their number along the first axis."""
-    burns = _burns(planned_H, greatest)
-    clearance, by_estimate = least_clearance(drift, burns.directions_H, burns.sizes)
-    of_others, of_others_by_estimate = others(burns.directions_H, burns.sizes)
-    alone = _chosen(burns, clearance, by_estimate, greatest, may_wait)
-    together = jnp.minimum(clearance, jnp.min(of_others, axis=0))
-    by_estimate = jnp.minimum(by_estimate, jnp.min(of_others_by_estimate, axis=0))
-    delta_v_H = _chosen(burns, together, by_estimate, greatest, may_wait)
+    directions_H, sizes = _others(planned_H, greatest)
+    planned, other = (planned_H[:, None], _shares(planned_H)), (directions_H, sizes)
+    alone = [_clearances(drift, *burns) for burns in (planned, other)]
+    among = [others(*burns) for burns in (planned, other)]
+    together = [
+        _Clearances(
+            certain=jnp.minimum(own.certain, jnp.min(theirs[0], axis=0)),
+            by_estimate=jnp.minimum(own.by_estimate, jnp.min(theirs[1], axis=0)),
+        )
+        for own, theirs in zip(alone, among, strict=True)
+    ]
+
+    def chosen(of_planned: _Clearances, of_others: _Clearances) -> Vector:
+        delta_v_H, is_found = _of_planned(of_planned, planned_H, may_wait)
+        return jnp.where(is_found, delta_v_H, _of_others(of_others, planned_H, greatest))
+
+    delta_v_H = chosen(*together)
     # The planned burn as a whole, which is the first one, leads nearest to whom it is changed for.
-    nearest = jnp.argmin(of_others[:, 0, 0], axis=0).astype(jnp.int32)
-    is_other = jnp.any(jnp.abs(delta_v_H - alone) > 0.0, axis=0)
+    nearest = jnp.argmin(among[0][0][:, 0, 0], axis=0).astype(jnp.int32)
+    is_other = jnp.any(jnp.abs(delta_v_H - chosen(*alone)) > 0.0, axis=0)
     return SafeBurn(delta_v_H=delta_v_H, changed_for=jnp.where(is_other, nearest, -1).astype(jnp.int32))
 
 
 @pytree
-class _Burns:
-    """Burns that are tried: the planned one first, then the others.
+class _Clearances:
+    """Clearances of burns in some directions and sizes.
 
     Attributes:
-        planned_H: (3,) [m/s]
-        others_H: (3, d - 1) directions of the others
-        other_sizes: (d - 1, k) sizes of the others [m/s]
-        directions_H: (3, d) of all
-        sizes: (d, k) factors on each direction
+        certain: (d, k) with the uncertainty of the estimate [-]
+        by_estimate: (d, k) by the estimate alone [-]
     """
 
-    planned_H: Array
-    others_H: Array
-    other_sizes: Array
-    directions_H: Array
-    sizes: Array
+    certain: Array
+    by_estimate: Array
 
 
-def _burns(planned_H: Vector, greatest: Scalar) -> _Burns:
-    dtype = planned_H.dtype
-    others_H = jnp.asarray(_DIRECTIONS.T, dtype=dtype)
-    directions_H = jnp.concatenate([planned_H[:, None], others_H], axis=1)
-    sizes = jnp.broadcast_to(jnp.asarray(_SIZES, dtype=dtype) * greatest, (len(_DIRECTIONS), len(_SIZES)))
-    shares = jnp.asarray(_SHARES, dtype=dtype)[None]
-    return _Burns(
-        planned_H=planned_H,
-        others_H=others_H,
-        other_sizes=sizes,
-        directions_H=directions_H,
-        sizes=jnp.concatenate([shares, sizes]),
-    )
+def _clearances(drift: Drift, directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"]) -> _Clearances:
+    certain, by_estimate = least_clearance(drift, directions_H, sizes)
+    return _Clearances(certain=certain, by_estimate=by_estimate)
 
 
-def _chosen(
-    burns: _Burns,
-    clearance: Float[Array, "d k"],
-    by_estimate: Float[Array, "d k"],
-    greatest: Scalar,
-    may_wait: Flag,
-) -> Vector:
-    """The burn [m/s] by the clearance of all of them, that by the estimate alone counts where no other is left."""
-    of_planned, of_others = clearance[0], clearance[1:]
-    others_H, sizes, planned_H = burns.others_H, burns.other_sizes, burns.planned_H
-    is_safe = of_others >= 1.0
-    # Of two burns of one size, the one with more clearance.
-    cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))
-    widest = _least(-of_others - _ESTIMATE_WEIGHT * by_estimate[1:] / (1.0 + by_estimate[1:]))
-    best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, widest)
-    chosen = jnp.sum(others_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
-    chosen = jnp.where(may_wait & (by_estimate[_NO_BURN] >= 1.0), 0.0, chosen)
+def _shares(planned_H: Vector) -> Float[Array, "1 k"]:
+    """Parts of the planned burn that are tried."""
+    return jnp.asarray(_SHARES, dtype=planned_H.dtype)[None]
+
+
+def _others(planned_H: Vector, greatest: Scalar) -> tuple[Float[Array, "3 d"], Float[Array, "d k"]]:
+    """Directions of the other burns that are tried, and their sizes [m/s]."""
+    sizes = jnp.asarray(_SIZES, dtype=planned_H.dtype) * greatest
+    return jnp.asarray(_DIRECTIONS.T, dtype=planned_H.dtype), jnp.broadcast_to(sizes, (len(_DIRECTIONS), len(_SIZES)))
+
+
+def _of_planned(clearances: _Clearances, planned_H: Vector, may_wait: Flag) -> tuple[Vector, Flag]:
+    """As much of the planned burn [m/s] as is safe, and whether any of it may be made, or none at all."""
+    chosen, is_found = jnp.zeros_like(planned_H), may_wait & (clearances.by_estimate[0, _NO_BURN] >= 1.0)
     for number in reversed(range(len(_SHARES))):
-        chosen = jnp.where(of_planned[number] >= 1.0, _SHARES[number] * planned_H, chosen)
-    return jnp.where(gradient_safe.is_finite(planned_H), chosen, planned_H)
+        is_safe = clearances.certain[0, number] >= 1.0
+        chosen, is_found = jnp.where(is_safe, _SHARES[number] * planned_H, chosen), is_found | is_safe
+    is_finite = gradient_safe.is_finite(planned_H)
+    return jnp.where(is_finite, chosen, planned_H), is_found | ~is_finite
+
+
+def _of_others(clearances: _Clearances, planned_H: Vector, greatest: Scalar) -> Vector:
+    """The smallest of the other burns that is safe, else the one with the greatest clearance [m/s].
+
+    That by the estimate alone counts where no other is left.
+    """
+    directions_H, sizes = _others(planned_H, greatest)
+    certain, by_estimate = clearances.certain, clearances.by_estimate
+    is_safe = certain >= 1.0
+    # Of two burns of one size, the one with more clearance.
+    cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * certain / (1.0 + certain), jnp.inf))
+    widest = _least(-certain - _ESTIMATE_WEIGHT * by_estimate / (1.0 + by_estimate))
+    best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, widest)
+    return jnp.sum(directions_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
 
 
 def _least(cost: Float[Array, "d k"]) -> Bool[Array, "d k"]:

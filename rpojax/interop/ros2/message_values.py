@@ -177,13 +177,11 @@ def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: 
         guidance_mode=telemetry.mode,
         delta_v=truth.delta_v,
         mass=truth.mass,
-        mission=_mission_status(flight.mission),
+        mission=_mission_status(flight.mission) if scenario.mission.is_managed else None,
     )
 
 
-def _mission_status(mission: MissionState | None) -> MissionStatus | None:
-    if mission is None:
-        return None
+def _mission_status(mission: MissionState) -> MissionStatus:
     return MissionStatus(phase=mission.phase, entered_by=mission.entered_by, abort_reason=mission.abort_reason)
 
 

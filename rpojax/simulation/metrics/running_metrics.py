@@ -43,11 +43,7 @@ def _with_sensors(tick: ObservedTick, name: str) -> Array:
 
 _QUANTITIES: Final[ChannelFunctions] = {
     **CHANNELS,
-    "desired_position_H": lambda tick: (
-        tick.params.flight.formation.desired_position
-        if tick.telemetry.rho_desired_H is None
-        else tick.telemetry.rho_desired_H
-    ),
+    "desired_position_H": lambda tick: tick.telemetry.rho_desired_H,
     "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
     "innovation": lambda tick: _with_sensors(tick, "innovation"),
     "innovation_variance": lambda tick: _with_sensors(tick, "variance"),
@@ -120,7 +116,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         "rho_desired_H": _QUANTITIES["desired_position_H"],
         **{name: partial(_measurement, name) for name in telemetry.measurements.additional},
         **{name: partial(_of_sensor, name) for name in sensor_channels(telemetry.innovation)},
-        **(MISSION_CHANNELS if scenario.mission is not None else {}),
+        **(MISSION_CHANNELS if scenario.mission.is_managed else {}),
     }
     for metric in metrics:
         for name in metric.inputs:

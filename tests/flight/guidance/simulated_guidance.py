@@ -14,6 +14,7 @@ from numpy_reference import (
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight.control.attitude_control import AttitudeCommand
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     attitude_guidance,
@@ -57,9 +58,9 @@ def plan_burn(
     dt: float,
 ) -> BurnPlan:
     """Burn plan for the velocity change of a law, with guidance every `dt` [s]."""
-    at_burn = burn_planning.state_at_burn(flight.formation, estimate)
+    predicted = predict_to_burn(flight, estimate)
     desired_H = jnp.concatenate([flight.formation.desired_position, jnp.zeros(3)])
-    delta_v_N = apply_transposed(at_burn.R_CN, law(GAIN, at_burn.state_H - desired_H))
+    delta_v_N = apply_transposed(predicted.R_CN, law(GAIN, predicted.burn_state_H - desired_H))
     return burn_planning.schedule_burn(guidance_of(flight, dt), delta_v_N, q_look, allowed, jnp.asarray(TIME))
 
 

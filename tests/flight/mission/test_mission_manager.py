@@ -42,10 +42,12 @@ def settings(on_timeout: TimeoutAction = "hold", passively_safe: bool = False) -
             has_arrival_box=True,
             passively_safe=passively_safe,
             has_corridor=name == "first",
+            stops_in_the_dark=True,
         )
 
     return MissionSettings(
         phases=(phase("first"), phase("second"), phase("last")),
+        is_managed=True,
         decision_ticks=20,
         hold_ticks=200,
         hold_burns_per_orbit=1,

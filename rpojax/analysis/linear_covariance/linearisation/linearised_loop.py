@@ -16,6 +16,8 @@ from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replace_leaves
 from rpojax.core.vectors import apply
 from rpojax.flight.decisions import burn_decision
+from rpojax.flight.decisions.burn_decision import Decision
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
@@ -184,9 +186,12 @@ class LinearisedLoop:
             self.params.flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N
         )
 
+        predicted = predict_to_burn(self.params.flight, memory.orbit)
+        decision = Decision(time=time, memory=memory, predicted=predicted, pointing=pointing)
+
         def burn(command: Array) -> tuple[Array, Array]:
             loop = Loop(self.scenario, self.params, replace(self.stages, formation_law=lambda: command))
-            plan = burn_decision.plan_burn(loop.software, memory, pointing, time)
+            plan, _ = burn_decision.plan_burn(loop.software, decision)
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
 
