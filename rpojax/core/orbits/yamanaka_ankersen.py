@@ -125,8 +125,7 @@ def transition_matrix(orbit: TargetOrbit, dt: Scalar) -> Float[Array, "6 6"]:
 
 def constants_of_motion(orbit: TargetOrbit, state: Columns) -> Columns:
     """Constants (y0, ax, ay, d, bx, by) [m] of the free motion through a state (rho, rho_dot) [m, m/s], its epoch."""
-    kappa, kappa_slope = _kappa(orbit)
-    c, s = cos_sin(orbit.argument_of_latitude)
+    kappa, kappa_slope, c, s = _place(orbit)
     x, y, z = state[:3]
     # Derivatives by the argument of latitude.
     x_slope, y_slope, z_slope = state[3:] * (1.0 / _rate(orbit, kappa))
@@ -149,8 +148,7 @@ def constants_of_motion(orbit: TargetOrbit, state: Columns) -> Columns:
 
 def free_motion(orbit: TargetOrbit, since: Scalar, constants: Columns) -> Columns:
     """State (rho, rho_dot) [m, m/s] at a place on the orbit, `since` [s] after the epoch of the constants [m]."""
-    kappa, kappa_slope = _kappa(orbit)
-    c, s = cos_sin(orbit.argument_of_latitude)
+    kappa, kappa_slope, c, s = _place(orbit)
     along, ax, ay, d, bx, by = constants
     tau = since * unit_rate(orbit)
     radial_cos, radial_sin = ax * c + ay * s, ax * s - ay * c
@@ -171,15 +169,15 @@ def free_motion(orbit: TargetOrbit, since: Scalar, constants: Columns) -> Column
     return jnp.stack(position + [component * rate for component in by_latitude])
 
 
-def _kappa(orbit: TargetOrbit) -> tuple[Scalar, Scalar]:
-    """Semi-latus rectum over distance, and its derivative by the argument of latitude [-]."""
+def _place(orbit: TargetOrbit) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Semi-latus rectum over distance, its derivative by the argument of latitude, cosine and sine of the latter [-]."""
     c, s = cos_sin(orbit.argument_of_latitude)
-    return 1.0 + orbit.ex * c + orbit.ey * s, orbit.ey * c - orbit.ex * s
+    return 1.0 + orbit.ex * c + orbit.ey * s, orbit.ey * c - orbit.ex * s, c, s
 
 
 def _eccentric_anomaly(orbit: TargetOrbit) -> tuple[Scalar, Scalar]:
     """Eccentricity times cosine and sine of the eccentric anomaly [-]."""
-    kappa, kappa_slope = _kappa(orbit)
+    kappa, kappa_slope, _, _ = _place(orbit)
     e_square = orbit.ex * orbit.ex + orbit.ey * orbit.ey
     return (e_square + kappa - 1.0) / kappa, -jnp.sqrt(1.0 - e_square) * kappa_slope / kappa
 

@@ -66,9 +66,10 @@ def least_clearance(
         samples: number of times of the first span, evenly spaced in eccentric anomaly
     """
     columns = jnp.concatenate([jnp.zeros_like(directions_H), directions_H])
-    columns = jnp.concatenate([columns, drift.state_H[:, None]], axis=1)
+    identity = jnp.eye(6, dtype=drift.state_H.dtype)
+    columns = jnp.concatenate([columns, drift.state_H[:, None], identity], axis=1)
     constants = yamanaka_ankersen.constants_of_motion(drift.orbit, columns)
-    of_states = yamanaka_ankersen.constants_of_motion(drift.orbit, jnp.eye(6, dtype=drift.state_H.dtype))
+    constants, of_states = constants[:, :-6], constants[:, -6:]
     unit_drift = jnp.where(jnp.arange(6)[:, None] == 3, 1.0, jnp.zeros_like(constants[:, :1]))
     constants = jnp.concatenate([constants, unit_drift], axis=1)
     scale_error, drift_error = drift.sigmas * drift.scale_sigma, drift.sigmas * _drift_sigma(drift, of_states[3])
