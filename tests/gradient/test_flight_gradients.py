@@ -12,6 +12,7 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, random_covariance, 
 
 from rpojax.core import kalman_update, quaternion
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.orbits.yamanaka_ankersen import advanced
 from rpojax.core.pytree import replace
 from rpojax.flight.control import attitude_control, formation_law
 from rpojax.flight.control.attitude_control import AttitudeCommand
@@ -119,7 +120,9 @@ def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: ja
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
     q_BN, omega = target_pointing.look_attitude(flight.vehicle, known)
     predicted, place = predict_to_burn(flight, known), flight.formation.desired_position
-    station = tracked_point(predicted.burn_orbit, jnp.asarray(200.0), place, place, place)
+    times = jnp.array([-200.0, 0.0, 200.0])
+    orbits = jax.vmap(advanced, in_axes=(None, 0))(predicted.burn_orbit, times)
+    station = tracked_point(orbits, times[2], jnp.stack([place, place, place]))
     deviation = predicted.burn_state_H - jnp.concatenate([place, station.arrival_velocity])
     command_H = formation_law.lqr_feedback(gain * (1.0 + 0.1 * x[6]), deviation)
     delta_v_N = jnp.sum(predicted.R_CN * (station.impulse + command_H)[:, None], axis=0)

@@ -80,9 +80,11 @@ def advanced(orbit: TargetOrbit, dt: Scalar) -> TargetOrbit:
     e_cos, e_sin = _eccentric_anomaly(orbit)
     change = _eccentric_change(e_cos, e_sin, mean_motion(orbit.semi_major_axis) * dt)
     c, s = cos_sin(change)
-    lead = _true_less_eccentric(orbit, e_cos * c - e_sin * s, e_sin * c + e_cos * s)
-    lead_change = lead - _true_less_eccentric(orbit, e_cos, e_sin)
-    return replace(orbit, argument_of_latitude=orbit.argument_of_latitude + change + lead_change)
+    after_cos, after_sin, one = e_cos * c - e_sin * s, e_sin * c + e_cos * s, 1.0 + _eta(orbit)
+    # Difference of the halves of true less eccentric anomaly, whose tangents are e sin E / (1 + eta - e cos E).
+    sine = after_sin * (one - e_cos) - e_sin * (one - after_cos)
+    half = arctan2(sine, (one - after_cos) * (one - e_cos) + after_sin * e_sin)
+    return replace(orbit, argument_of_latitude=orbit.argument_of_latitude + change + 2.0 * half)
 
 
 def times_of_even_eccentric_anomalies(
@@ -170,7 +172,7 @@ def free_motion(orbit: TargetOrbit, since: Scalar, constants: Columns) -> Column
 
 
 def _place(orbit: TargetOrbit) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Semi-latus rectum over distance, its derivative by the argument of latitude, cosine and sine of the latter [-]."""
+    """Semi-latus rectum over distance, its slope over the argument of latitude; cosine and sine of the latter [-]."""
     c, s = cos_sin(orbit.argument_of_latitude)
     return 1.0 + orbit.ex * c + orbit.ey * s, orbit.ey * c - orbit.ex * s, c, s
 
@@ -184,8 +186,12 @@ def _eccentric_anomaly(orbit: TargetOrbit) -> tuple[Scalar, Scalar]:
 
 def _true_less_eccentric(orbit: TargetOrbit, e_cos: Scalar, e_sin: Scalar) -> Scalar:
     """True less eccentric anomaly [rad], from the eccentricity times cosine and sine of the latter."""
-    eta = jnp.sqrt(1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey)
-    return 2.0 * arctan2(e_sin, 1.0 + eta - e_cos)
+    return 2.0 * arctan2(e_sin, 1.0 + _eta(orbit) - e_cos)
+
+
+def _eta(orbit: TargetOrbit) -> Scalar:
+    """Semi-minor over semi-major axis [-]."""
+    return jnp.sqrt(1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey)
 
 
 def _rate(orbit: TargetOrbit, kappa: Scalar) -> Scalar:

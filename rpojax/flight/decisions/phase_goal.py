@@ -124,14 +124,15 @@ def goal_at_burn(
     """
     orbit, burn_time = predicted.burn_orbit, time + software.params.formation.lead
 
-    def position(_: None, dt: Scalar) -> tuple[None, Vector]:
-        place = advanced(orbit, dt)
-        return None, desired_state(software, state, place, burn_time + dt)[:3]
+    def place(_: None, dt: Scalar) -> tuple[None, tuple[TargetOrbit, Vector]]:
+        then = advanced(orbit, dt)
+        return None, (then, desired_state(software, state, then, burn_time + dt)[:3])
 
     # A scan: three copies of all references would take three times as long to compile.
-    _, (before, at, after) = jax.lax.scan(position, None, jnp.stack([-period, jnp.zeros_like(period), period]))
-    tracked = impulsive_tracking.tracked_point(orbit, period, before, at, after)
+    times = jnp.stack([-period, jnp.zeros_like(period), period])
+    _, (orbits, positions) = jax.lax.scan(place, None, times)
+    tracked = impulsive_tracking.tracked_point(orbits, period, positions)
     departure = tracked.arrival_velocity + tracked.impulse
     is_first = time - state.entered_at < 0.5 * period
     arrival = jnp.where(is_first, predicted.burn_state_H[3:], tracked.arrival_velocity)
-    return Goal(position=at, arrival_velocity=arrival, impulse=departure - arrival)
+    return Goal(position=positions[1], arrival_velocity=arrival, impulse=departure - arrival)

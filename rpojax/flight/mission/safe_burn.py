@@ -2,8 +2,8 @@
 
 import itertools
 import math
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Any, Final
 
 import jax
 import jax.numpy as jnp
@@ -56,14 +56,12 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         greatest: () size of the greatest change that can be made in any direction [m/s]
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
     """
-    chosen, is_found = _of_planned(_clearances(drift, planned_H[:, None], _shares(planned_H)), planned_H, may_wait)
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait)
 
-    def other() -> Vector:
-        return _of_others(_clearances(drift, *_others(planned_H, greatest)), planned_H, greatest)
+    def clearances(direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]) -> _Clearances:
+        return _of_direction(least_clearance(drift, direction_H, sizes))
 
-    # Equal for all runs of a batch, so that it stays a branch: most decisions need no other burn.
-    found = jax.lax.cond(any_of_batch(~is_found), other, lambda: chosen)
-    return jnp.where(is_found, chosen, found)
+    return _chosen(_searched(tried, clearances, lambda found: found), tried)
 
 
 Clearance = Callable[[Float[Array, "3 d"], Float[Array, "d k"]], tuple[Float[Array, "n d k"], Float[Array, "n d k"]]]
@@ -87,81 +85,121 @@ def safe_delta_v_among(
     drift: Drift, others: Clearance, planned_H: Vector, greatest: Scalar, may_wait: Flag
 ) -> SafeBurn:
     """Burn as by `safe_delta_v` that keeps clear of others, too; who they are is their number along the first axis."""
-    directions_H, sizes = _others(planned_H, greatest)
-    planned, other = (planned_H[:, None], _shares(planned_H)), (directions_H, sizes)
-    alone = [_clearances(drift, *burns) for burns in (planned, other)]
-    among = [others(*burns) for burns in (planned, other)]
-    together = [
-        _Clearances(
-            certain=jnp.minimum(own.certain, jnp.min(theirs[0], axis=0)),
-            by_estimate=jnp.minimum(own.by_estimate, jnp.min(theirs[1], axis=0)),
-        )
-        for own, theirs in zip(alone, among, strict=True)
-    ]
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait)
 
-    def chosen(of_planned: _Clearances, of_others: _Clearances) -> Vector:
-        delta_v_H, is_found = _of_planned(of_planned, planned_H, may_wait)
-        return jnp.where(is_found, delta_v_H, _of_others(of_others, planned_H, greatest))
+    def clearances(
+        direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]
+    ) -> tuple[_Clearances, _Clearances, Array]:
+        own, theirs = least_clearance(drift, direction_H, sizes), others(direction_H, sizes)
+        least = [jnp.minimum(alone, jnp.min(among, axis=0)) for alone, among in zip(own, theirs, strict=True)]
+        return _of_direction(own), _of_direction(least), theirs[0][:, 0, 0]
 
-    delta_v_H = chosen(*together)
+    alone, together, from_each = _searched(tried, clearances, lambda found: found[1])
+    delta_v_H = _chosen(together, tried)
     # The planned burn as a whole, which is the first one, leads nearest to whom it is changed for.
-    nearest = jnp.argmin(among[0][0][:, 0, 0], axis=0).astype(jnp.int32)
-    is_other = jnp.any(jnp.abs(delta_v_H - chosen(*alone)) > 0.0, axis=0)
+    nearest = jnp.argmin(from_each[0], axis=0).astype(jnp.int32)
+    is_other = jnp.any(jnp.abs(delta_v_H - _chosen(alone, tried)) > 0.0, axis=0)
     return SafeBurn(delta_v_H=delta_v_H, changed_for=jnp.where(is_other, nearest, -1).astype(jnp.int32))
 
 
 @pytree
-class _Clearances:
-    """Clearances of burns in some directions and sizes.
+class _Tried:
+    """Burns that are tried, in one direction after the other: parts of the planned one first, then others.
 
     Attributes:
-        certain: (d, k) with the uncertainty of the estimate [-]
-        by_estimate: (d, k) by the estimate alone [-]
+        planned_H: (3,) [m/s]
+        greatest: () size of the greatest other one [m/s]
+        may_wait: () bool, whether none is made while the drift is safe by the estimate alone
+    """
+
+    planned_H: Array
+    greatest: Array
+    may_wait: Array
+
+    @property
+    def other_directions_H(self) -> Float[Array, "d 3"]:
+        """Directions of the others."""
+        return jnp.asarray(_DIRECTIONS, dtype=self.planned_H.dtype)
+
+    @property
+    def other_sizes(self) -> Float[Array, "d k"]:
+        """Sizes of the others [m/s]."""
+        sizes = jnp.asarray(_SIZES, dtype=self.planned_H.dtype) * self.greatest
+        return jnp.broadcast_to(sizes, (len(_DIRECTIONS), len(_SIZES)))
+
+
+@pytree
+class _Clearances:
+    """Clearances of burns in a direction, or in several.
+
+    Attributes:
+        certain: (..., k) with the uncertainty of the estimate [-]
+        by_estimate: (..., k) by the estimate alone [-]
     """
 
     certain: Array
     by_estimate: Array
 
 
-def _clearances(drift: Drift, directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"]) -> _Clearances:
-    certain, by_estimate = least_clearance(drift, directions_H, sizes)
-    return _Clearances(certain=certain, by_estimate=by_estimate)
+def _of_direction(clearances: Sequence[Float[Array, "1 k"]]) -> _Clearances:
+    """Those of one direction alone."""
+    return _Clearances(certain=clearances[0][0], by_estimate=clearances[1][0])
 
 
-def _shares(planned_H: Vector) -> Float[Array, "1 k"]:
-    """Parts of the planned burn that are tried."""
-    return jnp.asarray(_SHARES, dtype=planned_H.dtype)[None]
+def _searched(tried: _Tried, evaluate: Callable[[Array, Array], Any], judged: Callable[[Any], _Clearances]) -> Any:
+    """What `evaluate` gives for all directions, along the first axis; zeros for the others where none is needed.
+
+    No other is needed where some part of the planned burn, or none, is made by the clearances that are `judged`.
+    """
+    shares = jnp.asarray(_SHARES, dtype=tried.planned_H.dtype)
+    directions_H = jnp.concatenate([tried.planned_H[None], tried.other_directions_H])
+    sizes = jnp.concatenate([shares[None], tried.other_sizes])
+    shape = jax.eval_shape(evaluate, directions_H[:1].T, sizes[:1])
+
+    def evaluated(needed: Flag, burn: tuple[Vector, Float[Array, " k"], Flag]) -> tuple[Flag, Any]:
+        direction_H, sizes, is_planned = burn
+        # Equal for all runs of a batch, so that it stays a branch: most decisions need no other burn.
+        found = jax.lax.cond(
+            any_of_batch(needed),
+            lambda: evaluate(direction_H[:, None], sizes[None]),
+            lambda: jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape),
+        )
+        return jnp.where(is_planned, ~_of_planned(judged(found), tried)[1], needed), found
+
+    # A scan: the planned burn by itself and the others together would take twice as long to compile.
+    burns = (directions_H, sizes, jnp.arange(len(directions_H)) == 0)
+    return jax.lax.scan(evaluated, jnp.ones((), dtype=bool), burns)[1]
 
 
-def _others(planned_H: Vector, greatest: Scalar) -> tuple[Float[Array, "3 d"], Float[Array, "d k"]]:
-    """Directions of the other burns that are tried, and their sizes [m/s]."""
-    sizes = jnp.asarray(_SIZES, dtype=planned_H.dtype) * greatest
-    return jnp.asarray(_DIRECTIONS.T, dtype=planned_H.dtype), jnp.broadcast_to(sizes, (len(_DIRECTIONS), len(_SIZES)))
+def _chosen(clearances: _Clearances, tried: _Tried) -> Vector:
+    """The burn [m/s] by the clearances of all of them."""
+    chosen, is_found = _of_planned(jax.tree.map(lambda leaf: leaf[0], clearances), tried)
+    return jnp.where(is_found, chosen, _of_others(jax.tree.map(lambda leaf: leaf[1:], clearances), tried))
 
 
-def _of_planned(clearances: _Clearances, planned_H: Vector, may_wait: Flag) -> tuple[Vector, Flag]:
+def _of_planned(clearances: _Clearances, tried: _Tried) -> tuple[Vector, Flag]:
     """As much of the planned burn [m/s] as is safe, and whether any of it may be made, or none at all."""
-    chosen, is_found = jnp.zeros_like(planned_H), may_wait & (clearances.by_estimate[0, _NO_BURN] >= 1.0)
+    chosen, is_found = jnp.zeros_like(tried.planned_H), tried.may_wait & (clearances.by_estimate[_NO_BURN] >= 1.0)
     for number in reversed(range(len(_SHARES))):
-        is_safe = clearances.certain[0, number] >= 1.0
-        chosen, is_found = jnp.where(is_safe, _SHARES[number] * planned_H, chosen), is_found | is_safe
-    is_finite = gradient_safe.is_finite(planned_H)
-    return jnp.where(is_finite, chosen, planned_H), is_found | ~is_finite
+        is_safe = clearances.certain[number] >= 1.0
+        chosen, is_found = jnp.where(is_safe, _SHARES[number] * tried.planned_H, chosen), is_found | is_safe
+    is_finite = gradient_safe.is_finite(tried.planned_H)
+    return jnp.where(is_finite, chosen, tried.planned_H), is_found | ~is_finite
 
 
-def _of_others(clearances: _Clearances, planned_H: Vector, greatest: Scalar) -> Vector:
+def _of_others(clearances: _Clearances, tried: _Tried) -> Vector:
     """The smallest of the other burns that is safe, else the one with the greatest clearance [m/s].
 
     That by the estimate alone counts where no other is left.
     """
-    directions_H, sizes = _others(planned_H, greatest)
-    certain, by_estimate = clearances.certain, clearances.by_estimate
+    sizes, certain, by_estimate = tried.other_sizes, clearances.certain, clearances.by_estimate
     is_safe = certain >= 1.0
     # Of two burns of one size, the one with more clearance.
-    cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * certain / (1.0 + certain), jnp.inf))
+    cheapest = _least(jnp.where(is_safe, sizes / tried.greatest - 0.01 * certain / (1.0 + certain), jnp.inf))
     widest = _least(-certain - _ESTIMATE_WEIGHT * by_estimate / (1.0 + by_estimate))
     best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, widest)
-    return jnp.sum(directions_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
+    made = jnp.where(best, sizes, 0.0)
+    return jnp.sum(tried.other_directions_H[:, None, :] * made[:, :, None], axis=(0, 1))
 
 
 def _least(cost: Float[Array, "d k"]) -> Bool[Array, "d k"]:

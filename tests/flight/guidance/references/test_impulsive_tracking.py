@@ -7,9 +7,21 @@ import pytest
 from relative_motion_cases import ECCENTRICITIES, advanced, integrated_free_motion, orbit, period
 
 from rpojax.core.orbits import yamanaka_ankersen
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.flight.guidance.references import impulsive_tracking
+from rpojax.flight.guidance.references.impulsive_tracking import TrackedPoint
 
-tracked_point = jax.jit(impulsive_tracking.tracked_point)
+
+@jax.jit
+def tracked_point(
+    orbit: TargetOrbit, period: jax.Array, before: jax.Array, at: jax.Array, after: jax.Array
+) -> TrackedPoint:
+    """Tracked point of a burn at a place on the orbit."""
+    times = jnp.stack([-period, 0.0 * period, period])
+    orbits = jax.vmap(yamanaka_ankersen.advanced, in_axes=(None, 0))(orbit, times)
+    return impulsive_tracking.tracked_point(orbits, period, jnp.stack([before, at, after]))
+
+
 free_motion = jax.jit(yamanaka_ankersen.free_motion)
 INTERVAL = jnp.asarray(200.0)
 
