@@ -144,10 +144,10 @@ def _recovered(
     params: FlightParams, memory: FlightMemory, orbit: OrbitEstimate, innovation: Innovation, interval: Scalar
 ) -> tuple[OrbitEstimate, dict[str, Array]]:
     """Estimate, widened where a sensor was rejected for long and nothing else was used; times of rejections [s]."""
-    relative, rejected_s, used = orbit.relative, {}, innovation.is_used(innovation.sensors)
-    for name, each in innovation.sensors.items():
+    relative, rejected_s, used = orbit.relative, {}, innovation.is_used(("box", *memory.rejected_s))
+    for name in memory.rejected_s:
         before = jnp.where(has_widened(params, memory.rejected_s[name]), 0.0, memory.rejected_s[name])
-        rejected_s[name] = jnp.where(used, 0.0, before + jnp.where(each.rejected, interval, 0.0))
+        rejected_s[name] = jnp.where(used, 0.0, before + jnp.where(innovation.sensors[name].rejected, interval, 0.0))
         recover = has_widened(params, rejected_s[name])
         added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, recover)
         relative = replace(relative, covariance=relative.covariance + jnp.diag(added))

@@ -20,6 +20,7 @@ from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import FIXED, SensorInnovation
 
 Scalar = Float[Array, ""]
 
@@ -65,12 +66,19 @@ class HealthTuning:
 
 
 @pytree
+class FadingMoments:
+    """Fading means of a sensor's normalised innovations (m,) and of their squares (m,) [-]."""
+
+    mean: Array
+    square: Array
+
+
+@pytree
 class NavigationHealth:
     """State of the health tests.
 
     Attributes:
-        mean: (6,) fading mean of the normalised innovations: GPS x, y, z, bearing right and down, size [-]
-        square: (6,) fading mean of their squares [-]
+        moments: of the innovations of the sensors that are tested, by name
         contradicted: () fading share of boxes that were rejected although others confirm them [-]
         size_error: (2,) fading mean of the estimated size error: end-on, an outline may be far smaller for a while [-]
         effort: velocity corrections between burns
@@ -79,8 +87,7 @@ class NavigationHealth:
         confident_range: () estimated range when they last had [m]
     """
 
-    mean: Array
-    square: Array
+    moments: dict[str, FadingMoments]
     contradicted: Array
     size_error: Array
     effort: ControlEffort
@@ -91,9 +98,9 @@ class NavigationHealth:
 
 def initial(relative: RelativeEstimate) -> NavigationHealth:
     """Confidence in the estimate at hand-over, with the expected values of the means."""
+    zero = jnp.zeros(3, dtype=jnp.float64)
     return NavigationHealth(
-        mean=jnp.zeros(6, dtype=jnp.float64),
-        square=jnp.ones(6, dtype=jnp.float64),
+        moments={name: FadingMoments(mean=zero, square=zero + 1.0) for name in FIXED},
         contradicted=jnp.zeros((), dtype=jnp.float64),
         size_error=jnp.zeros_like(relative.slow["size"]),
         effort=control_effort.initial(),
@@ -132,11 +139,9 @@ def update(
     """Health after the measurements of a tick."""
     innovation, gate, estimate, interval = found.innovation, found.gate, found.estimate, found.interval
     evidence = detection_model.evidence_time(interval) / tuning.time_constant
-    deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
-    fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
-    mean = health.mean + fraction * (jnp.where(innovation.used, deviation, 0.0) - health.mean)
-    square = health.square + fraction * (jnp.where(innovation.used, deviation**2, 1.0) - health.square)
-    boxes = innovation.accepted | innovation.rejected
+    moments = {name: _faded(each, innovation.sensors[name], evidence) for name, each in health.moments.items()}
+    gps, box = moments["gps"], moments["box"]
+    boxes = innovation.sensors["box"].accepted | innovation.sensors["box"].rejected
     # In seconds at any rate of the camera, since a recovery must not take the confidence for longer on a slow one.
     share = jnp.where(boxes, jnp.minimum(interval / tuning.time_constant, 1.0), 0.0)
     contradicted = health.contradicted + share * (jnp.where(gate.contradicted, 1.0, 0.0) - health.contradicted)
@@ -149,9 +154,9 @@ def update(
     size_sigma = gradient_safe.sqrt(jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0))
     ratios = jnp.stack(
         [
-            (jnp.max(square[:3], axis=0) - 1.0) / excess_limit,
-            (jnp.max(square[3:], axis=0) - 1.0) / excess_limit,
-            jnp.max(jnp.abs(mean[3:]), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
+            (jnp.max(gps.square, axis=0) - 1.0) / excess_limit,
+            (jnp.max(box.square, axis=0) - 1.0) / excess_limit,
+            jnp.max(jnp.abs(box.mean), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
             contradicted / tuning.contradiction_limit,
             jnp.abs(jnp.sum(size_error, axis=0)) / size_sigma / tuning.size_limit,
             found.unseen_time / tuning.unseen_limit,
@@ -163,14 +168,23 @@ def update(
     worst = jnp.max(ratios[1:], axis=0)
     confident = worst < jnp.where(health.confident, 1.0, tuning.regain)
     return NavigationHealth(
-        mean=mean,
-        square=square,
+        moments=moments,
         contradicted=contradicted,
         size_error=size_error,
         effort=found.effort,
         ratios=ratios,
         confident=confident,
         confident_range=jnp.where(confident, gradient_safe.norm(estimate.r_TS_N), health.confident_range),
+    )
+
+
+def _faded(before: FadingMoments, innovation: SensorInnovation, evidence: Scalar) -> FadingMoments:
+    """Means after an innovation, which counts by its `evidence` in time constants."""
+    deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
+    fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
+    return FadingMoments(
+        mean=before.mean + fraction * (jnp.where(innovation.used, deviation, 0.0) - before.mean),
+        square=before.square + fraction * (jnp.where(innovation.used, deviation**2, 1.0) - before.square),
     )
 
 

@@ -70,8 +70,9 @@ class Scenario:
 
     @property
     def direction_sensors(self) -> list[str]:
-        """Names of the additional sensors whose use by the filter shows that the target is where it should be."""
-        return [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
+        """Names of the sensors whose use by the filter shows that the target is where it should be."""
+        additional = [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
+        return ["box", *additional]
 
     @property
     def step_s(self) -> float:

@@ -14,13 +14,14 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import kalman_update
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import replace
 from rpojax.core.state_layout import StateLayout
 from rpojax.errors import RpojaxError
-from rpojax.flight.navigation import relative_state
+from rpojax.flight.navigation import relative_state, sensor_innovation
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 
 @dataclass(frozen=True)
@@ -78,29 +79,6 @@ SensorRows = Callable[[RelativeEstimate], MeasurementRows]
 """The same for one estimate, with all else bound."""
 
 
-@pytree
-class SensorInnovation:
-    """Diagnostics of a measurement.
-
-    Attributes:
-        innovation: (m,) of each row given the rows before it
-        variance: (m,) its variance by the filter
-        used: (m,) bool
-        log_likelihood: () of the rows used
-        accepted: () bool, the measurement was used
-        rejected: () bool, there was one and it was not used
-        rows: those of the update, with the weights that the gate gave, as of a state of zero
-    """
-
-    innovation: Array
-    variance: Array
-    used: Array
-    log_likelihood: Array
-    accepted: Array
-    rejected: Array
-    rows: MeasurementRows
-
-
 def update(
     tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows
 ) -> tuple[RelativeEstimate, SensorInnovation]:
@@ -112,22 +90,14 @@ def update(
     weight, present = _gate_weight(tuning, gated, estimate, rows), rows.weight > 0.5
     gated_rows = replace(rows, weight=rows.weight * weight)
     result = kalman_update.update(estimate.covariance, gated_rows)
-    accepted = jnp.any(result.used, axis=0)
-    innovation = SensorInnovation(
-        innovation=result.innovation,
-        variance=result.innovation_variance,
-        used=result.used,
-        log_likelihood=result.log_likelihood,
-        accepted=accepted,
-        rejected=jnp.any(present, axis=0) & ~accepted,
-        rows=replace(gated_rows, residual=gated_rows.residual + _along(rows, estimate.vector)),
-    )
+    as_of_zero = replace(gated_rows, residual=gated_rows.residual + _along(rows, estimate.vector))
+    innovation = sensor_innovation.of_update(result, jnp.any(present, axis=0), jnp.any(result.used, axis=0), as_of_zero)
     return relative_state.corrected(estimate, result.deviation, result.covariance), innovation
 
 
 def rows_of(innovations: Mapping[str, SensorInnovation]) -> MeasurementRows | None:
-    """Rows of all sensors, for filters of which the same estimate is a part; None without a sensor."""
-    rows = [each.rows for each in innovations.values()]
+    """Rows of all additional sensors, for filters of which the same estimate is a part; None without one."""
+    rows = [each.rows for each in innovations.values() if each.rows is not None]
     return jax.tree.map(lambda *parts: jnp.concatenate(parts), *rows) if rows else None
 
 

@@ -7,12 +7,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update
-from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.state_layout import StateLayout
 from rpojax.core.vectors import apply, product
-from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state, shape_errors
+from rpojax.flight.navigation import (
+    orbit_covariance,
+    outline_correlation,
+    relative_state,
+    sensor_innovation,
+    shape_errors,
+)
 from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import (
     ExpectedBox,
@@ -28,6 +34,7 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxView
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -158,8 +165,8 @@ def predict(tuning: OrbitFilterTuning, moved: RelativeEstimate, step: OrbitStep)
 
 def update(
     tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, gate: GateState, view: BoxView
-) -> tuple[RelativeEstimate, GateState, KalmanUpdate, Bool[Array, ""], ExpectedBox]:
-    """Estimate after a box that passes the gate, state of the gate, whether the box was used, and the expected box."""
+) -> tuple[RelativeEstimate, GateState, SensorInnovation, ExpectedBox]:
+    """Estimate after a box that passes the gate, state of the gate, diagnostics, and the expected box."""
     prior = prior_box(tuning, view, estimate)
     decision = _decide(tuning, gated, view, gate, prior)
     model, rows = measurement_rows(tuning, view, estimate, prior, decision)
@@ -173,7 +180,8 @@ def update(
     )
     outline = _updated_outline(tuning, view, estimate, decision.accepted)
     after = relative_state.corrected(replace(estimate, outline=outline), result.deviation, result.covariance)
-    return after, gate, result, decision.accepted, expected_box(prior, view.box)
+    innovation = sensor_innovation.of_update(result, view.box.present, decision.accepted)
+    return after, gate, innovation, expected_box(prior, view.box)
 
 
 def rows_of_box(
