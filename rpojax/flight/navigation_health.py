@@ -66,19 +66,11 @@ class HealthTuning:
 
 
 @pytree
-class FadingMoments:
-    """Fading means of a sensor's normalised innovations (m,) and of their squares (m,) [-]."""
-
-    mean: Array
-    square: Array
-
-
-@pytree
 class NavigationHealth:
     """State of the health tests.
 
     Attributes:
-        moments: of the innovations of the sensors that are tested, by name
+        moments: (2, m) fading means of the normalised innovations of GPS and box, by name, and of their squares [-]
         contradicted: () fading share of boxes that were rejected although others confirm them [-]
         size_error: (2,) fading mean of the estimated size error: end-on, an outline may be far smaller for a while [-]
         effort: velocity corrections between burns
@@ -87,7 +79,7 @@ class NavigationHealth:
         confident_range: () estimated range when they last had [m]
     """
 
-    moments: dict[str, FadingMoments]
+    moments: dict[str, Array]
     contradicted: Array
     size_error: Array
     effort: ControlEffort
@@ -98,9 +90,8 @@ class NavigationHealth:
 
 def initial(relative: RelativeEstimate) -> NavigationHealth:
     """Confidence in the estimate at hand-over, with the expected values of the means."""
-    zero = jnp.zeros(3, dtype=jnp.float64)
     return NavigationHealth(
-        moments={name: FadingMoments(mean=zero, square=zero + 1.0) for name in FIXED},
+        moments={name: jnp.stack([jnp.zeros(3), jnp.ones(3)]).astype(jnp.float64) for name in FIXED},
         contradicted=jnp.zeros((), dtype=jnp.float64),
         size_error=jnp.zeros_like(relative.slow["size"]),
         effort=control_effort.initial(),
@@ -139,9 +130,9 @@ def update(
     """Health after the measurements of a tick."""
     innovation, gate, estimate, interval = found.innovation, found.gate, found.estimate, found.interval
     evidence = detection_model.evidence_time(interval) / tuning.time_constant
-    moments = {name: _faded(each, innovation.sensors[name], evidence) for name, each in health.moments.items()}
-    gps, box = moments["gps"], moments["box"]
-    boxes = innovation.sensors["box"].accepted | innovation.sensors["box"].rejected
+    sensors, boxes = innovation.sensors, innovation.sensors["box"].accepted | innovation.sensors["box"].rejected
+    moments = {name: _faded(before, sensors[name], evidence) for name, before in health.moments.items()}
+    (_, gps_square), (box_mean, box_square) = moments["gps"], moments["box"]
     # In seconds at any rate of the camera, since a recovery must not take the confidence for longer on a slow one.
     share = jnp.where(boxes, jnp.minimum(interval / tuning.time_constant, 1.0), 0.0)
     contradicted = health.contradicted + share * (jnp.where(gate.contradicted, 1.0, 0.0) - health.contradicted)
@@ -154,9 +145,9 @@ def update(
     size_sigma = gradient_safe.sqrt(jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0))
     ratios = jnp.stack(
         [
-            (jnp.max(gps.square, axis=0) - 1.0) / excess_limit,
-            (jnp.max(box.square, axis=0) - 1.0) / excess_limit,
-            jnp.max(jnp.abs(box.mean), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
+            (jnp.max(gps_square, axis=0) - 1.0) / excess_limit,
+            (jnp.max(box_square, axis=0) - 1.0) / excess_limit,
+            jnp.max(jnp.abs(box_mean), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
             contradicted / tuning.contradiction_limit,
             jnp.abs(jnp.sum(size_error, axis=0)) / size_sigma / tuning.size_limit,
             found.unseen_time / tuning.unseen_limit,
@@ -178,14 +169,11 @@ def update(
     )
 
 
-def _faded(before: FadingMoments, innovation: SensorInnovation, evidence: Scalar) -> FadingMoments:
-    """Means after an innovation, which counts by its `evidence` in time constants."""
+def _faded(moments: Float[Array, "2 m"], innovation: SensorInnovation, evidence: Scalar) -> Float[Array, "2 m"]:
+    """Moments after an innovation that counts by its `evidence` in time constants."""
     deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
     fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
-    return FadingMoments(
-        mean=before.mean + fraction * (jnp.where(innovation.used, deviation, 0.0) - before.mean),
-        square=before.square + fraction * (jnp.where(innovation.used, deviation**2, 1.0) - before.square),
-    )
+    return moments + fraction * (jnp.where(innovation.used, jnp.stack([deviation, deviation**2]), moments) - moments)
 
 
 _NOISE_TOLERANCE = 1.5
