@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
@@ -27,18 +28,13 @@ from rpojax.flight.guidance import (
     target_visibility,
 )
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick
-from rpojax.flight.navigation import (
-    attitude_ekf,
-    believed_sensor,
-    relative_orbit_ekf,
-    relative_state,
-    thrust_estimator,
-)
+from rpojax.flight.navigation import attitude_ekf, relative_orbit_ekf, relative_state, thrust_estimator
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.navigation.believed_sensor import SensorView
+from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -100,13 +96,11 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
-    view = partial(SensorView, q_BN=attitude.q_BN, time=time)
-    sensors = {
-        name: partial(
-            believed_sensor.checked_rows, name, count, rows, params.sensors[name], view, measurements.additional
-        )
-        for name, rows, count in software.filter.sensors
-    }
+
+    def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
+        view = SensorView(relative=relative, q_BN=attitude.q_BN, time=time)
+        return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
+
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
@@ -120,7 +114,7 @@ def navigate(
         q_KN=camera_attitude(params.vehicle, attitude),
         box=box,
         additional=measurements.additional,
-        sensors=sensors,
+        sensors={each.name: partial(rows, each) for each in software.filter.sensors},
         picture=measurements.picture,
         window=memory.camera,
         time=time,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import jax
 import jax.numpy as jnp
@@ -94,7 +94,7 @@ class ObservedTick:
         return tick_measurements.box_measurement(self.scenario, self.params, self.telemetry.frame)
 
 
-ChannelFunctions = dict[str, Callable[[ObservedTick], Array]]
+ChannelFunctions = dict[str, Callable[[ObservedTick], Any]]
 """Channels by name, as functions of a tick."""
 
 

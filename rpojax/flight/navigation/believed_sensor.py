@@ -79,6 +79,36 @@ SensorRows = Callable[[RelativeEstimate], MeasurementRows]
 """The same for one estimate, with all else bound."""
 
 
+@dataclass(frozen=True)
+class BelievedSensor:
+    """An additional sensor that the filter believes.
+
+    Attributes:
+        name: of the sensor
+        rows: of a measurement
+        count: number of its rows
+    """
+
+    name: str
+    rows: BelievedRows
+    count: int
+
+    def checked_rows(
+        self, beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[str, Array]
+    ) -> MeasurementRows:
+        """Rows of a measurement.
+
+        Raises:
+            RpojaxError: they are not as many as the class says, or of another shape.
+        """
+        found = self.rows(beliefs, view, measured)
+        for part in ("residual", "jacobian", "variance", "weight"):
+            shape = (self.count, view.layout.size) if part == "jacobian" else (self.count,)
+            if (is_shape := jnp.shape(getattr(found, part))) != shape:
+                raise RpojaxError(f"sensors.{self.name}.rows: found {part} of shape {is_shape}, expected {shape}")
+        return found
+
+
 def update(
     tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows
 ) -> tuple[RelativeEstimate, SensorInnovation]:
@@ -120,33 +150,6 @@ def _present(rows: MeasurementRows) -> MeasurementRows:
         variance=jnp.where(counts, rows.variance, 1.0),
         weight=jnp.where(counts, rows.weight, 0.0),
     )
-
-
-def checked_rows(
-    name: str,
-    count: int,
-    rows: BelievedRows,
-    beliefs: Mapping[str, Array],
-    view: Callable[..., SensorView],
-    measured: Mapping[str, Array],
-    relative: RelativeEstimate,
-) -> MeasurementRows:
-    """Rows of the sensor `name` for an estimate.
-
-    Raises:
-        RpojaxError: they are not as many as the class says, or of another shape.
-    """
-    found = rows(beliefs, view(relative=relative), measured)
-    size = relative.layout.size
-    for part, shape in (
-        ("residual", (count,)),
-        ("jacobian", (count, size)),
-        ("variance", (count,)),
-        ("weight", (count,)),
-    ):
-        if (is_shape := jnp.shape(getattr(found, part))) != shape:
-            raise RpojaxError(f"sensors.{name}.rows: found {part} of shape {is_shape}, expected {shape}")
-    return found
 
 
 def _gate_weight(tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows) -> Array:
