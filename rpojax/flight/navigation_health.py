@@ -172,8 +172,9 @@ def update(
 def _faded(moments: Float[Array, "2 m"], innovation: SensorInnovation, evidence: Scalar) -> Float[Array, "2 m"]:
     """Moments after an innovation that counts by its `evidence` in time constants."""
     deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
-    fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
-    return moments + fraction * (jnp.where(innovation.used, jnp.stack([deviation, deviation**2]), moments) - moments)
+    fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)[None]
+    powers = jnp.where(innovation.used[None], jnp.stack([deviation, deviation**2]), moments)
+    return moments + fraction * (powers - moments)
 
 
 _NOISE_TOLERANCE = 1.5

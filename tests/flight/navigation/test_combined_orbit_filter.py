@@ -306,11 +306,11 @@ def test_without_a_box_only_the_servicer_is_updated(flight: FlightParams, estima
     without, none = after(absent)
     jax.tree.map(np.testing.assert_array_equal, without.relative, estimate.relative)
     assert np.max(np.abs(np.asarray(without.servicer.r_SN_N) - rendezvous_scene.R_SN_N)) > 0.1
-    assert not none.accepted
-    assert not none.rejected
+    assert not none.sensors["box"].accepted
+    assert not none.sensors["box"].rejected
     with_box, some = after(present)
     jax.tree.map(np.testing.assert_array_equal, with_box.servicer, without.servicer)
-    assert some.accepted
+    assert some.sensors["box"].accepted
     assert np.trace(with_box.relative.covariance) < np.trace(estimate.relative.covariance)
 
 
@@ -327,7 +327,7 @@ def test_the_log_likelihood_is_that_of_the_used_rows(flight: FlightParams, estim
             q_KN,
             rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=present),
         )
-        used = slice(0, 6 if present else 3)
-        sigma = np.sqrt(np.asarray(innovation.variance))[used]
-        expected = norm.logpdf(np.asarray(innovation.innovation)[used], scale=sigma).sum()
+        assert list(innovation.sensors) == ["box", "gps"]
+        used = [each for name, each in innovation.sensors.items() if name == "gps" or present]
+        expected = sum(norm.logpdf(each.innovation, scale=np.sqrt(each.variance)).sum() for each in used)
         np.testing.assert_allclose(innovation.log_likelihood, expected, rtol=1e-9)
