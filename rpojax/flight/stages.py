@@ -420,8 +420,8 @@ def _check_result(where: str, result: Any, expected: Any) -> None:
     """Refuses a result of another structure, shape or type than expected."""
     if jax.tree.structure(result) != jax.tree.structure(expected):
         found, wanted = _type_name(result), _type_name(expected)
-        if found == wanted and (missing := _missing(result, expected)):
-            found, wanted = f"{found} without {missing}", "one that has it, as that of the packaged stage"
+        if missing := _missing(result, expected):
+            found, wanted = f"{found} without {missing}", "one that has it"
         raise RpojaxError(f"{where}: found a result of type {found}, expected {wanted}")
     for (path, found), wanted in zip(jax.tree.leaves_with_path(result), jax.tree.leaves(expected), strict=True):
         kind = f"{jnp.result_type(found)} of shape {jnp.shape(found)}"
@@ -430,14 +430,12 @@ def _check_result(where: str, result: Any, expected: Any) -> None:
 
 
 def _missing(result: Any, expected: Any) -> str:
-    """First part of what is expected that a result has not, as the text of a path."""
+    """Path of the first entry that mappings in a result lack; empty if its types are others."""
     paths = [path for path, _ in jax.tree.leaves_with_path(result)]
     known = {path[:end] for path in paths for end in range(len(path) + 1)}
-    for path, _ in jax.tree.leaves_with_path(expected):
-        for end in range(len(path) + 1):
-            if path[:end] not in known:
-                return jax.tree_util.keystr(path[:end])
-    return ""
+    entries = [path[:end] for path, _ in jax.tree.leaves_with_path(expected) for end in range(1, len(path) + 1)]
+    lacking = [each for each in entries if each not in known]
+    return jax.tree_util.keystr(lacking[0]) if lacking and isinstance(lacking[0][-1], jax.tree_util.DictKey) else ""
 
 
 def _type_name(result: Any) -> str:

@@ -1,5 +1,7 @@
 """Orbit filter: propagation of mean and covariance of both halves, and updates with and without measurements."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,13 +11,17 @@ from numpy_reference import IDENTITY, gravity, random_covariance, rotation_matri
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
+from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter, relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
+from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.stages import Stages
 from rpojax.physics import equipment_faults, plant, plant_state
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
@@ -331,3 +337,33 @@ def test_the_log_likelihood_is_that_of_the_used_rows(flight: FlightParams, estim
         used = [each for name, each in innovation.sensors.items() if name == "gps" or present]
         expected = sum(norm.logpdf(each.innovation, scale=np.sqrt(each.variance)).sum() for each in used)
         np.testing.assert_allclose(innovation.log_likelihood, expected, rtol=1e-9)
+
+
+def test_a_replaced_update_that_returns_no_innovation_of_a_sensor_is_refused_by_its_name(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    def forgetful(sensors: Any, **others: Any) -> Any:
+        return combined_orbit_filter.update(sensors={}, **others)
+
+    def lidar(relative: RelativeEstimate) -> MeasurementRows:
+        one = jnp.ones(1)
+        return MeasurementRows(one, jnp.zeros((1, relative.layout.size)), one, one)
+
+    q_KN = rendezvous_scene.camera_attitude(flight, estimate)
+    with pytest.raises(RpojaxError) as caught:
+        Stages(orbit_update=forgetful).call(
+            "orbit_update",
+            tuning=flight.navigation,
+            gated=True,
+            focal_px=flight.vehicle.focal_px,
+            estimate=estimate,
+            gate=outlier_gate.initial(),
+            gps=fix(rendezvous_scene.R_SN_N),
+            q_KN=q_KN,
+            box=rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD),
+            sensors={"lidar": lidar},
+        )
+    assert str(caught.value) == (
+        "stages.orbit_update: found a result of type (OrbitEstimate, GateState, Innovation) without "
+        "[2].sensors['lidar'], expected one that has it"
+    )
