@@ -347,22 +347,25 @@ def test_a_replaced_update_that_returns_no_innovation_of_a_sensor_is_refused_by_
 
     def lidar(relative: RelativeEstimate) -> MeasurementRows:
         one = jnp.ones(1)
-        return MeasurementRows(one, jnp.zeros((1, relative.layout.size)), one, one)
+        jacobian = jnp.zeros((1, relative.layout.size))
+        return MeasurementRows(residual=one, jacobian=jacobian, variance=one, weight=one)
 
     q_KN = rendezvous_scene.camera_attitude(flight, estimate)
+    measured = {
+        "estimate": estimate,
+        "gate": outlier_gate.initial(),
+        "gps": fix(rendezvous_scene.R_SN_N),
+        "q_KN": q_KN,
+        "box": rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD),
+    }
+
+    def call(measured: dict[str, Any]) -> Any:
+        tuning, focal_px = flight.navigation, flight.vehicle.focal_px
+        others = {"tuning": tuning, "gated": True, "focal_px": focal_px, "sensors": {"lidar": lidar}}
+        return Stages(orbit_update=forgetful).call("orbit_update", **measured, **others)
+
     with pytest.raises(RpojaxError) as caught:
-        Stages(orbit_update=forgetful).call(
-            "orbit_update",
-            tuning=flight.navigation,
-            gated=True,
-            focal_px=flight.vehicle.focal_px,
-            estimate=estimate,
-            gate=outlier_gate.initial(),
-            gps=fix(rendezvous_scene.R_SN_N),
-            q_KN=q_KN,
-            box=rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD),
-            sensors={"lidar": lidar},
-        )
+        jax.eval_shape(call, measured)
     assert str(caught.value) == (
         "stages.orbit_update: found a result of type (OrbitEstimate, GateState, Innovation) without "
         "[2].sensors['lidar'], expected one that has it"
