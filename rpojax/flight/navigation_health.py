@@ -20,7 +20,7 @@ from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
-from rpojax.flight.navigation.sensor_innovation import FIXED, SensorInnovation
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 Scalar = Float[Array, ""]
 
@@ -91,7 +91,7 @@ class NavigationHealth:
 def initial(relative: RelativeEstimate) -> NavigationHealth:
     """Confidence in the estimate at hand-over, with the expected values of the means."""
     return NavigationHealth(
-        moments={name: jnp.stack([jnp.zeros(3), jnp.ones(3)]).astype(jnp.float64) for name in FIXED},
+        moments={name: jnp.stack([jnp.zeros(3), jnp.ones(3)]).astype(jnp.float64) for name in ("gps", "box")},
         contradicted=jnp.zeros((), dtype=jnp.float64),
         size_error=jnp.zeros_like(relative.slow["size"]),
         effort=control_effort.initial(),

@@ -17,7 +17,7 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.state_layout import StateLayout
 from rpojax.errors import RpojaxError
-from rpojax.flight.navigation import relative_state, sensor_innovation
+from rpojax.flight.navigation import relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
@@ -121,7 +121,7 @@ def update(
     gated_rows = replace(rows, weight=rows.weight * weight)
     result = kalman_update.update(estimate.covariance, gated_rows)
     as_of_zero = replace(gated_rows, residual=gated_rows.residual + _along(rows, estimate.vector))
-    innovation = sensor_innovation.of_update(result, jnp.any(present, axis=0), jnp.any(result.used, axis=0), as_of_zero)
+    innovation = SensorInnovation.of_update(result, jnp.any(present, axis=0), jnp.any(result.used, axis=0), as_of_zero)
     return relative_state.corrected(estimate, result.deviation, result.covariance), innovation
 
 

@@ -11,7 +11,6 @@ import functools
 import operator
 from collections.abc import Iterable, Mapping
 
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe, runge_kutta
@@ -58,11 +57,6 @@ class Innovation:
 
     sensors: dict[str, SensorInnovation]
     expected_box: ExpectedBox
-
-    @property
-    def log_likelihood(self) -> Scalar:
-        """Of the rows of all sensors that were used."""
-        return sum((each.log_likelihood for each in self.sensors.values()), jnp.zeros(()))
 
     def is_used(self, sensors: Iterable[str]) -> Bool[Array, ""]:
         """Whether a measurement of one of these sensors was used."""

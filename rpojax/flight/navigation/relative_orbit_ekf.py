@@ -12,13 +12,7 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.state_layout import StateLayout
 from rpojax.core.vectors import apply, product
-from rpojax.flight.navigation import (
-    orbit_covariance,
-    outline_correlation,
-    relative_state,
-    sensor_innovation,
-    shape_errors,
-)
+from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state, shape_errors
 from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import (
     ExpectedBox,
@@ -50,7 +44,7 @@ def measurement_rows(
     linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
     model = linearise_box(tuning, view, linearisation_point, estimate.slow["size"][0])
     residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
-    size = _size_row(tuning, view, prior, decision, residual[2], model.variance[2])
+    size = _size_row(tuning, view, prior, decision, (residual[2], model.variance[2]))
     rows = MeasurementRows(
         residual=jnp.concatenate([residual[:2], size[:1]]),
         jacobian=_jacobian(estimate.layout, model),
@@ -61,15 +55,10 @@ def measurement_rows(
 
 
 def _size_row(
-    tuning: OrbitFilterTuning,
-    view: BoxView,
-    prior: PriorBox,
-    decision: GateDecision,
-    residual: Scalar,
-    variance: Scalar,
+    tuning: OrbitFilterTuning, view: BoxView, prior: PriorBox, decision: GateDecision, of_box: tuple[Scalar, Scalar]
 ) -> Vector:
-    """Residual, variance and weight of the log-size, measured by the box, and by whether there is one."""
-    box, focal_px = view.box, view.focal_px
+    """Residual, variance and weight of the log-size, from those `of_box`, and from whether there is one."""
+    box, focal_px, (residual, variance) = view.box, view.focal_px, of_box
     log_size_px = jnp.log(focal_px) + prior.model.predicted[2] + prior.slow_errors[2]
     half_size = 0.5 * jnp.exp(log_size_px) / focal_px
     in_frame = jnp.all(jnp.abs(prior.model.predicted[:2]) + half_size < box.half_frame_tangent, axis=0)
@@ -180,7 +169,7 @@ def update(
     )
     outline = _updated_outline(tuning, view, estimate, decision.accepted)
     after = relative_state.corrected(replace(estimate, outline=outline), result.deviation, result.covariance)
-    innovation = sensor_innovation.of_update(result, view.box.present, decision.accepted)
+    innovation = SensorInnovation.of_update(result, view.box.present, decision.accepted)
     return after, gate, innovation, expected_box(prior, view.box)
 
 

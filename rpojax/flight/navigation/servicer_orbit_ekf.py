@@ -11,7 +11,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import double_single
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.state_layout import MOTION, StateLayout
-from rpojax.flight.navigation import orbit_covariance, sensor_innovation
+from rpojax.flight.navigation import orbit_covariance
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
@@ -107,4 +107,4 @@ def update(
         gps_error_N=estimate.gps_error_N + x["gps_error"],
         covariance=result.covariance,
     )
-    return corrected, sensor_innovation.of_update(result, gps.present, gps.present)
+    return corrected, SensorInnovation.of_update(result, gps.present, gps.present)
