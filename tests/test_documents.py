@@ -421,7 +421,7 @@ def test_the_stages_of_the_page_on_flight_software_act_in_the_loop() -> None:
     file = scenario_loader.validate(tables | {"phases": [phase]})
     _, telemetry = jax.jit(rollout, static_argnums=(0, 3, 4))(*initialise_run(file), 3, Stages(**replaced))
     assert bool(telemetry.frame.box.present.any())
-    assert not bool(telemetry.innovation.accepted.any())  # the target is farther than 60 m
+    assert not bool(telemetry.innovation.sensors["box"].accepted.any())  # the target is farther than 60 m
     mission = telemetry.flight.mission
     assert bool((mission.abort_reason == AbortReason.COMMAND).all())
     raised = mission.entry.relative_state[:, :3] + jnp.array([[0.0, 0.0, 5.0]])

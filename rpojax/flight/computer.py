@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree, replace, select
@@ -25,18 +26,13 @@ from rpojax.flight.guidance import (
     target_visibility,
 )
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick
-from rpojax.flight.navigation import (
-    attitude_ekf,
-    believed_sensor,
-    relative_orbit_ekf,
-    relative_state,
-    thrust_estimator,
-)
+from rpojax.flight.navigation import attitude_ekf, relative_orbit_ekf, relative_state, thrust_estimator
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.navigation.believed_sensor import SensorView
+from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -94,13 +90,11 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
-    view = partial(SensorView, q_BN=attitude.q_BN, time=time)
-    sensors = {
-        name: partial(
-            believed_sensor.checked_rows, name, count, rows, params.sensors[name], view, measurements.additional
-        )
-        for name, rows, count in software.filter.sensors
-    }
+
+    def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
+        view = SensorView(relative=relative, q_BN=attitude.q_BN, time=time)
+        return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
+
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
@@ -114,7 +108,7 @@ def navigate(
         q_KN=camera_attitude(params.vehicle, attitude),
         box=box,
         additional=measurements.additional,
-        sensors=sensors,
+        sensors={each.name: partial(rows, each) for each in software.filter.sensors},
         picture=measurements.picture,
         window=memory.camera,
         time=time,
@@ -138,10 +132,10 @@ def _recovered(
     params: FlightParams, memory: FlightMemory, orbit: OrbitEstimate, innovation: Innovation, interval: Scalar
 ) -> tuple[OrbitEstimate, dict[str, Array]]:
     """Estimate, widened where a sensor was rejected for long and nothing else was used; times of rejections [s]."""
-    relative, rejected_s, used = orbit.relative, {}, innovation.is_used(innovation.sensors)
-    for name, each in innovation.sensors.items():
+    relative, rejected_s, used = orbit.relative, {}, innovation.is_used(("box", *memory.rejected_s))
+    for name in memory.rejected_s:
         before = jnp.where(has_widened(params, memory.rejected_s[name]), 0.0, memory.rejected_s[name])
-        rejected_s[name] = jnp.where(used, 0.0, before + jnp.where(each.rejected, interval, 0.0))
+        rejected_s[name] = jnp.where(used, 0.0, before + jnp.where(innovation.sensors[name].rejected, interval, 0.0))
         recover = has_widened(params, rejected_s[name])
         added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, recover)
         relative = replace(relative, covariance=relative.covariance + jnp.diag(added))

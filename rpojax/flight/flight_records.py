@@ -15,7 +15,7 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
-from rpojax.flight.navigation.believed_sensor import BelievedRows
+from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -90,12 +90,12 @@ class FilterSettings:
     Attributes:
         gated: whether measurements must pass the gate
         zonal_degree: highest zonal harmonic of its gravity model
-        sensors: names, rows and their number of the additional sensors that it believes
+        sensors: the additional sensors that it believes
     """
 
     gated: bool
     zonal_degree: int
-    sensors: tuple[tuple[str, BelievedRows, int], ...] = ()
+    sensors: tuple[BelievedSensor, ...] = ()
 
 
 @pytree

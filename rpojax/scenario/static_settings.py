@@ -6,6 +6,7 @@ from rpojax.errors import ScenarioError
 from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.flight.flight_records import FilterSettings
 from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.phase_table import mission_settings
 from rpojax.scenario.plugins import plugin_registry
@@ -64,14 +65,15 @@ class Scenario:
     @property
     def filter_settings(self) -> FilterSettings:
         """Static settings of the orbit filter."""
-        believed = [each for each in self.additional_sensors if each[1].is_believed()]
-        rows = tuple((name, each.rows, each.row_count) for name, each in believed)
-        return FilterSettings(self.box_gating, self.navigation_zonal_degree, rows)
+        believed = [(name, each) for name, each in self.additional_sensors if each.is_believed()]
+        sensors = tuple(BelievedSensor(name, each.rows, each.row_count) for name, each in believed)
+        return FilterSettings(self.box_gating, self.navigation_zonal_degree, sensors)
 
     @property
     def direction_sensors(self) -> list[str]:
-        """Names of the additional sensors whose use by the filter shows that the target is where it should be."""
-        return [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
+        """Names of the sensors whose use by the filter shows that the target is where it should be."""
+        additional = [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
+        return ["box", *additional]
 
     @property
     def step_s(self) -> float:

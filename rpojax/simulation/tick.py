@@ -60,8 +60,7 @@ class Loop:
     def __post_init__(self) -> None:
         kinds = stage_use.kinds_of(self.scenario.camera_model, self.scenario.mission, self.scenario.team)
         stage_use.check(self.stages, kinds)
-        believed = [name for name, _, _ in self.scenario.filter_settings.sensors]
-        stage_use.check_believed(self.stages, believed)
+        stage_use.check_believed(self.stages, [each.name for each in self.scenario.filter_settings.sensors])
         stage_use.check_picture(self.stages, self.scenario.camera_model)
 
 

@@ -231,11 +231,11 @@ def sense(
 
 def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:
     light, used = sense(flight, ready, pixels=3.0)
-    assert bool(used.accepted)
+    assert bool(used.sensors["box"].accepted)
     assert np.linalg.norm(light.orbit.relative.r_TS_N - ready.orbit.relative.r_TS_N) > 0.01
     dark, unused = sense(flight, ready, rendezvous_scene.SUN_BEHIND_EARTH, pixels=3.0)
-    assert not bool(unused.accepted)
-    assert not bool(unused.rejected)
+    assert not bool(unused.sensors["box"].accepted)
+    assert not bool(unused.sensors["box"].rejected)
     np.testing.assert_array_equal(dark.orbit.relative.r_TS_N, ready.orbit.relative.r_TS_N)
     assert dark.gate.rejections == 0.0
 

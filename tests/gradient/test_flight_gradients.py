@@ -176,7 +176,7 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
         truncated=jnp.asarray(True),
         age=jnp.ones(()),
     )
-    after, _, result, _, _ = relative_orbit_ekf.update(
+    after, _, result, _ = relative_orbit_ekf.update(
         tuning, True, moved, track, box_view(measured, flight.vehicle.focal_px, q_KN)
     )
     return after.r_TS_N - known.r_TS_N, after.slow["size"], 1e2 * after.covariance, 1e-3 * result.log_likelihood

@@ -40,7 +40,7 @@ def test_a_run_stays_finite_and_does_not_fail(run: Run) -> None:
 
 def test_the_target_is_acquired_and_tracked(run: Run) -> None:
     _, telemetry = run
-    accepted = np.asarray(telemetry.innovation.accepted)
+    accepted = np.asarray(telemetry.innovation.sensors["box"].accepted)
     assert accepted[:10].any()
     looking = (np.asarray(telemetry.mode) == Mode.LOOK) & (np.arange(TICKS) > 10)
     assert looking.sum() > 20

@@ -173,7 +173,7 @@ def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: 
         cutoff_s=flight.plan.cutoff,
         thrust=params.flight.vehicle.thrust,
         camera=_detector_image(scenario, params, telemetry),
-        box_accepted=telemetry.innovation.accepted,
+        box_accepted=telemetry.innovation.sensors["box"].accepted,
         guidance_mode=telemetry.mode,
         delta_v=truth.delta_v,
         mass=truth.mass,

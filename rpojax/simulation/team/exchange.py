@@ -125,7 +125,7 @@ def _announced(loop: TeamLoop, params: Params, tick: Tick) -> Announcements:
     relative, servicer = orbit.relative, orbit.servicer
     R_HN = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)[0]
     return Announcements(
-        plans=intent.intent(tick.flight.plan, follows, shift, tick.innovation.accepted, tick.time),
+        plans=intent.intent(tick.flight.plan, follows, shift, tick.innovation.sensors["box"].accepted, tick.time),
         slots=_slots(loop, params),
         place_H=-apply(R_HN, relative.r_TS_N),
         R_HN=R_HN,
@@ -185,7 +185,7 @@ def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamR
     return TeamRecords(
         orbit=memory.orbit,
         gate=replace(memory.gate, recovered=_has_recovered(params, memory)),
-        accepted=tick.innovation.accepted,
+        accepted=tick.innovation.sensors["box"].accepted,
         box=computer.filtered_box(
             params.flight, tick.state.flight, memory.attitude_variance, tick.measurements.box, tick.sky.sun_N
         ),

@@ -120,13 +120,13 @@ class LinearisedLoop:
                 edge_deviations=outlines.deviations,
                 outputs=self._outputs(self.params, telemetry),
                 sigma_H=sigma_H,
-                box_used=telemetry.innovation.accepted,
+                box_used=telemetry.innovation.sensors["box"].accepted,
                 on_target=telemetry.mode == Mode.LOOK,
                 # Guidance follows the decision, which therefore sees its memory from before.
                 memory=replace_leaves(telemetry.flight, pointing=state.flight.pointing),
             )
             observed, outline = target_outline_ensemble.observe_ensemble(
-                ensemble, outlines, telemetry.innovation.accepted, self.scenario.tick_s
+                ensemble, outlines, telemetry.innovation.sensors["box"].accepted, self.scenario.tick_s
             )
             # The mean outline of all targets does not change as that of any one does.
             after = parameters.replace_leaf(after, ("flight", "orbit", "relative", "outline"), outline)
