@@ -171,6 +171,14 @@ def free_motion(orbit: TargetOrbit, since: Scalar, constants: Columns) -> Column
     return jnp.stack(position + [component * rate for component in by_latitude])
 
 
+def rate_without_drift(orbit: TargetOrbit, position: Vector) -> Vector:
+    """Velocity along the track (3,) [m/s] with which free motion from a position [m] is back after an orbit."""
+    kappa, kappa_slope, _, _ = _place(orbit)
+    x, y, _ = position
+    y_slope = -(kappa_slope * y + (kappa + 1.0) * x) / kappa
+    return jnp.stack([0.0 * x, y_slope * _rate(orbit, kappa), 0.0 * x])
+
+
 def _place(orbit: TargetOrbit) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Semi-latus rectum over distance, its slope over the argument of latitude; cosine and sine of the latter [-]."""
     c, s = cos_sin(orbit.argument_of_latitude)

@@ -72,11 +72,11 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     """Next burn of the present phase, at a time at which the phase decides about burns.
 
     The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
-    of the free motions of the others in a `team`: for two control periods, for an orbit if the target gets dark, or in
-    a passively safe phase for the whole horizon; else another one is made. There is none while the target is lost or
-    dark, its range is too uncertain, or soon after the thruster failed. After an abort there is one burn, if that is
-    needed, and another one only for what was measured since. Returned beside the burn is the state of the mission with
-    its records of these decisions.
+    of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
+    horizon; else another one is made. Before the target gets dark the motion is stopped, and judged over an orbit.
+    There is no burn while the target is lost or dark, its range is too uncertain, or soon after the thruster failed.
+    After an abort there is one burn, if that is needed, and another one only for what was measured since. Returned
+    beside the burn is the state of the mission with its records of these decisions.
     """
     settings, params, team, time = software.mission, software.params, decision.team, decision.time
     if team is not None and settings.phasing != "fixed":
@@ -93,11 +93,11 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     works = burn_conditions.thruster_works(params, memory, time)
     known = predicted.range_ratio_sigma < params.formation.range_uncertainty_limit
     sees = pointing.visible & ~burn_conditions.is_lost(params, memory) & known
-    drift = _drift_after_burn(software, decision, visible, period)
+    drift = _drift_after_burn(software, decision, stops, period)
     greatest = burn_planning.certain_delta_v(software.guidance)
     if not settings.is_managed:
         planned_H = _within_limit(software, predicted, pointing, jnp.where(sees, planned_H, 0.0))
-        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait=jnp.ones((), dtype=bool))
+        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait=~stops)
         return _scheduled(software, decision, burn_H, sees & works), state
     sees &= memory.health.confident
     keeps = sees & (state.phase != settings.aborted)
@@ -231,24 +231,29 @@ def _decided(before: TeamMission, burn: SafeBurn, team: Team, can_burn: Flag, ti
     )
 
 
-def _drift_after_burn(software: FlightSoftware, decision: Decision, stays_visible: Flag, period: Scalar) -> Drift:
-    """Free motion after a burn of the present phase, passively safe or not, and what it must keep clear of."""
+def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag, period: Scalar) -> Drift:
+    """Free motion after a burn of the present phase, passively safe or not, and what it must keep clear of.
+
+    One that `stops` before darkness is judged by the estimate, farther away by the uncertainty of its range: over an
+    orbit no motion is certain.
+    """
     tuning, state, predicted = software.params.mission, decision.memory.mission, decision.predicted
     is_passive = is_passively_safe(software.mission, state)
     orbit_period = drift_clearance.orbit_period(predicted.burn_orbit)
-    until_seen = jnp.where(stays_visible, 2.0 * period, orbit_period)
+    until_seen = jnp.where(stops, orbit_period, 2.0 * period)
     span = jnp.where(is_passive, jnp.minimum(orbit_period, tuning.abort_horizon), until_seen)
     if software.mission.is_managed:
         semi_axes = keep_out_zone(software, state) + tuning.abort_margin
     else:
         semi_axes = _zone_of_station(software, decision)
+    uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(predicted.burn_state_H[:3])
     return Drift(
         orbit=predicted.burn_orbit,
         state_H=predicted.burn_state_H,
-        scale_sigma=predicted.range_ratio_sigma,
-        covariance_H=predicted.burn_covariance_H,
+        scale_sigma=jnp.where(stops, 0.0, predicted.range_ratio_sigma),
+        covariance_H=jnp.where(stops, 0.0, predicted.burn_covariance_H),
         sigmas=tuning.abort_sigmas,
-        semi_axes=semi_axes,
+        semi_axes=semi_axes + jnp.where(stops, uncertain, 0.0),
         first_span=span,
         horizon=jnp.where(is_passive, jnp.maximum(span, tuning.abort_horizon), span),
     )

@@ -6,8 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, rate_without_drift
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -24,10 +23,8 @@ comes nearer [-]."""
 
 
 def change_to_stop(state_H: Float[Array, "6"], orbit: TargetOrbit) -> Vector:
-    """Velocity change [m/s] after which the relative motion [m, m/s] does not drift, on a circular `orbit`."""
-    n = mean_motion(orbit.semi_major_axis)
-    # Without radial and cross-track velocity this one along the track is that of a closed ellipse.
-    return jnp.stack([0.0 * n, -2.0 * n * state_H[0], 0.0 * n]) - state_H[3:]
+    """Velocity change [m/s] after which the relative motion [m, m/s] does not drift."""
+    return rate_without_drift(orbit, state_H[:3]) - state_H[3:]
 
 
 def place(station_H: Vector, rho_H: Vector, last_range: Scalar) -> Vector:

@@ -75,12 +75,16 @@ def exact(flight: FlightParams) -> FlightParams:
 
 
 def at(
-    memory: FlightMemory, flight: FlightParams, state_H: np.ndarray, last_range: float | None = None
+    memory: FlightMemory,
+    flight: FlightParams,
+    state_H: np.ndarray,
+    last_range: float | None = None,
+    sigmas: tuple[float, float] = (0.05, 1e-5),
 ) -> FlightMemory:
     """Memory with an estimate of the relative state, without confidence since the range was `last_range` [m]."""
     r_TS_N, rate_H = -R_HN.T @ state_H[:3], state_H[3:]
     v_TS_N = -R_HN.T @ rate_H + np.cross(HILL_RATE, r_TS_N)
-    orbit = rendezvous_scene.estimate(flight, r_TS_N, v_TS_N, position_sigma=0.05, velocity_sigma=1e-5)
+    orbit = rendezvous_scene.estimate(flight, r_TS_N, v_TS_N, *sigmas)
     health = memory.health
     if last_range is not None:
         health = replace(health, confident=jnp.asarray(False), confident_range=jnp.float64(last_range))
@@ -174,9 +178,21 @@ def test_without_confidence_a_hold_does_not_return_to_the_range_at_which_it_was_
     np.testing.assert_allclose(change(memory, exact, far, last_range=50.0), 0.0, atol=1e-5)
 
 
-def test_the_last_burns_in_the_light_stop_the_drift(exact: FlightParams, memory: FlightMemory) -> None:
-    state = np.array([3.0, -35.0, 1.0, 0.01, 0.02, -0.005])
-    found = change(memory, exact, before_burn(state), np.array([0.0, 0.01, 0.0]), sun_N=SUN_BEHIND)
-    after = state + np.concatenate([np.zeros(3), found])
-    np.testing.assert_allclose(after[3:], [0.0, -2.0 * N * state[0], 0.0], atol=2e-6)
+@pytest.mark.parametrize("sigmas", [(0.05, 1e-5), (0.5, 2e-3)])
+@pytest.mark.parametrize("last_range", [None, 25.0])
+@pytest.mark.parametrize(
+    "state",
+    [(3.0, -35.0, 1.0, 0.01, 0.02, -0.005), (0.0, -30.0, 0.0, 0.0, 0.0, 0.0), (0.0, -30.0, 0.0, 0.0, -0.02, 0.0)],
+)
+def test_the_last_burns_in_the_light_stop_the_drift(
+    exact: FlightParams,
+    memory: FlightMemory,
+    state: tuple[float, ...],
+    last_range: float | None,
+    sigmas: tuple[float, float],
+) -> None:
+    now = replace(at(memory, exact, before_burn(np.array(state)), last_range, sigmas), own=jnp.array([0.0, 0.01, 0.0]))
+    found = np.asarray(planned(LAW, exact, now, jnp.asarray(SUN_BEHIND))[1])
+    after = np.array(state) + np.concatenate([np.zeros(3), found])
+    np.testing.assert_allclose(after[3:], [0.0, -2.0 * N * state[0], 0.0], atol=4e-6)
     assert least_range(after, 2.0 * np.pi / N) > 25.0
