@@ -1,6 +1,7 @@
 """Burn decision: the velocity change that the control law plans for a phase, made safe, or an abort burn."""
 
 from functools import partial
+from typing import Final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -234,41 +235,49 @@ def _decided(before: TeamMission, burn: SafeBurn, team: Team, can_burn: Flag, ti
 def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag, period: Scalar) -> Drift:
     """Free motion after a burn of the present phase, passively safe or not, and what it must keep clear of.
 
-    One that `stops` before darkness is judged by the estimate, farther away by the uncertainty of its range: over an
-    orbit no motion is certain.
+    One that `stops` before darkness is judged over an orbit, over which no motion is certain: by the estimate alone,
+    for a zone that is larger by the uncertainty of the range, or ends at the present place.
     """
     tuning, state, predicted = software.params.mission, decision.memory.mission, decision.predicted
     is_passive = is_passively_safe(software.mission, state)
     orbit_period = drift_clearance.orbit_period(predicted.burn_orbit)
     until_seen = jnp.where(stops, orbit_period, 2.0 * period)
     span = jnp.where(is_passive, jnp.minimum(orbit_period, tuning.abort_horizon), until_seen)
+    place_H, by_estimate = predicted.burn_state_H[:3], stops
     if software.mission.is_managed:
-        semi_axes = keep_out_zone(software, state) + tuning.abort_margin
+        zone = keep_out_zone(software, state) + tuning.abort_margin
     else:
-        semi_axes = _zone_of_station(software, decision)
-    uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(predicted.burn_state_H[:3])
+        zone = _zone_of_station(software, decision)
+        # Within its zone a servicer need not know to the last sigma that it comes no nearer.
+        by_estimate = stops | (gradient_safe.norm(place_H / zone) < 1.0)
+    uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(place_H)
+    zone = zone + jnp.where(stops, uncertain, 0.0)
+    up_to_here = jnp.minimum(1.0, _NO_NEARER * gradient_safe.norm(place_H / zone))
     return Drift(
         orbit=predicted.burn_orbit,
         state_H=predicted.burn_state_H,
-        scale_sigma=jnp.where(stops, 0.0, predicted.range_ratio_sigma),
-        covariance_H=jnp.where(stops, 0.0, predicted.burn_covariance_H),
+        scale_sigma=jnp.where(by_estimate, 0.0, predicted.range_ratio_sigma),
+        covariance_H=jnp.where(by_estimate, 0.0, predicted.burn_covariance_H),
         sigmas=tuning.abort_sigmas,
-        semi_axes=semi_axes + jnp.where(stops, uncertain, 0.0),
+        semi_axes=zone * jnp.where(by_estimate, up_to_here, 1.0),
         first_span=span,
         horizon=jnp.where(is_passive, jnp.maximum(span, tuning.abort_horizon), span),
     )
 
 
-def _zone_of_station(software: FlightSoftware, decision: Decision) -> Vector:
-    """Semi-axes [m] of the zone that a servicer avoids which nothing aborts: larger, the farther it is.
+_NO_NEARER: Final = 0.999
+"""Part of the present distance to which free motion may come that comes no nearer, but for rounding [-]."""
 
-    Without confidence in the estimate the range at which there last was some counts, if that is less than the present.
+
+def _zone_of_station(software: FlightSoftware, decision: Decision) -> Vector:
+    """Semi-axes [m] of the zone that a servicer avoids which nothing aborts: larger, the farther its station is.
+
+    Without confidence in the estimate the range at which there last was some counts, if it is less.
     """
     params, health = software.params, decision.memory.health
-    now = gradient_safe.norm(decision.predicted.burn_state_H[:3])
-    believed = jnp.where(health.confident, now, jnp.minimum(now, health.confident_range))
-    near = jnp.minimum(believed, gradient_safe.norm(params.formation.desired_position))
-    return jnp.maximum(params.mission.keep_out, params.health.clearance * near)
+    station = gradient_safe.norm(params.formation.desired_position)
+    near = jnp.where(health.confident, station, jnp.minimum(station, health.confident_range))
+    return jnp.full_like(params.formation.desired_position, params.health.clearance * near)
 
 
 def _planned_delta_v(software: FlightSoftware, decision: Decision, period: Scalar) -> Vector:

@@ -134,7 +134,7 @@ def test_a_servicer_that_drifts_into_the_zone_leaves_it(exact: FlightParams, mem
     state = np.array([0.0, -20.0, 0.0, 0.0, 0.08, 0.0])
     found = change(memory, exact, before_burn(state), np.array([0.0, 0.02, 0.0]))
     assert least_range(state) < 6.0
-    assert least_range(state + np.concatenate([np.zeros(3), found])) > 9.9
+    assert least_range(state + np.concatenate([np.zeros(3), found])) > 11.9  # one burn can do no more
 
 
 def simulated_ranges(
@@ -150,12 +150,12 @@ def simulated_ranges(
     return np.array(ranges)
 
 
-@pytest.mark.parametrize("begin", [45.0, 25.0])
-def test_burns_towards_a_station_behind_the_target_do_not_lead_into_the_zone(
+@pytest.mark.parametrize("begin", [45.0, 25.0, 12.0])
+def test_burns_towards_a_station_behind_the_target_do_not_add_up_to_an_approach(
     exact: FlightParams, memory: FlightMemory, begin: float
 ) -> None:
     ranges = simulated_ranges(memory, exact, np.array([0.0, begin, 0.0, 0.0, 0.0, 0.0]))
-    assert np.min(ranges) > 10.0
+    assert np.min(ranges) > min(begin, 15.0) - 0.5
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 3.0])
