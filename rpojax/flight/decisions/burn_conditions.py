@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.orbits.keplerian_elements import mean_motion
+from rpojax.core.orbits.yamanaka_ankersen import advanced
 from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
@@ -52,7 +52,8 @@ def stays_visible(
     # A thruster that cannot burn in every direction within the limit gives no measure.
     burns_to_stop = jnp.where(certain > 0.0, _BURNS_PER_STOP * stop / jnp.where(certain > 0.0, certain, 1.0), 0.0)
     burns = jnp.maximum(_BURNS_BEFORE_DARKNESS, 2.0 + burns_to_stop)
-    angle = mean_motion(predicted.orbit.semi_major_axis) * (software.params.formation.lead + burns * period)
+    after = advanced(predicted.burn_orbit, burns * period)
+    angle = after.argument_of_latitude - predicted.orbit.argument_of_latitude
     return target_visibility.is_visible_after(software.params.vehicle, memory.orbit, sun_N, angle)
 
 

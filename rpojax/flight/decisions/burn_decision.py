@@ -88,7 +88,8 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     period = _period(settings, state, software.tick_s)
     visible = burn_conditions.stays_visible(software, memory, predicted, pointing.sun_N, period)
     planned_H = _planned_delta_v(software, decision, period)
-    stops = ~visible & constant_of_phase(state.phase, [phase.stops_in_the_dark for phase in settings.phases])
+    waits = [*(phase.stops_in_the_dark for phase in settings.phases), True, False]
+    stops = ~visible & constant_of_phase(state.phase, waits)
     stop_H = hold_in_doubt.change_to_stop(predicted.burn_state_H, predicted.burn_orbit)
     planned_H = jnp.where(stops, stop_H, planned_H)
     works = burn_conditions.thruster_works(params, memory, time)
@@ -111,7 +112,8 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     if team is None or decided is None or not settings.keeps_clear:
         burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
     else:
-        others = _others(software, decision, drift, team)
+        in_light = _drift_after_burn(software, decision, jnp.zeros_like(stops), period)
+        others = _others(software, decision, in_light, team)
         burn = safe_burn.safe_delta_v_among(drift, others, planned_H, greatest, may_wait)
         burn_H, decided = burn.delta_v_H, _decided(decided, burn, team, can_burn, time)
     plan = _scheduled(software, decision, burn_H, can_burn)
@@ -248,8 +250,9 @@ def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag,
         zone = keep_out_zone(software, state) + tuning.abort_margin
     else:
         zone = _zone_of_station(software, decision)
-        # Within its zone a servicer need not know to the last sigma that it comes no nearer.
-        by_estimate = stops | (gradient_safe.norm(place_H / zone) < 1.0)
+        # Where it may be within its zone already, a servicer need not know to the last sigma that it comes no nearer.
+        least = 1.0 - tuning.abort_sigmas * predicted.range_ratio_sigma
+        by_estimate = stops | (least * gradient_safe.norm(place_H / zone) < 1.0)
     uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(place_H)
     zone = zone + jnp.where(stops, uncertain, 0.0)
     up_to_here = jnp.minimum(1.0, _NO_NEARER * gradient_safe.norm(place_H / zone))
@@ -265,19 +268,23 @@ def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag,
     )
 
 
+_LEAST_RADIUS: Final = 1e-3
+"""Radius of the zone of a station, at least, so that it has directions [m]."""
+
 _NO_NEARER: Final = 0.999
 """Part of the present distance to which free motion may come that comes no nearer, but for rounding [-]."""
 
 
 def _zone_of_station(software: FlightSoftware, decision: Decision) -> Vector:
-    """Semi-axes [m] of the zone that a servicer avoids which nothing aborts: larger, the farther its station is.
+    """Semi-axes [m] of the zone that a servicer avoids at a station: larger, the farther that is.
 
-    Without confidence in the estimate the range at which there last was some counts, if it is less.
+    Without confidence in the estimate it is that of the range at which confidence was lost, if this is less.
     """
     params, health = software.params, decision.memory.health
     station = gradient_safe.norm(params.formation.desired_position)
     near = jnp.where(health.confident, station, jnp.minimum(station, health.confident_range))
-    return jnp.full_like(params.formation.desired_position, params.health.clearance * near)
+    radius = jnp.maximum(params.health.clearance * near, _LEAST_RADIUS)
+    return jnp.full_like(params.formation.desired_position, radius)
 
 
 def _planned_delta_v(software: FlightSoftware, decision: Decision, period: Scalar) -> Vector:

@@ -1,5 +1,6 @@
 """Burn decision at a station: which burns are made with and without confidence, and before the target gets dark."""
 
+import dataclasses
 from functools import partial
 
 import jax
@@ -137,6 +138,16 @@ def test_a_servicer_that_drifts_into_the_zone_leaves_it(exact: FlightParams, mem
     assert least_range(state + np.concatenate([np.zeros(3), found])) > 11.9  # one burn can do no more
 
 
+@pytest.mark.parametrize("distance", [14.9, 15.5, 17.0, 18.0])
+def test_a_servicer_near_the_border_of_its_zone_can_leave(
+    exact: FlightParams, memory: FlightMemory, distance: float
+) -> None:
+    """With a range that is known to a metre it may be on either side of 15 m."""
+    now = at(memory, exact, before_burn(np.array([0.0, -distance, 0.0, 0.0, 0.0, 0.0])), sigmas=(1.0, 1e-4))
+    found = np.asarray(planned(Stages(), exact, now, jnp.asarray(SUN_OVERHEAD))[1])
+    assert found[1] < -2e-3
+
+
 def simulated_ranges(
     memory: FlightMemory, flight: FlightParams, state: np.ndarray, scale: float = 1.0, last_range: float | None = None
 ) -> np.ndarray:
@@ -196,3 +207,33 @@ def test_the_last_burns_in_the_light_stop_the_drift(
     after = np.array(state) + np.concatenate([np.zeros(3), found])
     np.testing.assert_allclose(after[3:], [0.0, -2.0 * N * state[0], 0.0], atol=4e-6)
     assert least_range(after, 2.0 * np.pi / N) > 25.0
+
+
+@jax.jit
+def planned_in_row(flight: FlightParams, memory: FlightMemory, row: jax.Array) -> jax.Array:
+    """Velocity change [m/s] before darkness in a row of a mission: 0 a transfer, 1 the built-in hold, 2 aborted."""
+    software = rendezvous_scene.software(flight, LAW)
+    phase = dataclasses.replace(software.mission.phases[0], stops_in_the_dark=False)
+    mission = dataclasses.replace(software.mission, phases=(phase,), is_managed=True)
+    software = dataclasses.replace(software, mission=mission)
+    memory = replace(
+        memory, mission=replace(memory.mission, phase=row.astype(jnp.int32)), phase_gains=3 * memory.phase_gains
+    )
+    sun_N = jnp.asarray(SUN_BEHIND)
+    sight = target_pointing.point_at_target(flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N)
+    predicted = predict_to_burn(flight, memory.orbit)
+    decision = burn_decision.Decision(time=jnp.zeros(()), memory=memory, predicted=predicted, pointing=sight)
+    plan, _ = burn_decision.plan_burn(software, decision)
+    return jnp.where(plan.cutoff > plan.ignition, jnp.sum(predicted.R_CN * plan.delta_v_N[None], axis=1), 0.0)
+
+
+def test_a_held_place_stops_before_darkness_and_an_abort_stays_one(exact: FlightParams, memory: FlightMemory) -> None:
+    moving = np.array([0.0, -30.0, 0.0, 0.0, -0.01, 0.0])
+    now = replace(at(memory, exact, before_burn(moving), sigmas=(0.1, 1e-4)), own=jnp.array([0.0, 2e-3, 0.0]))
+    transfer, held = (np.asarray(planned_in_row(exact, now, jnp.asarray(row))) for row in (0, 1))
+    np.testing.assert_allclose(held, [0.0, 0.01, 0.0], atol=4e-6)
+    assert np.abs(transfer - held).max() > 1e-3
+    at_rest = np.array([0.0, -30.0, 0.0, 0.0, 0.0, 0.0])
+    now = replace(at(memory, exact, before_burn(at_rest), sigmas=(0.3, 1e-3)), own=jnp.zeros(3))
+    # By the estimate alone it could stay, but not with its uncertainty over a day.
+    assert np.linalg.norm(planned_in_row(exact, now, jnp.asarray(2))) > 1e-3

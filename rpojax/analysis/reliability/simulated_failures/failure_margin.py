@@ -103,7 +103,7 @@ def _of_outcome(file: ScenarioFile, name: str) -> Failure:
     reach, is_mission = DispersedReach(file), bool(file.phases)
     possible = {
         Outcome.UNFINISHED: is_mission and file.goal.phase != NO_GOAL,
-        Outcome.ABORTED: is_mission,
+        Outcome.ABORTED: is_mission and file.goal.phase != "aborted",
         Outcome.LOST: reach.low("limits.lost_after_s") <= file.duration_s,
         Outcome.OFF_STATION: reach.low("limits.arrive_by_s") <= file.duration_s,
     }
