@@ -12,7 +12,7 @@ from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.detector_window import CameraFormat
-from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement

@@ -20,7 +20,7 @@ import rpojax
 from rpojax.analysis.statistics.intervals import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
-from rpojax.dispersions.designs.design_kinds import Design
+from rpojax.dispersions.designs.design_sections import Design
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
 from rpojax.flight import stage_use

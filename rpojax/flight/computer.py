@@ -19,7 +19,7 @@ from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurement
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import (
     attitude_guidance,
-    burn_planning,
+    burn_schedule,
     detector_window,
     line_of_sight_uncertainty,
     slew_profile,
@@ -57,7 +57,7 @@ def initial(
         health=navigation_health.initial(orbit.relative),
         attitude=attitude,
         attitude_variance=_attitude_variance(params.vehicle, attitude),
-        plan=burn_planning.no_burn(),
+        plan=burn_schedule.no_burn(),
         thrust_estimate=thrust_estimator.initial(params.navigation),
         thruster_failed_at=never - jnp.inf,
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
@@ -210,7 +210,7 @@ def guide(
     `seen` says that a sensor has shown the target at `time` [s]; the Sun is at `sun_N` [m].
     """
     params, guidance = software.params, software.guidance
-    plan = burn_planning.inhibit(guidance, memory.plan, memory.attitude.q_BN, time)
+    plan = burn_schedule.inhibit(guidance, memory.plan, memory.attitude.q_BN, time)
     tick = GuidanceTick(
         time=time,
         estimate=memory.orbit,

@@ -9,7 +9,7 @@ from rpojax.core.pytree import pytree
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.guidance.attitude_guidance import PointingState
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.mission.mission_state import MissionState

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from rpojax.flight.flight_records import FilterSettings, FlightParams
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
-from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.stages import Stages
 
 

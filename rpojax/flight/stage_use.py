@@ -11,7 +11,7 @@ from typing import Final
 from rpojax.core import named_arguments
 from rpojax.errors import RpojaxError
 from rpojax.flight.cooperation.team_settings import TeamSettings
-from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.stages import Stages
 
 

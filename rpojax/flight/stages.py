@@ -26,8 +26,8 @@ from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import mission_manager
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.believed_sensor import SensorRows

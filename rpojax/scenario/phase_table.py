@@ -18,8 +18,8 @@ from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 from rpojax.flight.guidance.references.retreat import Retreat
 from rpojax.flight.guidance.references.transfer import Transfer
-from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
+from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings
 from rpojax.scenario import key_units
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import HoldSection

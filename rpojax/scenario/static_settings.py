@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from rpojax.errors import ScenarioError
 from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.flight.flight_records import FilterSettings
-from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.phase_table import mission_settings

@@ -16,7 +16,7 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
-from rpojax.flight.mission import team_mission
+from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import of_phase
@@ -227,7 +227,7 @@ def _phase_shift(tick: ObservedTick) -> Array:
     """Angle by which the relative orbit is ahead of the plan [deg]."""
     team = _mission(tick).team
     assert team is not None
-    return jnp.rad2deg(team_mission.angle(team, _time(tick)))
+    return jnp.rad2deg(team_mission_state.angle(team, _time(tick)))
 
 
 def _known_members(tick: ObservedTick) -> Array:

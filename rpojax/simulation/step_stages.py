@@ -14,7 +14,7 @@ from rpojax.flight import computer
 from rpojax.flight.decisions import burn_decision, mission_decision
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
-from rpojax.flight.guidance import burn_planning, target_pointing
+from rpojax.flight.guidance import burn_schedule, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
@@ -108,7 +108,7 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
     due = tick.state.tick % mission.decision_ticks == 0
     is_of_phase = burn_decision.is_due(mission, tick.flight.mission, tick.time, scenario.tick_s)
 
-    def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState]:
+    def decide(memory: FlightMemory) -> tuple[burn_schedule.BurnPlan, BurnError, MissionState]:
         decision = burn_decision.Decision(
             time=tick.time,
             memory=memory,
@@ -120,7 +120,7 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
         return select(is_of_phase, (plan, error, state), keep(memory))
 
-    def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState]:
+    def keep(memory: FlightMemory) -> tuple[burn_schedule.BurnPlan, BurnError, MissionState]:
         return memory.plan, tick.burn_error, memory.mission
 
     with jax.named_scope("plan_burn"):

@@ -26,7 +26,7 @@ from rpojax.flight.decisions import burn_decision
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate

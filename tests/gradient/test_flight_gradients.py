@@ -19,7 +19,7 @@ from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
+from rpojax.flight.guidance import burn_schedule, slew_profile, target_pointing
 from rpojax.flight.guidance.references.impulsive_tracking import tracked_point
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
@@ -127,7 +127,7 @@ def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: ja
     command_H = formation_law.lqr_feedback(gain * (1.0 + 0.1 * x[6]), deviation)
     delta_v_N = jnp.sum(predicted.R_CN * (station.impulse + command_H)[:, None], axis=0)
     guidance = rendezvous_scene.software(flight).guidance
-    plan = burn_planning.schedule_burn(guidance, delta_v_N, q_BN, allowed, time)
+    plan = burn_schedule.schedule_burn(guidance, delta_v_N, q_BN, allowed, time)
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
 

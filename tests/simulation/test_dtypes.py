@@ -22,7 +22,7 @@ KERNELS = ("core", "physics", "flight", "sensors", "vision", "simulation")
 EXCEPTIONS = {
     **dict.fromkeys(
         (
-            "flight/guidance/burn_planning.py",
+            "flight/guidance/burn_schedule.py",
             "flight/guidance/target_acquisition.py",
             "flight/navigation/box_measurement/outlier_gate.py",
             "flight/navigation_health.py",

@@ -8,7 +8,7 @@ from rpojax.core.orbits.yamanaka_ankersen import advanced
 from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
-from rpojax.flight.guidance import attitude_guidance, burn_planning, target_visibility
+from rpojax.flight.guidance import attitude_guidance, burn_schedule, target_visibility
 from rpojax.flight.mission import hold_in_doubt
 from rpojax.flight.navigation.box_measurement import detection_model
 
@@ -47,7 +47,7 @@ def stays_visible(
 
     The Sun is at `sun_N` [m].
     """
-    certain = burn_planning.certain_delta_v(software.guidance)
+    certain = burn_schedule.certain_delta_v(software.guidance)
     stop = gradient_safe.norm(hold_in_doubt.change_to_stop(predicted.burn_state_H, predicted.burn_orbit))
     # A thruster that cannot burn in every direction within the limit gives no measure.
     burns_to_stop = jnp.where(certain > 0.0, _BURNS_PER_STOP * stop / jnp.where(certain > 0.0, certain, 1.0), 0.0)

@@ -16,16 +16,16 @@ from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_bur
 from rpojax.flight.decisions.phase_goal import Goal
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
-from rpojax.flight.guidance import burn_planning, target_pointing
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance import burn_schedule, target_pointing
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.mission import abort_burn, drift_clearance, hold_in_doubt, safe_burn, team_mission
+from rpojax.flight.mission import abort_burn, drift_clearance, hold_in_doubt, safe_burn, team_mission_state
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import constant_of_phase, of_phase
 from rpojax.flight.mission.safe_burn import SafeBurn
-from rpojax.flight.mission.team_mission import TeamMission
+from rpojax.flight.mission.static_mission_settings import MissionSettings
+from rpojax.flight.mission.team_mission_state import TeamMission
 from rpojax.flight.navigation import burn_execution_error
 from rpojax.flight.team_guidance import peer_drift, team_knowledge
 from rpojax.flight.team_guidance.peer_drift import NextBurn, PeerDrifts
@@ -96,7 +96,7 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     known = predicted.range_ratio_sigma < params.formation.range_uncertainty_limit
     sees = pointing.visible & ~burn_conditions.is_lost(params, memory) & known
     drift = _drift_after_burn(software, decision, stops, period)
-    greatest = burn_planning.certain_delta_v(software.guidance)
+    greatest = burn_schedule.certain_delta_v(software.guidance)
     if not settings.is_managed:
         planned_H = _within_limit(software, predicted, pointing, jnp.where(sees, planned_H, 0.0))
         burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait=~stops)
@@ -131,7 +131,7 @@ def formation_command(software: FlightSoftware, memory: FlightMemory, time: Scal
 def _scheduled(software: FlightSoftware, decision: Decision, burn_H: Vector, can_burn: Flag) -> BurnPlan:
     """Schedule of a velocity change [m/s]."""
     delta_v_N = apply_transposed(decision.predicted.R_CN, burn_H)
-    return burn_planning.schedule_burn(software.guidance, delta_v_N, decision.pointing.q_BN, can_burn, decision.time)
+    return burn_schedule.schedule_burn(software.guidance, delta_v_N, decision.pointing.q_BN, can_burn, decision.time)
 
 
 def is_due(settings: MissionSettings, state: MissionState, time: Scalar, tick_s: float) -> Flag:
@@ -151,7 +151,7 @@ def _within_limit(
 ) -> Vector:
     """A planned velocity change [m/s] as the look-away limit shortens it: so it is judged."""
     planned_N = apply_transposed(predicted.R_CN, planned_H)
-    share = burn_planning.share_within_limit(software.guidance, planned_N, pointing.q_BN)
+    share = burn_schedule.share_within_limit(software.guidance, planned_N, pointing.q_BN)
     return planned_H * share
 
 
@@ -181,7 +181,7 @@ def _with_phase_of_team(software: FlightSoftware, decision: Decision, team: Team
             state_H=predicted.state_H,
             follows=running,
             shift=before.wanted,
-            shift_left=before.wanted - team_mission.angle(state.team, time),
+            shift_left=before.wanted - team_mission_state.angle(state.team, time),
             present=before.present,
             slots=of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
             planned=of_phase(row, planned),
@@ -192,7 +192,7 @@ def _with_phase_of_team(software: FlightSoftware, decision: Decision, team: Team
     )
     own = decision.memory.own
     wanted = software.stages.call("team_phasing", own, settings=settings, tuning=team.tuning, team=situation)
-    return replace(state, team=team_mission.shifted(state.team, wanted, situation.present, time))
+    return replace(state, team=team_mission_state.shifted(state.team, wanted, situation.present, time))
 
 
 def _others(software: FlightSoftware, decision: Decision, drift: Drift, team: Team) -> safe_burn.Clearance:
@@ -320,7 +320,7 @@ def _command(
     goal = phase_goal.goal_at_burn(software, state, predicted, time, period)
     deviation = predicted.burn_state_H - jnp.concatenate([goal.position, goal.arrival_velocity])
     wanted_N = apply_transposed(predicted.R_CN, goal.impulse + formation_law.lqr_feedback(gain, deviation))
-    limit = burn_planning.largest_delta_v(software.guidance, wanted_N, q_look)
+    limit = burn_schedule.largest_delta_v(software.guidance, wanted_N, q_look)
     governed = reference_governor.govern(gain, deviation, goal.impulse, limit)
     command_H = software.stages.call(
         "formation_law", memory.own, gain=gain, deviation=governed, estimate=memory.orbit, time=time

@@ -17,12 +17,12 @@ from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
-from rpojax.flight.mission import drift_clearance, mission_state, team_mission
+from rpojax.flight.mission import drift_clearance, mission_state, team_mission_state
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import constant_of_phase, of_phase
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 Scalar = Float[Array, ""]
@@ -53,7 +53,7 @@ def initial_state(software: FlightSoftware, estimate: OrbitEstimate, team: TeamS
     if team is None or not settings.coordinated:
         return state
     rate = None if settings.phasing == "fixed" else team.phase_rate
-    return replace(state, team=team_mission.initial(state.entered_at, rate, settings.servicers))
+    return replace(state, team=team_mission_state.initial(state.entered_at, rate, settings.servicers))
 
 
 def phase_gains(software: FlightSoftware, estimate: OrbitEstimate) -> tuple[Float[Array, "places 3 6"], ...]:

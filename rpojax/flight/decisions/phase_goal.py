@@ -15,10 +15,10 @@ from rpojax.flight.guidance.references import impulsive_tracking, reference_moti
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
-from rpojax.flight.mission import team_mission
+from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import PhaseSettings
 from rpojax.flight.mission.phase_table import of_phase
+from rpojax.flight.mission.static_mission_settings import PhaseSettings
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -56,7 +56,7 @@ def _shifted(reference: Any, state: MissionState, time: Scalar) -> Any:
     """The reference as it is at `time` [s]: in a team a relative orbit may be ahead of its plan."""
     if state.team is None or state.team.shift is None or not isinstance(reference, RelativeOrbit):
         return reference
-    ahead = team_mission.angle(state.team, time)
+    ahead = team_mission_state.angle(state.team, time)
     return replace(
         reference,
         radial_phase=reference.radial_phase + ahead,

@@ -12,10 +12,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update
+from rpojax.core.filter_state_layout import StateLayout
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
-from rpojax.core.state_layout import StateLayout
 from rpojax.errors import RpojaxError
 from rpojax.flight.navigation import relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update
+from rpojax.core.filter_state_layout import StateLayout
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
-from rpojax.core.state_layout import StateLayout
 from rpojax.core.vectors import apply, product
 from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state, shape_errors
 from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import kalman_update
+from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import double_single
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.navigation import orbit_covariance
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning

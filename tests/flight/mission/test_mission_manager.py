@@ -13,8 +13,8 @@ from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import mission_manager, mission_state
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import AbortReason, Condition, MissionState, Transition
-from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings, TimeoutAction
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
+from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings, TimeoutAction
 
 HOLD, ABORTED = 3, 4
 PLACE = np.array([0.0, -60.0, 0.0, 0.0, 0.0, 0.0])

@@ -14,7 +14,7 @@ from rpojax.analysis.reliability.search_settings import Bound, FailureChoice
 from rpojax.analysis.reliability.simulated_limit_state import with_one_limit
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
-from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
