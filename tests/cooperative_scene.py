@@ -216,7 +216,8 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
         world.orbit, world.gate, GpsMeasurement(position_N=code, present=present), q_KN, box
     )
     world = replaced(world, orbit=orbit, gate=gate)
-    records = records_of(world, box, GpsMeasurement(position_N=carrier, present=present), innovation.accepted, q_KN)
+    accepted = innovation.sensors["box"].accepted
+    records = records_of(world, box, GpsMeasurement(position_N=carrier, present=present), accepted, q_KN)
     if case.link.ranging:
         records = replaced(records, ranges=ranges_of(case, baseline, world, normal(13, (N, N))))
     due = (tick - case.link.delay_ticks) % case.link.period_ticks == 0

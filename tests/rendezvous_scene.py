@@ -12,6 +12,7 @@ from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.detector_window import CameraFormat
+from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
@@ -48,13 +49,33 @@ def software(
     camera: CameraFormat = SMALL_CAMERA,
     formation_period_s: float = 200.0,
 ) -> FlightSoftware:
-    """Flight software without phases, at one tick a second."""
+    """Flight software that holds a station, at one tick a second."""
+    ticks = round(formation_period_s)
     return FlightSoftware(
         stages=stages or Stages(),
         params=flight,
         filter=FilterSettings(gated=True, zonal_degree=2),
         camera=camera,
-        mission=None,
+        mission=MissionSettings(
+            phases=(
+                PhaseSettings(
+                    name="station",
+                    pointing="target",
+                    control_ticks=ticks,
+                    burns_per_orbit=1,
+                    on_timeout="hold",
+                    ends=False,
+                    has_arrival_box=False,
+                    passively_safe=False,
+                    has_corridor=False,
+                    stops_in_the_dark=True,
+                ),
+            ),
+            is_managed=False,
+            decision_ticks=ticks,
+            hold_ticks=ticks,
+            hold_burns_per_orbit=1,
+        ),
         tick_s=1.0,
         formation_period_s=formation_period_s,
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
+from rpojax.analysis.linear_covariance.covariance_propagation import LinearCovariance
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, MonteCarloSample
 

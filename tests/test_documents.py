@@ -20,7 +20,7 @@ import rpojax
 from rpojax.analysis.statistics.intervals import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
-from rpojax.dispersions.designs.design_kinds import Design
+from rpojax.dispersions.designs.design_sections import Design
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
 from rpojax.flight import stage_use
@@ -421,7 +421,7 @@ def test_the_stages_of_the_page_on_flight_software_act_in_the_loop() -> None:
     file = scenario_loader.validate(tables | {"phases": [phase]})
     _, telemetry = jax.jit(rollout, static_argnums=(0, 3, 4))(*initialise_run(file), 3, Stages(**replaced))
     assert bool(telemetry.frame.box.present.any())
-    assert not bool(telemetry.innovation.accepted.any())  # the target is farther than 60 m
+    assert not bool(telemetry.innovation.sensors["box"].accepted.any())  # the target is farther than 60 m
     mission = telemetry.flight.mission
     assert bool((mission.abort_reason == AbortReason.COMMAND).all())
     raised = mission.entry.relative_state[:, :3] + jnp.array([[0.0, 0.0, 5.0]])

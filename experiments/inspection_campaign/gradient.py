@@ -56,7 +56,7 @@ def main() -> None:
         def tick(state: State) -> tuple[State, tuple[Array, Array, Array]]:
             after, seen = step(scenario, gains, state, stages)
             rho_H, _ = true_relative_state(seen.truth)
-            return after, (jnp.sum((rho_H - desired) ** 2), seen.innovation.accepted, seen.mode)
+            return after, (jnp.sum((rho_H - desired) ** 2), seen.innovation.sensors["box"].accepted, seen.mode)
 
         start = initial_state.init(scenario, gains, key)
         _, (square, accepted, mode) = jax.lax.scan(lambda state, _: tick(state), start, None, length=scenario.ticks)

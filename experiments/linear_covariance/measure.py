@@ -12,8 +12,8 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 
 import numpy as np
 
-from rpojax.analysis.linear_covariance import covariance_history, monte_carlo_agreement
-from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
+from rpojax.analysis.linear_covariance import covariance_propagation, monte_carlo_agreement
+from rpojax.analysis.linear_covariance.covariance_propagation import LinearCovariance
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import TOLERANCE, ChannelAgreement, MonteCarloSample
 from rpojax.campaign.execution.batch_engine import BatchEngine
@@ -73,7 +73,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=2000)
     arguments = parser.parse_args()
     file = scenario_loader.load("inspection", ["camera.outlier_probability=0.0"])
-    linear = covariance_history.propagate_covariance(file)
+    linear = covariance_propagation.propagate_covariance(file)
     print(
         f"computed in {linear.run_s:.1f} s ({linear.run_cpu_s:.1f} s of processor time), "
         f"compiled in {linear.compile_s:.1f} s"

@@ -99,14 +99,15 @@ def update(
         variances.append(variance)
         uses.append(used)
     accepted = uses[0] & uses[1]
-    innovation = replace(
-        innovation,
-        innovation=innovation.innovation.at[3:].set(jnp.stack(residuals)),
-        variance=innovation.variance.at[3:].set(jnp.stack(variances)),
-        used=innovation.used.at[3:].set(jnp.stack(uses)),
+    of_box = replace(
+        innovation.sensors["box"],
+        innovation=jnp.stack(residuals),
+        variance=jnp.stack(variances),
+        used=jnp.stack(uses),
         accepted=accepted,
         rejected=box.present & ~accepted,
     )
+    innovation = replace(innovation, sensors={**innovation.sensors, "box": of_box})
     own = {"mean": mean, "covariance": 0.5 * (P + P.T)}
     return (as_estimate(after, own), gate, innovation), own
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from mission_margins import mission_margins
 
-from rpojax.analysis.reliability.rare_events import method_choice
+from rpojax.analysis.reliability.rare_events import estimate_by_method
 from rpojax.analysis.reliability.rare_events.latent_points import LimitStateCalls
 from rpojax.scenario.scenario_digest import scenario_digest
 
@@ -74,7 +74,7 @@ def main() -> None:
     with options.out.open("a") as stream:
         for seed in range(len(found) + 1, options.seeds + 1):
             calls = LimitStateCalls(margins, margins.latent, options.budget)
-            estimate = method_choice.estimate(calls, np.random.default_rng(seed), options.method).to_dict()
+            estimate = estimate_by_method.estimate(calls, np.random.default_rng(seed), options.method).to_dict()
             del estimate["design_points"]
             found.append({"seed": seed, **asked, **estimate})
             print(json.dumps(found[-1]), file=stream, flush=True)

@@ -264,20 +264,19 @@ class Scan(NamedTuple):
     options: dict[str, Any]
 
 
-def trace(function: Callable[..., Any], arguments: Sequence[Any]) -> tuple[Program, Any]:
-    """The program of a function for arguments of these shapes, and the pytree of the shapes of its results.
+def pure_program(closed: Any) -> Program:
+    """The program of a closed jaxpr.
 
     Raises:
         BatchingError: the function has effects.
     """
-    closed, outputs = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if closed.effects:
         kinds = ", ".join(sorted({type(effect).__name__ for effect in closed.effects}))
         raise BatchingError(
             f"batching: found effects ({kinds}), expected a function without printing, callbacks, references and named "
             "axes"
         )
-    return Program(closed), outputs
+    return Program(closed)
 
 
 def _read_atom(atom: Any) -> Any:

@@ -37,7 +37,8 @@ def vmap(function: Callable[..., Any], in_axes: Any, out_axes: Any) -> Callable[
         operands = [BatchedValue(_as_array(leaf), axis is not None) for leaf, axis in zip(leaves, axes, strict=True)]
         size = _batch_size(operands)
         elements = jax.tree.unflatten(tree, map(_element_shape, leaves, operands))
-        program, shape = jax_programs.trace(function, elements)
+        closed, shape = jax.make_jaxpr(function, return_shape=True)(*elements)
+        program = jax_programs.pure_program(closed)
         interpreter = BatchedInterpreter(size)
         results = interpreter.evaluate(program, operands)
         wanted = [axis is not None for axis in _leaf_axes("out_axes", out_axes, shape)]

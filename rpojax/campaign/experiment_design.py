@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_kinds import (
+from rpojax.dispersions.designs.design_sections import (
     GridDesign,
     IndependentDesign,
     LatinHypercubeDesign,

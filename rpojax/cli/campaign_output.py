@@ -17,7 +17,7 @@ from rpojax.cli.options.campaigns import ExecutorOptions
 from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.metrics import metric_catalogue
-from rpojax.report.notes import Notes
+from rpojax.report.left_out_parts import Notes
 from rpojax.report.page import written_report
 from rpojax.report.page.brief_page import write_brief
 from rpojax.report.page.html_report import write_report

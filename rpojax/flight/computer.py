@@ -6,39 +6,33 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
-from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
-from rpojax.flight.control import station_keeping, wheel_torque_allocation
-from rpojax.flight.control.formation_law import lqr_gain
-from rpojax.flight.decisions import burn_decision, mission_decision
+from rpojax.flight.control import wheel_torque_allocation
+from rpojax.flight.decisions import burn_conditions, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import (
     attitude_guidance,
-    burn_planning,
+    burn_schedule,
     detector_window,
     line_of_sight_uncertainty,
     slew_profile,
     target_visibility,
 )
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick
-from rpojax.flight.navigation import (
-    attitude_ekf,
-    believed_sensor,
-    relative_orbit_ekf,
-    relative_state,
-    thrust_estimator,
-)
+from rpojax.flight.navigation import attitude_ekf, relative_orbit_ekf, relative_state, thrust_estimator
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.navigation.believed_sensor import SensorView
+from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -54,10 +48,8 @@ def initial(
     team: TeamStart | None = None,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples."""
-    params, period = software.params, software.formation_period_s
-    r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
-    v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
-    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    params = software.params
+    never = jnp.zeros_like(params.vehicle.mass)
     attitude = attitude_ekf.initial(params.attitude_filter, star_tracker_q_BN, gyro_B)
     return FlightMemory(
         orbit=orbit,
@@ -65,18 +57,16 @@ def initial(
         health=navigation_health.initial(orbit.relative),
         attitude=attitude,
         attitude_variance=_attitude_variance(params.vehicle, attitude),
-        plan=burn_planning.no_burn(),
+        plan=burn_schedule.no_burn(),
         thrust_estimate=thrust_estimator.initial(params.navigation),
-        thruster_failed_at=jnp.full_like(n, -jnp.inf),
+        thruster_failed_at=never - jnp.inf,
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
         reopened=jnp.zeros((), dtype=bool),
         camera=detector_window.whole_frame(software.camera),
-        gain=lqr_gain(params.formation, n, period),
-        station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
-        mission=None if software.mission is None else mission_decision.initial_state(software, orbit, team),
-        phase_gains=None if software.mission is None else mission_decision.phase_gains(software, orbit),
-        rejected_s={name: jnp.zeros_like(n) for name in params.sensors},
+        mission=mission_decision.initial_state(software, orbit, team),
+        phase_gains=mission_decision.phase_gains(software, orbit),
+        rejected_s=dict.fromkeys(params.sensors, never),
         own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
     )
 
@@ -100,13 +90,11 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
-    view = partial(SensorView, q_BN=attitude.q_BN, time=time)
-    sensors = {
-        name: partial(
-            believed_sensor.checked_rows, name, count, rows, params.sensors[name], view, measurements.additional
-        )
-        for name, rows, count in software.filter.sensors
-    }
+
+    def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
+        view = SensorView(relative=relative, q_BN=attitude.q_BN, time=time)
+        return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
+
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
@@ -120,7 +108,7 @@ def navigate(
         q_KN=camera_attitude(params.vehicle, attitude),
         box=box,
         additional=measurements.additional,
-        sensors=sensors,
+        sensors={each.name: partial(rows, each) for each in software.filter.sensors},
         picture=measurements.picture,
         window=memory.camera,
         time=time,
@@ -144,10 +132,10 @@ def _recovered(
     params: FlightParams, memory: FlightMemory, orbit: OrbitEstimate, innovation: Innovation, interval: Scalar
 ) -> tuple[OrbitEstimate, dict[str, Array]]:
     """Estimate, widened where a sensor was rejected for long and nothing else was used; times of rejections [s]."""
-    relative, rejected_s, used = orbit.relative, {}, innovation.is_used(innovation.sensors)
-    for name, each in innovation.sensors.items():
+    relative, rejected_s, used = orbit.relative, {}, innovation.is_used(("box", *memory.rejected_s))
+    for name in memory.rejected_s:
         before = jnp.where(has_widened(params, memory.rejected_s[name]), 0.0, memory.rejected_s[name])
-        rejected_s[name] = jnp.where(used, 0.0, before + jnp.where(each.rejected, interval, 0.0))
+        rejected_s[name] = jnp.where(used, 0.0, before + jnp.where(innovation.sensors[name].rejected, interval, 0.0))
         recover = has_widened(params, rejected_s[name])
         added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, recover)
         relative = replace(relative, covariance=relative.covariance + jnp.diag(added))
@@ -222,7 +210,7 @@ def guide(
     `seen` says that a sensor has shown the target at `time` [s]; the Sun is at `sun_N` [m].
     """
     params, guidance = software.params, software.guidance
-    plan = burn_planning.inhibit(guidance, memory.plan, memory.attitude.q_BN, time)
+    plan = burn_schedule.inhibit(guidance, memory.plan, memory.attitude.q_BN, time)
     tick = GuidanceTick(
         time=time,
         estimate=memory.orbit,
@@ -232,7 +220,7 @@ def guide(
         other=mission_decision.other_pointing(software, memory, sun_N),
     )
     pointing, mode = attitude_guidance.guide(guidance, memory.pointing, tick)
-    reopened = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
+    reopened = pointing.search_failed & ~burn_conditions.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_state.reopen(memory.orbit.relative, reopened))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode
 

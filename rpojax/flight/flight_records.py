@@ -8,15 +8,14 @@ from jaxtyping import Array
 from rpojax.core.pytree import pytree
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.control.station_keeping import StationKeeping
 from rpojax.flight.guidance.attitude_guidance import PointingState
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
-from rpojax.flight.navigation.believed_sensor import BelievedRows
+from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -37,7 +36,7 @@ class FlightParams:
     pointing: PointingTuning
     attitude_control: AttitudeControlTuning
     health: HealthTuning
-    mission: MissionTuning | None = None
+    mission: MissionTuning
     sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
 
@@ -57,12 +56,10 @@ class FlightMemory:
         pointing: state of the attitude guidance
         reopened: () bool, guidance has widened the estimate of the target in this tick, as a search of it has failed
         camera: latest command for an exposure
-        gain: (3, 6) of the formation controller, solved once at start
-        station_keeping: free motion and impulse that keep the station, solved once at start
         wheel_allocation: (3, 3) body torque to wheel torques, solved once at start
-        mission: state of the mission manager, None without phases
+        mission: state of the mission manager
         phase_gains: (places, 3, 6) gains of the formation controller over the orbit for each row of the phase table,
-            None without phases
+            solved once at start
         rejected_s: () for how long an additional sensor has been rejected while nothing else measured the target [s],
             by name; from `recovery_after` on the estimate is widened in this tick
         own: memory of replaced stages, empty without one
@@ -79,11 +76,9 @@ class FlightMemory:
     pointing: PointingState
     reopened: Array
     camera: CameraCommand
-    gain: Array
-    station_keeping: StationKeeping
     wheel_allocation: Array
-    mission: MissionState | None = None
-    phase_gains: tuple[Array, ...] | None = None
+    mission: MissionState
+    phase_gains: tuple[Array, ...]
     rejected_s: dict[str, Array] = field(default_factory=dict)
     own: Any = ()
 
@@ -95,12 +90,12 @@ class FilterSettings:
     Attributes:
         gated: whether measurements must pass the gate
         zonal_degree: highest zonal harmonic of its gravity model
-        sensors: names, rows and their number of the additional sensors that it believes
+        sensors: the additional sensors that it believes
     """
 
     gated: bool
     zonal_degree: int
-    sensors: tuple[tuple[str, BelievedRows, int], ...] = ()
+    sensors: tuple[BelievedSensor, ...] = ()
 
 
 @pytree

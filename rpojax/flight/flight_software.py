@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from rpojax.flight.flight_records import FilterSettings, FlightParams
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
-from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.stages import Stages
 
 
@@ -18,7 +18,7 @@ class FlightSoftware:
         params: tuning, vehicle model, and what it believes of sensors
         filter: static settings of the orbit filter
         camera: sizes of the camera's images
-        mission: static settings of the phases, None without phases
+        mission: static settings of the phases
         tick_s: time between guidance ticks [s]
         formation_period_s: time between burn decisions, but of phases with one of their own [s]
     """
@@ -27,7 +27,7 @@ class FlightSoftware:
     params: FlightParams
     filter: FilterSettings
     camera: CameraFormat
-    mission: MissionSettings | None
+    mission: MissionSettings
     tick_s: float
     formation_period_s: float
 

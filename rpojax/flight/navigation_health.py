@@ -20,6 +20,7 @@ from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 Scalar = Float[Array, ""]
 
@@ -69,8 +70,7 @@ class NavigationHealth:
     """State of the health tests.
 
     Attributes:
-        mean: (6,) fading mean of the normalised innovations: GPS x, y, z, bearing right and down, size [-]
-        square: (6,) fading mean of their squares [-]
+        moments: (2, m) fading means of the normalised innovations of GPS and box, by name, and of their squares [-]
         contradicted: () fading share of boxes that were rejected although others confirm them [-]
         size_error: (2,) fading mean of the estimated size error: end-on, an outline may be far smaller for a while [-]
         effort: velocity corrections between burns
@@ -79,8 +79,7 @@ class NavigationHealth:
         confident_range: () estimated range when they last had [m]
     """
 
-    mean: Array
-    square: Array
+    moments: dict[str, Array]
     contradicted: Array
     size_error: Array
     effort: ControlEffort
@@ -92,8 +91,7 @@ class NavigationHealth:
 def initial(relative: RelativeEstimate) -> NavigationHealth:
     """Confidence in the estimate at hand-over, with the expected values of the means."""
     return NavigationHealth(
-        mean=jnp.zeros(6, dtype=jnp.float64),
-        square=jnp.ones(6, dtype=jnp.float64),
+        moments={name: jnp.stack([jnp.zeros(3), jnp.ones(3)]).astype(jnp.float64) for name in ("gps", "box")},
         contradicted=jnp.zeros((), dtype=jnp.float64),
         size_error=jnp.zeros_like(relative.slow["size"]),
         effort=control_effort.initial(),
@@ -132,11 +130,9 @@ def update(
     """Health after the measurements of a tick."""
     innovation, gate, estimate, interval = found.innovation, found.gate, found.estimate, found.interval
     evidence = detection_model.evidence_time(interval) / tuning.time_constant
-    deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
-    fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
-    mean = health.mean + fraction * (jnp.where(innovation.used, deviation, 0.0) - health.mean)
-    square = health.square + fraction * (jnp.where(innovation.used, deviation**2, 1.0) - health.square)
-    boxes = innovation.accepted | innovation.rejected
+    sensors, boxes = innovation.sensors, innovation.sensors["box"].accepted | innovation.sensors["box"].rejected
+    moments = {name: _faded(before, sensors[name], evidence) for name, before in health.moments.items()}
+    (_, gps_square), (box_mean, box_square) = moments["gps"], moments["box"]
     # In seconds at any rate of the camera, since a recovery must not take the confidence for longer on a slow one.
     share = jnp.where(boxes, jnp.minimum(interval / tuning.time_constant, 1.0), 0.0)
     contradicted = health.contradicted + share * (jnp.where(gate.contradicted, 1.0, 0.0) - health.contradicted)
@@ -149,9 +145,9 @@ def update(
     size_sigma = gradient_safe.sqrt(jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0))
     ratios = jnp.stack(
         [
-            (jnp.max(square[:3], axis=0) - 1.0) / excess_limit,
-            (jnp.max(square[3:], axis=0) - 1.0) / excess_limit,
-            jnp.max(jnp.abs(mean[3:]), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
+            (jnp.max(gps_square, axis=0) - 1.0) / excess_limit,
+            (jnp.max(box_square, axis=0) - 1.0) / excess_limit,
+            jnp.max(jnp.abs(box_mean), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
             contradicted / tuning.contradiction_limit,
             jnp.abs(jnp.sum(size_error, axis=0)) / size_sigma / tuning.size_limit,
             found.unseen_time / tuning.unseen_limit,
@@ -163,8 +159,7 @@ def update(
     worst = jnp.max(ratios[1:], axis=0)
     confident = worst < jnp.where(health.confident, 1.0, tuning.regain)
     return NavigationHealth(
-        mean=mean,
-        square=square,
+        moments=moments,
         contradicted=contradicted,
         size_error=size_error,
         effort=found.effort,
@@ -172,6 +167,14 @@ def update(
         confident=confident,
         confident_range=jnp.where(confident, gradient_safe.norm(estimate.r_TS_N), health.confident_range),
     )
+
+
+def _faded(moments: Float[Array, "2 m"], innovation: SensorInnovation, evidence: Scalar) -> Float[Array, "2 m"]:
+    """Moments after an innovation that counts by its `evidence` in time constants."""
+    deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
+    fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)[None]
+    powers = jnp.where(innovation.used[None], jnp.stack([deviation, deviation**2]), moments)
+    return moments + fraction * (powers - moments)
 
 
 _NOISE_TOLERANCE = 1.5

@@ -11,7 +11,7 @@ from typing import Final
 from rpojax.core import named_arguments
 from rpojax.errors import RpojaxError
 from rpojax.flight.cooperation.team_settings import TeamSettings
-from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.stages import Stages
 
 
@@ -100,15 +100,14 @@ MODES: Final = (
 """All modes, in the order of the documentation."""
 
 
-def kinds_of(camera_model: str, mission: MissionSettings | None, team: TeamSettings | None) -> list[Mode]:
+def kinds_of(camera_model: str, mission: MissionSettings, team: TeamSettings | None) -> list[Mode]:
     """Modes that a scenario is of, by the model of its camera, the phases of its mission and its team."""
-    kinds = [CAMERAS[camera_model], WITHOUT_PHASES if mission is None else PHASES]
-    if mission is not None and any(phase.has_arrival_box for phase in mission.phases):
+    kinds = [CAMERAS[camera_model], PHASES if mission.is_managed else WITHOUT_PHASES]
+    if any(phase.has_arrival_box for phase in mission.phases):
         kinds.append(ARRIVAL)
     if team is None:
         return [*kinds, ALONE]
-    chooses = mission is not None and mission.phasing != "fixed"
-    return [*kinds, SHARING[team.link.sharing], CHOSEN_PHASES if chooses else FIXED_PHASES]
+    return [*kinds, SHARING[team.link.sharing], FIXED_PHASES if mission.phasing == "fixed" else CHOSEN_PHASES]
 
 
 def check_picture(stages: Stages, camera_model: str) -> None:

@@ -26,8 +26,8 @@ from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import mission_manager
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import MissionTuning
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.believed_sensor import SensorRows
@@ -419,11 +419,23 @@ class Stages:
 def _check_result(where: str, result: Any, expected: Any) -> None:
     """Refuses a result of another structure, shape or type than expected."""
     if jax.tree.structure(result) != jax.tree.structure(expected):
-        raise RpojaxError(f"{where}: found a result of type {_type_name(result)}, expected {_type_name(expected)}")
+        found, wanted = _type_name(result), _type_name(expected)
+        if missing := _missing(result, expected):
+            found, wanted = f"{found} without {missing}", "one that has it"
+        raise RpojaxError(f"{where}: found a result of type {found}, expected {wanted}")
     for (path, found), wanted in zip(jax.tree.leaves_with_path(result), jax.tree.leaves(expected), strict=True):
         kind = f"{jnp.result_type(found)} of shape {jnp.shape(found)}"
         if kind != (named := f"{wanted.dtype} of shape {wanted.shape}"):
             raise RpojaxError(f"{where}: found {kind} for the result{jax.tree_util.keystr(path)}, expected {named}")
+
+
+def _missing(result: Any, expected: Any) -> str:
+    """Path of the first entry that mappings in a result lack; empty if its types are others."""
+    paths = [path for path, _ in jax.tree.leaves_with_path(result)]
+    known = {path[:end] for path in paths for end in range(len(path) + 1)}
+    entries = [path[:end] for path, _ in jax.tree.leaves_with_path(expected) for end in range(1, len(path) + 1)]
+    lacking = [each for each in entries if each not in known]
+    return jax.tree_util.keystr(lacking[0]) if lacking and isinstance(lacking[0][-1], jax.tree_util.DictKey) else ""
 
 
 def _type_name(result: Any) -> str:

@@ -1,5 +1,6 @@
 """Metrics of the consistency of the orbit filter: NEES, NIS, whiteness of innovations, and 3-sigma bounds."""
 
+from dataclasses import replace
 from types import ModuleType
 from typing import Final
 
@@ -17,6 +18,32 @@ def _innovation_squared(xp: ModuleType, sigmas: Quantity) -> WeightedValue:
     """Normalised innovation squared, of the ticks with all rows."""
     rows, complete = _complete_innovation(xp, sigmas)
     return WeightedValue(xp.sum(rows * rows, axis=-1), complete)
+
+
+def _nis(sensor: str, title: str, of: str, rows: int = 3) -> Metric:
+    return Metric(
+        f"nis_{sensor}_mean",
+        "-",
+        title=f"NIS, {title}",
+        meaning=f"Mean normalised innovation squared of {of}; {rows} is consistent.",
+        inputs=(f"{sensor}_innovation_sigmas",),
+        value=_innovation_squared,
+        reduction="mean",
+        has_derivative=True,
+        degrees_of_freedom=rows,
+    )
+
+
+def _whiteness(sensor: str, title: str, of: str) -> Metric:
+    return Metric(
+        f"{sensor}_innovation_lag1",
+        "-",
+        title=f"Whiteness, {title}",
+        meaning=f"Correlation of normalised {of} one tick apart; 0 for a consistent filter.",
+        inputs=(f"{sensor}_innovation_sigmas",),
+        value=_complete_innovation,
+        reduction=record_statistics.lag_1_autocorrelation,
+    )
 
 
 METRICS: Final = (
@@ -41,47 +68,10 @@ METRICS: Final = (
         has_derivative=True,
         degrees_of_freedom=6,
     ),
-    Metric(
-        "nis_gps_mean",
-        "-",
-        title="NIS, GPS",
-        meaning="Mean normalised innovation squared of the three GPS coordinates; 3 is consistent.",
-        inputs=("gps_innovation_sigmas",),
-        value=_innovation_squared,
-        reduction="mean",
-        has_derivative=True,
-        degrees_of_freedom=3,
-    ),
-    Metric(
-        "nis_box_mean",
-        "-",
-        title="NIS, box",
-        meaning="Mean normalised innovation squared of bearing and size of the accepted, untruncated boxes; "
-        "3 is consistent.",
-        inputs=("box_innovation_sigmas",),
-        value=_innovation_squared,
-        reduction="mean",
-        has_derivative=True,
-        degrees_of_freedom=3,
-    ),
-    Metric(
-        "gps_innovation_lag1",
-        "-",
-        title="Whiteness, GPS",
-        meaning="Correlation of normalised GPS innovations one tick apart; 0 for a consistent filter.",
-        inputs=("gps_innovation_sigmas",),
-        value=_complete_innovation,
-        reduction=record_statistics.lag_1_autocorrelation,
-    ),
-    Metric(
-        "box_innovation_lag1",
-        "-",
-        title="Whiteness, box",
-        meaning="Correlation of normalised box innovations one tick apart; 0 for a consistent filter.",
-        inputs=("box_innovation_sigmas",),
-        value=_complete_innovation,
-        reduction=record_statistics.lag_1_autocorrelation,
-    ),
+    _nis("gps", "GPS", "the three GPS coordinates"),
+    _nis("box", "box", "bearing and size of the accepted, untruncated boxes"),
+    _whiteness("gps", "GPS", "GPS innovations"),
+    _whiteness("box", "box", "box innovations"),
     Metric(
         "sigma3_coverage",
         "-",
@@ -108,39 +98,18 @@ METRICS: Final = (
 
 def sensor_metrics(sensor: str, rows: int) -> tuple[Metric, ...]:
     """Metrics of an additional sensor that the filter believes, with `rows` rows in a measurement."""
-    sigmas, title = (f"{sensor}_innovation_sigmas",), sensor.replace("_", " ")
-    return (
-        Metric(
-            f"nis_{sensor}_mean",
-            "-",
-            title=f"NIS, {title}",
-            meaning=f"Mean normalised innovation squared of the measurements of {title} that were used; "
-            f"{rows} is consistent.",
-            inputs=sigmas,
-            value=_innovation_squared,
-            reduction="mean",
-            has_derivative=True,
-            degrees_of_freedom=rows,
-            source="plugin",
-        ),
-        Metric(
-            f"{sensor}_innovation_lag1",
-            "-",
-            title=f"Whiteness, {title}",
-            meaning=f"Correlation of normalised innovations of {title} one tick apart; 0 for a consistent filter.",
-            inputs=sigmas,
-            value=_complete_innovation,
-            reduction=record_statistics.lag_1_autocorrelation,
-            source="plugin",
-        ),
-        Metric(
-            f"{sensor}_used_fraction",
-            "-",
-            title=f"Used, {title}",
-            meaning=f"Measurements of {title} that the filter used, per tick.",
-            inputs=(f"{sensor}_accepted",),
-            reduction="mean",
-            low_is_bad=True,
-            source="plugin",
-        ),
+    title = sensor.replace("_", " ")
+    of_innovations = (
+        _nis(sensor, title, f"the measurements of {title} that were used", rows),
+        _whiteness(sensor, title, f"innovations of {title}"),
     )
+    used = Metric(
+        f"{sensor}_used_fraction",
+        "-",
+        title=f"Used, {title}",
+        meaning=f"Measurements of {title} that the filter used, per tick.",
+        inputs=(f"{sensor}_accepted",),
+        reduction="mean",
+        low_is_bad=True,
+    )
+    return tuple(replace(each, source="plugin") for each in (*of_innovations, used))

@@ -97,9 +97,14 @@ def _of_plugins(name: str) -> list[Metric]:
 def _of_plugin(name: str) -> Metric | None:
     found = _of_plugins(name)
     if len(found) > 1:
-        meanings = " and ".join(f"{each.title!r} [{each.unit}]" for each in found)
+        meanings = " and ".join(map(_title_in_words, found))
         raise RpojaxError(f"metrics.{name}: found {meanings} in plugins of this process, expected one definition")
     return found[0] if found else None
+
+
+def _title_in_words(metric: Metric) -> str:
+    dof = metric.degrees_of_freedom
+    return f"{metric.title!r} [{metric.unit}]" + ("" if dof is None else f" of {dof} degrees of freedom")
 
 
 def find(name: str) -> Metric | None:

@@ -9,7 +9,7 @@ import numpy as np
 from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.time_windows import MetricWindow
 from rpojax.report.labels import in_display_order
-from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
 

@@ -38,6 +38,7 @@ from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
 from rpojax.scenario import key_units, phase_table
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.trained import fitted_camera, trained_files
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.sensors.camera import Camera
@@ -266,13 +267,11 @@ def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
 def _sensor_numbers(tables: Mapping[str, Any], believed: bool) -> dict[str, dict[str, Array]]:
     """Numbers of the additional sensors by name: those that flight software believes, or those of the truth."""
     found = {}
-    for name in sensor_names():
-        if name in tables:
-            classes = [each for each in sensor_classes(name) if set(each.model_fields) == set(tables[name])]
-            beliefs = {key for each in classes for key in each.beliefs}
-            if not believed or any(each.is_believed() for each in classes):
-                table = {key: value for key, value in tables[name].items() if (key in beliefs) is believed}
-                found[name] = _numbers(table)
+    for name, cls in plugin_registry.sensors_for(tables).items():
+        if not believed or cls.is_believed():
+            found[name] = _numbers(
+                {key: value for key, value in tables[name].items() if (key in cls.beliefs) is believed}
+            )
     return found
 
 
@@ -321,8 +320,10 @@ def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_p
     )
 
 
-def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
+def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[str, ...], float]:
     """Attribute path in `Params` of a key such as `servicer.mass_kg`, and the factor from its unit to SI.
+
+    With `params` a sensor's key is a belief or not as in these, where classes of one name differ in what is believed.
 
     Raises:
         ScenarioError: the key names no number of a scenario.
@@ -343,6 +344,8 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
         return ("flight", "mission", *phase_table.leaf_path(key)), factor
     if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):
         is_belief = any(name in each.beliefs for each in sensor_classes(section))
+        if params is not None:
+            is_belief = leaf in params.flight.sensors.get(section, {})
         return (*(("flight", "sensors") if is_belief else ("additional_sensors",)), section, leaf), factor
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
 

@@ -18,10 +18,11 @@ from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 from rpojax.flight.guidance.references.retreat import Retreat
 from rpojax.flight.guidance.references.transfer import Transfer
-from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
+from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings
 from rpojax.scenario import key_units
 from rpojax.scenario.phases.phase_sections import PhaseSection
+from rpojax.scenario.phases.reference_sections import HoldSection
 from rpojax.scenario.schema import ScenarioFile
 
 Table = Mapping[str, Any]
@@ -49,6 +50,12 @@ _NO_CONDITION: Final[dict[str, Any]] = {
 _NEAR_CIRCLE: Final = 0.02
 """Eccentricity below which the gain for a circular orbit serves everywhere on the orbit [-]."""
 
+_STATION: Final = "station"
+"""Phase of a scenario without phases: holding the formation's desired position."""
+
+_WAITING: Final = ("hold", "approach", "retreat")
+"""Kinds of references that depend on the place alone, so that a servicer can stop on the way."""
+
 _WEIGHTS: Final = ("position_weight", "velocity_weight", "delta_v_weight")
 
 
@@ -58,7 +65,7 @@ def control_period_s(file: ScenarioFile, phase: PhaseSection) -> float:
 
 
 def mission_settings(file: ScenarioFile) -> MissionSettings:
-    """Static settings of a scenario with phases."""
+    """Static settings of the mission of a scenario; one without phases holds its station, and nothing aborts that."""
 
     def ticks(seconds: float) -> int:
         return round(seconds * file.rates.camera_hz)
@@ -69,6 +76,10 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
         orbit_period = 2.0 * math.pi / float(mean_motion(jnp.float64(file.orbit.semi_major_axis_m)))
         return periodic_lqr_gain.burns_per_orbit(orbit_period, control_period)
 
+    station = PhaseSection(
+        name=_STATION, reference=HoldSection(kind="hold", position_m=file.formation.desired_position_m)
+    )
+    decision_period_s = file.mission.decision_period_s if file.phases else file.rates.formation_period_s
     return MissionSettings(
         phases=tuple(
             PhaseSettings(
@@ -81,23 +92,23 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
                 has_arrival_box=phase.until is not None and phase.until.arrival_box_m is not None,
                 passively_safe=phase.passively_safe,
                 has_corridor=phase.corridor is not None,
+                stops_in_the_dark=phase.reference.kind in _WAITING and not phase.passively_safe,
             )
-            for phase in file.phases
+            for phase in file.phases or [station]
         ),
-        decision_ticks=ticks(file.mission.decision_period_s),
+        is_managed=bool(file.phases),
+        decision_ticks=ticks(decision_period_s),
         hold_ticks=ticks(file.rates.formation_period_s),
         hold_burns_per_orbit=gains(file.rates.formation_period_s),
     )
 
 
-def mission_tuning(tables: Table) -> MissionTuning | None:
-    """Parameters of the mission from the tables of a scenario, None without phases."""
-    if not tables["phases"]:
-        return None
+def mission_tuning(tables: Table) -> MissionTuning:
+    """Parameters of the mission from the tables of a scenario."""
     sphere = [tables["limits"]["keep_out_m"]] * 3
     numbers = _numbers(tables["mission"])
     return MissionTuning(
-        phases={phase["name"]: _phase(phase, tables["formation"], sphere) for phase in tables["phases"]},
+        phases={phase["name"]: _phase(phase, sphere) for phase in tables["phases"] or [{"name": _STATION}]},
         keep_out=_array(sphere),
         **{field.name: numbers[field.name] for field in fields(MissionTuning) if field.name in numbers},
     )
@@ -109,17 +120,22 @@ def leaf_path(key: str) -> tuple[str, ...]:
     return (*path, key_units.split_unit(name)[0])
 
 
-def _phase(table: Table, formation: Table, sphere: list[float]) -> Phase:
-    until, corridor = table.get("until") or {}, table.get("corridor")
-    reference = {name: value for name, value in table["reference"].items() if name != "kind"}
+def _phase(table: Table, sphere: list[float]) -> Phase:
+    until, corridor, reference = table.get("until") or {}, table.get("corridor"), table.get("reference")
+    weights = {name: table.get(name) for name in _WEIGHTS}
     return Phase(
-        reference=REFERENCES[table["reference"]["kind"]](**_numbers(reference)),
+        reference=None if reference is None else _reference(reference),
         until=Until(**({name: _array(value) for name, value in _NO_CONDITION.items()} | _numbers(until))),
         timeout=_array(table.get("timeout_s", math.inf)),
         keep_out=_array(table.get("keep_out_m", sphere)),
         corridor=None if corridor is None else Corridor(**_numbers(corridor)),
-        **{name: _array(table.get(name, formation[name])) for name in _WEIGHTS},
+        **{name: None if value is None else _array(value) for name, value in weights.items()},
     )
+
+
+def _reference(table: Table) -> Any:
+    """Record of a reference trajectory."""
+    return REFERENCES[table["kind"]](**_numbers({name: value for name, value in table.items() if name != "kind"}))
 
 
 def _numbers(table: Table) -> dict[str, Array]:

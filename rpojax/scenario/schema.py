@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, create_model
 
-from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
+from rpojax.dispersions.designs.design_sections import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
 from rpojax.metrics.time_windows import MetricWindow

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from rpojax.errors import ScenarioError
 from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.flight.flight_records import FilterSettings
-from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings
+from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.phase_table import mission_settings
 from rpojax.scenario.plugins import plugin_registry
@@ -36,10 +37,10 @@ class Scenario:
         navigation_luni_solar: whether the orbit filter models the attraction of Sun and Moon
         effects: model switches of the plant
         ray_sampling: of rendered images, None for other camera models
+        mission: static settings of its phases
         chamber_pressure: whether the thruster's chamber pressure is measured
         additional_sensors: names and classes of the additional sensors
         records_poses: whether the poses of camera and target are channels
-        mission: static settings of its phases, None without phases
         team: static settings of a team of servicers, None for a servicer alone
     """
 
@@ -55,23 +56,24 @@ class Scenario:
     navigation_luni_solar: bool
     effects: Effects
     ray_sampling: RaySampling | None
+    mission: MissionSettings
     chamber_pressure: bool = False
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     records_poses: bool = False
-    mission: MissionSettings | None = None
     team: TeamSettings | None = None
 
     @property
     def filter_settings(self) -> FilterSettings:
         """Static settings of the orbit filter."""
-        believed = [each for each in self.additional_sensors if each[1].is_believed()]
-        rows = tuple((name, each.rows, each.row_count) for name, each in believed)
-        return FilterSettings(self.box_gating, self.navigation_zonal_degree, rows)
+        believed = [(name, each) for name, each in self.additional_sensors if each.is_believed()]
+        sensors = tuple(BelievedSensor(name, each.rows, each.row_count) for name, each in believed)
+        return FilterSettings(self.box_gating, self.navigation_zonal_degree, sensors)
 
     @property
     def direction_sensors(self) -> list[str]:
-        """Names of the additional sensors whose use by the filter shows that the target is where it should be."""
-        return [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
+        """Names of the sensors whose use by the filter shows that the target is where it should be."""
+        additional = [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
+        return ["box", *additional]
 
     @property
     def step_s(self) -> float:
@@ -105,7 +107,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         )
     if file.servicers:
         own, team = static_settings(member_files(file)[0], allow_single), team_settings(file)
-        mission = own.mission and replace(
+        mission = replace(
             own.mission,
             coordinated=team.coordinated,
             servicers=team.servicers,
@@ -130,7 +132,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         chamber_pressure=file.chamber_pressure.enabled,
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
         records_poses=file.coverage.enabled or file.camera.model == "rendered" or _metrics_need_poses(file),
-        mission=mission_settings(file) if file.phases else None,
+        mission=mission_settings(file),
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import jax
 import jax.numpy as jnp
@@ -16,11 +16,10 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
-from rpojax.flight.mission import team_mission
+from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import of_phase
-from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
@@ -85,12 +84,6 @@ class ObservedTick:
         return squared_mahalanobis_and_log_determinant(self.relative_covariance, self.orbit_errors[1])
 
     @cached_property
-    def innovation_sigmas(self) -> Float[Array, "6"]:
-        """Decorrelated innovations divided by their sigma; NaN for rows that were not used."""
-        innovation = self.telemetry.innovation
-        return jnp.where(innovation.used, innovation.innovation / gradient_safe.sqrt(innovation.variance), jnp.nan)
-
-    @cached_property
     def boresight_and_line(self) -> tuple[Vector, Vector]:
         """Unit vectors in N along the boresight and to the target."""
         return boresight_N(self.params, self.truth), -gradient_safe.normalize(self.truth.r_ST_N)
@@ -101,7 +94,7 @@ class ObservedTick:
         return tick_measurements.box_measurement(self.scenario, self.params, self.telemetry.frame)
 
 
-ChannelFunctions = dict[str, Callable[[ObservedTick], Array]]
+ChannelFunctions = dict[str, Callable[[ObservedTick], Any]]
 """Channels by name, as functions of a tick."""
 
 
@@ -113,27 +106,26 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     functions = {**CHANNELS, **(POSE_CHANNELS if scenario.records_poses else {})}
     if scenario.camera_model == "rendered":
         functions |= IMAGE_CHANNELS
-    if scenario.mission is not None:
+    if scenario.mission.is_managed:
         functions |= MISSION_CHANNELS
         if scenario.mission.coordinated:
             functions |= TEAM_CHANNELS
             functions |= PHASING_CHANNELS if scenario.mission.phasing != "fixed" else {}
     with jax.named_scope("observe"):
-        channels = evaluate(functions, functions, ObservedTick(scenario, params, telemetry))
-        additional = {**sensor_channels(telemetry.innovation), **telemetry.measurements.additional}
+        tick, of_sensors = ObservedTick(scenario, params, telemetry), sensor_channels(telemetry.flight.rejected_s)
+        channels = evaluate(functions, functions, tick)
+        additional = {**evaluate(of_sensors, of_sensors, tick), **telemetry.measurements.additional}
         if taken := sorted(set(channels) & set(additional)):
             raise RpojaxError(f"{taken[0]}: found a sensor's measurement, expected a name that no channel has")
         channels |= additional
         return {name: _to_single_precision(value) for name, value in channels.items()}
 
 
-def sensor_channels(innovation: Innovation) -> Channels:
-    """Channels of the additional sensors that the filter believes: innovations in sigmas, NaN where not used."""
-    found = {}
-    for name, each in innovation.sensors.items():
-        sigmas = each.innovation / gradient_safe.sqrt(each.variance)
-        found[f"{name}_innovation_sigmas"] = jnp.where(each.used, sigmas, jnp.nan)
-        found[f"{name}_accepted"] = each.accepted
+def sensor_channels(sensors: Iterable[str]) -> ChannelFunctions:
+    """Channels of sensors of the orbit filter by name."""
+    found: ChannelFunctions = {}
+    for name in sensors:
+        found |= {f"{name}_innovation_sigmas": _sigmas(name), f"{name}_accepted": _is_accepted(name)}
     return found
 
 
@@ -145,6 +137,16 @@ def evaluate(functions: ChannelFunctions, names: Iterable[str], tick: ObservedTi
 def _to_single_precision(value: Array) -> Array:
     """Floating-point values in single precision, which halves the records of a campaign."""
     return value.astype(jnp.float32) if jnp.issubdtype(value.dtype, jnp.floating) else value
+
+
+def _sigmas(sensor: str) -> Callable[[ObservedTick], Array]:
+    """Innovations of a sensor in sigmas, NaN where not used."""
+    return lambda tick: tick.telemetry.innovation.sensors[sensor].sigmas
+
+
+def _is_accepted(sensor: str) -> Callable[[ObservedTick], Array]:
+    """Whether the filter used the measurement of a sensor."""
+    return lambda tick: tick.telemetry.innovation.sensors[sensor].accepted
 
 
 def _hill_sigma(tick: ObservedTick, P_N: Matrix) -> Vector:
@@ -192,21 +194,16 @@ def _pointing_error(tick: ObservedTick) -> Scalar:
 
 
 def _desired_position(tick: ObservedTick) -> Vector:
-    assert tick.telemetry.rho_desired_H is not None
     return tick.telemetry.rho_desired_H
 
 
 def _mission(tick: ObservedTick) -> MissionState:
-    state = tick.telemetry.flight.mission
-    assert state is not None
-    return state
+    return tick.telemetry.flight.mission
 
 
 def _unmet_conditions(tick: ObservedTick) -> Array:
     """Conditions of `until` of the present phase that do not hold; 0 in the built-in phases."""
     settings, tuning, state = tick.scenario.mission, tick.params.flight.mission, _mission(tick)
-    assert settings is not None
-    assert tuning is not None
     row = jnp.minimum(state.phase, settings.hold - 1)
     until = of_phase(row, [tuning.phases[phase.name].until for phase in settings.phases])
     unmet = unmet_conditions(until, state, _time(tick))
@@ -230,7 +227,7 @@ def _phase_shift(tick: ObservedTick) -> Array:
     """Angle by which the relative orbit is ahead of the plan [deg]."""
     team = _mission(tick).team
     assert team is not None
-    return jnp.rad2deg(team_mission.angle(team, _time(tick)))
+    return jnp.rad2deg(team_mission_state.angle(team, _time(tick)))
 
 
 def _known_members(tick: ObservedTick) -> Array:
@@ -259,14 +256,14 @@ _NAVIGATION: Final[ChannelFunctions] = {
     ),
     "nees": lambda tick: tick.servicer_density[0] + tick.relative_density[0],
     "nees_relative": lambda tick: tick.relative_density[0],
-    "gps_innovation_sigmas": lambda tick: tick.innovation_sigmas[:3],
-    "box_innovation_sigmas": lambda tick: tick.innovation_sigmas[3:],
+    "gps_innovation_sigmas": _sigmas("gps"),
+    "box_innovation_sigmas": _sigmas("box"),
     "nav_confident": lambda tick: tick.telemetry.flight.health.confident,
     "health_ratios": lambda tick: tick.telemetry.flight.health.ratios,
 }
 _CAMERA: Final[ChannelFunctions] = {
     "box_present": lambda tick: tick.telemetry.frame.box.present,
-    "box_accepted": lambda tick: tick.telemetry.innovation.accepted,
+    "box_accepted": _is_accepted("box"),
     "box_outlier": lambda tick: tick.telemetry.frame.box.present & tick.telemetry.frame.outlier,
     "box_truncated": lambda tick: tick.telemetry.frame.box.present & tick.telemetry.frame.box.truncated,
     "observable": lambda tick: tick.telemetry.frame.observable,

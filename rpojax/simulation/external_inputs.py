@@ -9,8 +9,8 @@ from jaxtyping import Array, Float, UInt8
 
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
-from rpojax.flight.guidance.burn_planning import ExternalBurn
+from rpojax.flight.guidance import burn_schedule, slew_profile, target_pointing
+from rpojax.flight.guidance.burn_schedule import ExternalBurn
 from rpojax.physics.thruster import draw_burn_error
 from rpojax.simulation import camera_models, noise, step_stages
 from rpojax.simulation.tick import Loop, Tick
@@ -68,7 +68,7 @@ def plan_external_burn(loop: Loop, tick: Tick, burn: ExternalBurn) -> Tick:
     """The tick with a burn plan from an external command, in place of the stage `plan_burn`."""
     guidance, flight, before = loop.software.guidance, tick.flight, tick.flight.plan
     q_look, _ = target_pointing.look_attitude(guidance.vehicle, flight.orbit, flight.pointing.reference.q_EN)
-    plan = burn_planning.plan_from_command(guidance, burn, before, q_look, tick.time)
+    plan = burn_schedule.plan_from_command(guidance, burn, before, q_look, tick.time)
     # Each ignition has its own execution error; a change of the cutoff alone keeps it.
     is_new = burn.commanded & (burn.cutoff > burn.ignition) & (burn.ignition != before.ignition)
     burn_error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import random_streams
+from rpojax.core.filter_state_layout import MOTION
 from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
-from rpojax.core.state_layout import MOTION
 from rpojax.flight import computer
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.guidance import target_pointing

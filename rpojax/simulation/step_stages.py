@@ -11,10 +11,10 @@ from rpojax.core.orbits import sun_moon_ephemeris, third_body_gravity
 from rpojax.core.orbits.sun_moon_ephemeris import Epoch
 from rpojax.core.pytree import replace, select
 from rpojax.flight import computer
-from rpojax.flight.decisions import burn_decision, mission_decision, phase_burn
-from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_burn
+from rpojax.flight.decisions import burn_decision, mission_decision
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
-from rpojax.flight.guidance import burn_planning, target_pointing
+from rpojax.flight.guidance import burn_schedule, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
@@ -84,23 +84,17 @@ def navigate(loop: Loop, tick: Tick) -> Tick:
 
 
 def manage_mission(loop: Loop, tick: Tick) -> Tick:
-    """Phase of the mission, reconsidered on decision ticks, and the prediction for it; nothing without phases."""
-    flight, mission = loop.params.flight, loop.scenario.mission
-    if mission is None:
+    """Phase of the mission, reconsidered on decision ticks."""
+    if not loop.scenario.mission.is_managed:
         return tick
-    shape = jax.eval_shape(predict_to_burn, flight, tick.flight.orbit)
-
-    def decide(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:
-        predicted = predict_to_burn(flight, memory.orbit)
-        return mission_decision.manage_mission(loop.software, memory, predicted, tick.time), predicted
-
-    def keep(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:
-        return memory.mission, jax.tree.map(jnp.zeros_like, shape)
-
     with jax.named_scope("manage_mission"):
-        due = tick.state.tick % mission.decision_ticks == 0
-        state, predicted = jax.lax.cond(due, decide, keep, tick.flight)
-    return replace(tick, flight=replace(tick.flight, mission=state), prediction=predicted)
+        state = jax.lax.cond(
+            tick.state.tick % loop.scenario.mission.decision_ticks == 0,
+            lambda memory: mission_decision.manage_mission(loop.software, memory, tick.time),
+            lambda memory: memory.mission,
+            tick.flight,
+        )
+    return replace(tick, flight=replace(tick.flight, mission=state))
 
 
 def plan_burn(loop: Loop, tick: Tick) -> Tick:
@@ -109,27 +103,24 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
     The number of the tick is equal for all runs of a batch, and so is whether a phase of any of them decides about
     burns, so that the branch stays one under `vmap`.
     """
-    flight, scenario, mission = loop.params.flight, loop.scenario, loop.scenario.mission
-    decision_ticks = scenario.formation_ticks if mission is None else mission.decision_ticks
-    due = tick.state.tick % decision_ticks == 0
-    is_of_phase = None
-    if mission is not None:
-        assert tick.flight.mission is not None
-        is_of_phase = phase_burn.is_due(mission, tick.flight.mission, tick.time, scenario.tick_s)
+    flight, scenario = loop.params.flight, loop.scenario
+    mission = scenario.mission
+    due = tick.state.tick % mission.decision_ticks == 0
+    is_of_phase = burn_decision.is_due(mission, tick.flight.mission, tick.time, scenario.tick_s)
 
-    def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState | None]:
+    def decide(memory: FlightMemory) -> tuple[burn_schedule.BurnPlan, BurnError, MissionState]:
+        decision = burn_decision.Decision(
+            time=tick.time,
+            memory=memory,
+            predicted=predict_to_burn(flight, memory.orbit),
+            pointing=pointing,
+            team=None if tick.peers is None else burn_decision.Team(tuning=loop.params.team, peers=tick.peers),
+        )
+        plan, state = burn_decision.plan_burn(loop.software, decision)
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
-        if mission is not None and is_of_phase is not None:
-            assert tick.prediction is not None
-            team = None if tick.peers is None else phase_burn.Team(tuning=loop.params.team, peers=tick.peers)
-            decision = phase_burn.Decision(
-                time=tick.time, memory=memory, predicted=tick.prediction, pointing=pointing, team=team
-            )
-            plan, state = phase_burn.plan_burn(loop.software, decision)
-            return select(is_of_phase, (plan, error, state), keep(memory))
-        return burn_decision.plan_burn(loop.software, memory, pointing, tick.time), error, None
+        return select(is_of_phase, (plan, error, state), keep(memory))
 
-    def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError, MissionState | None]:
+    def keep(memory: FlightMemory) -> tuple[burn_schedule.BurnPlan, BurnError, MissionState]:
         return memory.plan, tick.burn_error, memory.mission
 
     with jax.named_scope("plan_burn"):
@@ -139,8 +130,7 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
         )
         other = mission_decision.other_pointing(loop.software, tick.flight, tick.sky.sun_N)
         pointing = target_pointing.with_other(pointing, other)
-        needed = due if is_of_phase is None else due & any_of_batch(is_of_phase)
-        plan, error, state = jax.lax.cond(needed, decide, keep, tick.flight)
+        plan, error, state = jax.lax.cond(due & any_of_batch(is_of_phase), decide, keep, tick.flight)
     return replace(tick, flight=replace(tick.flight, plan=plan, mission=state), burn_error=error)
 
 

@@ -27,7 +27,7 @@ class Telemetry:
         mode: () guidance mode
         tick: () ticks since the start
         running: () bool, whether the run has not failed
-        rho_desired_H: (3,) position of the present phase's reference [m], None without phases
+        rho_desired_H: (3,) position of the present phase's reference [m]
     """
 
     truth: Truth
@@ -38,7 +38,7 @@ class Telemetry:
     mode: Array
     tick: Array
     running: Array
-    rho_desired_H: Array | None = None
+    rho_desired_H: Array
 
 
 def telemetry_of(loop: Loop, tick: Tick) -> Telemetry:
@@ -58,10 +58,8 @@ def telemetry_of(loop: Loop, tick: Tick) -> Telemetry:
     )
 
 
-def _desired_position(loop: Loop, tick: Tick) -> Array | None:
-    """Position of the present phase's reference (3,), for the true orbit of the target; None without phases."""
-    if tick.flight.mission is None:
-        return None
+def _desired_position(loop: Loop, tick: Tick) -> Array:
+    """Position of the present phase's reference (3,), for the true orbit of the target."""
     orbit = yamanaka_ankersen.target_orbit(tick.state.truth.r_TN_N, tick.state.truth.v_TN_N)
     return phase_goal.desired_state(loop.software, tick.flight.mission, orbit, tick.time)[:3]
 

@@ -8,7 +8,6 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
 from rpojax.flight import stage_use
-from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -61,8 +60,7 @@ class Loop:
     def __post_init__(self) -> None:
         kinds = stage_use.kinds_of(self.scenario.camera_model, self.scenario.mission, self.scenario.team)
         stage_use.check(self.stages, kinds)
-        believed = [name for name, _, _ in self.scenario.filter_settings.sensors]
-        stage_use.check_believed(self.stages, believed)
+        stage_use.check_believed(self.stages, [each.name for each in self.scenario.filter_settings.sensors])
         stage_use.check_picture(self.stages, self.scenario.camera_model)
 
 
@@ -81,7 +79,6 @@ class Tick:
         flight: memory of the flight software after the latest stage
         burn_error: execution error of the present burn
         innovation: of the orbit filter, None before navigation
-        prediction: of the relative motion to a burn on decision ticks of a mission, else zero; None without phases
         mode: () pointing mode, None before guidance
         confirmed: () bool, whether what other servicers see stands for an own box; None without others
         peers: what is known of the other servicers, None unless a team is coordinated
@@ -97,7 +94,6 @@ class Tick:
     flight: FlightMemory
     burn_error: BurnError
     innovation: Innovation | None = None
-    prediction: Prediction | None = None
     mode: Array | None = None
     confirmed: Array | None = None
     peers: KnownPeers | None = None

@@ -18,7 +18,7 @@ S = np.random.default_rng(3).normal(size=BATCH_SIZE)
 
 def operations(function: Any, *arguments: Any) -> list[jax_programs.Operation]:
     """Operations of a function."""
-    return jax_programs.trace(function, arguments)[0].operations
+    return jax_programs.pure_program(jax.make_jaxpr(function)(*arguments)).operations
 
 
 def evaluations(pairs: Any) -> int:

@@ -18,7 +18,7 @@ from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core import random_streams
-from rpojax.dispersions.designs.design_kinds import Design
+from rpojax.dispersions.designs.design_sections import Design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import ResultError, RpojaxError

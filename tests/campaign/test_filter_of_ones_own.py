@@ -76,7 +76,10 @@ def test_memory_of_ones_own_goes_in_and_out_of_a_stage() -> None:
     ("result", "line"),
     [
         (lambda own: own, "found a result of type dict, expected the stage's result and `own`"),
-        (lambda own: (jnp.zeros(3), {}), "`own`: found a result of type dict, expected dict"),
+        (
+            lambda own: (jnp.zeros(3), {}),
+            r"`own`: found a result of type dict without \['updates'\], expected one that has it",
+        ),
         (lambda own: (jnp.zeros(3), {"updates": jnp.zeros(2)}), "found float64 of shape .2,. for the result"),
     ],
 )

@@ -29,7 +29,7 @@ from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
-from rpojax.cli.commands.campaigns import bench, simulate
+from rpojax.cli.commands.campaigns import bench, run_and_campaign
 from rpojax.cli.options.campaigns import BenchCommand, RunCommand
 from rpojax.errors import RpojaxError
 from rpojax.runtime import jax_environment
@@ -847,7 +847,7 @@ def test_a_plugin_may_import_jax_after_it_is_prepared(environment: dict[str, str
     with forgotten_plugins():
         work = main._work(RunCommand(scenario="mine.toml", out=Path("out")), ["--allow-plugin", "--no-cache"], True)
         assert plugin_registry.is_permitted()
-    assert work is simulate.run
+    assert work is run_and_campaign.run
     assert "--xla_force_host_platform_device_count" in environment["XLA_FLAGS"]
     assert environment["TF_CPP_MIN_LOG_LEVEL"] == "3"
     assert "JAX_COMPILATION_CACHE_DIR" not in environment

@@ -23,9 +23,10 @@ from rpojax.flight import computer
 from rpojax.flight.computer import MotionOnBoard
 from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.decisions import burn_decision
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
@@ -46,7 +47,9 @@ def plan_burn(
     stages: Stages, flight: FlightParams, memory: FlightMemory, sun_N: jax.Array, time: jax.Array
 ) -> BurnPlan:
     sight = target_pointing.point_at_target(flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N)
-    return burn_decision.plan_burn(rendezvous_scene.software(flight, stages), memory, sight, time)
+    predicted = predict_to_burn(flight, memory.orbit)
+    decision = burn_decision.Decision(time=time, memory=memory, predicted=predicted, pointing=sight)
+    return burn_decision.plan_burn(rendezvous_scene.software(flight, stages), decision)[0]
 
 
 @partial(jax.jit, static_argnums=0)
@@ -98,7 +101,9 @@ def test_the_gain_is_for_the_targets_mean_motion_and_the_burn_period(
 ) -> None:
     n = np.sqrt(MU / np.linalg.norm(rendezvous_scene.R_SN_N) ** 3)
     expected = lqr_gain(flight.formation, jnp.float64(n), 200.0)
-    np.testing.assert_allclose(memory.gain, expected, rtol=1e-3)  # the target is 30 m ahead and slightly faster
+    np.testing.assert_allclose(
+        memory.phase_gains[0][0], expected, rtol=1e-3
+    )  # the target is 30 m ahead and slightly faster
 
 
 def test_the_allocation_inverts_the_wheel_axes(flight: FlightParams) -> None:
@@ -134,7 +139,8 @@ def test_a_users_control_law_decides_the_burn(flight: FlightParams, memory: Flig
         Stages(formation_law=sideways), flight, acquired(memory), rendezvous_scene.SUN_OVERHEAD, np.float64(0.0)
     )
     normal = np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N)
-    np.testing.assert_allclose(found.delta_v_N, 0.005 * normal / np.linalg.norm(normal), atol=1e-8)
+    # The orbit is not quite a circle, so that the station itself takes some impulse.
+    np.testing.assert_allclose(found.delta_v_N, 0.005 * normal / np.linalg.norm(normal), atol=5e-8)
 
 
 def test_a_users_attitude_controller_commands_the_wheels(flight: FlightParams, memory: FlightMemory) -> None:
@@ -225,11 +231,11 @@ def sense(
 
 def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:
     light, used = sense(flight, ready, pixels=3.0)
-    assert bool(used.accepted)
+    assert bool(used.sensors["box"].accepted)
     assert np.linalg.norm(light.orbit.relative.r_TS_N - ready.orbit.relative.r_TS_N) > 0.01
     dark, unused = sense(flight, ready, rendezvous_scene.SUN_BEHIND_EARTH, pixels=3.0)
-    assert not bool(unused.accepted)
-    assert not bool(unused.rejected)
+    assert not bool(unused.sensors["box"].accepted)
+    assert not bool(unused.sensors["box"].rejected)
     np.testing.assert_array_equal(dark.orbit.relative.r_TS_N, ready.orbit.relative.r_TS_N)
     assert dark.gate.rejections == 0.0
 
@@ -282,7 +288,9 @@ def test_there_is_no_burn_while_the_range_is_less_certain_than_a_fifth(
     flight: FlightParams, ready: FlightMemory, sigma: float, allowed: bool
 ) -> None:
     uncertain = rendezvous_scene.estimate(flight, position_sigma=sigma)
-    assert burns(flight, replace(ready, orbit=uncertain)) is allowed
+    near = replace(flight, health=replace(flight.health, clearance=jnp.float64(0.05)))
+    near = replace(near, mission=replace(flight.mission, keep_out=jnp.ones(3)))
+    assert burns(near, replace(ready, orbit=uncertain)) is allowed
 
 
 def test_in_the_dark_the_camera_points_at_the_estimate(flight: FlightParams, ready: FlightMemory) -> None:

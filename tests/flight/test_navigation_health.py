@@ -15,6 +15,7 @@ from rpojax.flight.navigation.box_measurement.box_measurement_model import Expec
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 from rpojax.flight.navigation_health import TESTS, HealthEvidence, NavigationHealth
 
 TICKS = 1500
@@ -35,23 +36,33 @@ def evidence(
     )
 
 
+def innovation_of(sigmas: jax.Array, accepted: jax.Array) -> Innovation:
+    """GPS and a box that is accepted or rejected, with innovations (6,) in sigmas."""
+
+    def of_sensor(sigmas: jax.Array, accepted: jax.Array) -> SensorInnovation:
+        return SensorInnovation(
+            innovation=0.1 * sigmas,
+            variance=jnp.full(3, 0.01),
+            used=jnp.ones(3, dtype=bool),
+            log_likelihood=jnp.zeros(()),
+            accepted=accepted,
+            rejected=~accepted,
+        )
+
+    return Innovation(
+        sensors={"gps": of_sensor(sigmas[:3], jnp.asarray(True)), "box": of_sensor(sigmas[3:], accepted)},
+        expected_box=ExpectedBox(values=jnp.zeros(3), variance=jnp.ones(3), in_front=jnp.asarray(True)),
+    )
+
+
 @jax.jit
 def run_tests(flight: FlightParams, sigmas: jax.Array, contradicted: jax.Array, scale: jax.Array) -> NavigationHealth:
     """Health at every tick, for innovations (ticks, 6) in sigmas; the size error is `scale` all the time."""
     estimate = rendezvous_scene.estimate(flight).relative
     estimate = replace(estimate, slow={**estimate.slow, "size": jnp.stack([0.0 * scale, scale])})
-    nothing = ExpectedBox(values=jnp.zeros(3), variance=jnp.ones(3), in_front=jnp.asarray(True))
 
     def tick(health: NavigationHealth, now: tuple[jax.Array, jax.Array]) -> tuple[NavigationHealth, NavigationHealth]:
-        innovation = Innovation(
-            innovation=0.1 * now[0],
-            variance=jnp.full(6, 0.01),
-            used=jnp.ones(6, dtype=bool),
-            log_likelihood=jnp.zeros(()),
-            accepted=~now[1],
-            rejected=now[1],
-            expected_box=nothing,
-        )
+        innovation = innovation_of(now[0], ~now[1])
         gate = replace(outlier_gate.initial(), contradicted=now[1])
         after = navigation_health.update(
             flight.health,
@@ -119,15 +130,7 @@ def test_a_recovery_of_the_gate_takes_the_confidence_for_ten_minutes_at_any_rate
     flight: FlightParams, interval: float, ticks: int
 ) -> None:
     estimate = rendezvous_scene.estimate(flight).relative
-    quiet = Innovation(
-        innovation=jnp.zeros(6),
-        variance=jnp.ones(6),
-        used=jnp.ones(6, dtype=bool),
-        log_likelihood=jnp.zeros(()),
-        accepted=jnp.asarray(True),
-        rejected=jnp.asarray(False),
-        expected_box=ExpectedBox(values=jnp.zeros(3), variance=jnp.ones(3), in_front=jnp.asarray(True)),
-    )
+    quiet = innovation_of(jnp.zeros(6), jnp.asarray(True))
     update = jax.jit(navigation_health.update)
     recovered = replace(outlier_gate.initial(), contradicted=jnp.asarray(True), recovered=jnp.asarray(True))
     health, gate, without = navigation_health.initial(estimate), recovered, 0

@@ -14,10 +14,10 @@ from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.orbits import (
     clohessy_wiltshire,
+    gravity_gradient,
     keplerian_elements,
     sun_moon_ephemeris,
     third_body_gravity,
-    two_body_gravity,
     zonal_gravity,
 )
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
@@ -101,7 +101,7 @@ def gravities(x: jax.Array, r_N: jax.Array, d_N: jax.Array) -> Any:
     r = Difference(value=r_N + 1e6 * x[:3], change=d_N + 10.0 * x[3:])
     pull = zonal_gravity.gravity(EARTH_GRAVITY, 6, r)
     moon = third_body_gravity.third_body_acceleration(4.9028e12, 3.84e8 * jnp.asarray(W), r)
-    gradient = two_body_gravity.gravity_gradient(r.value)
+    gradient = gravity_gradient.gravity_gradient(r.value)
     return pull.value, 1e4 * pull.change, 1e6 * moon.value, 1e11 * moon.change, 1e6 * gradient
 
 

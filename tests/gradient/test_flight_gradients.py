@@ -12,12 +12,15 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, random_covariance, 
 
 from rpojax.core import kalman_update, quaternion
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.orbits.yamanaka_ankersen import advanced
 from rpojax.core.pytree import replace
-from rpojax.flight.control import attitude_control, formation_law, station_keeping
+from rpojax.flight.control import attitude_control, formation_law
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.control.formation_law import lqr_gain
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
+from rpojax.flight.guidance import burn_schedule, slew_profile, target_pointing
+from rpojax.flight.guidance.references.impulsive_tracking import tracked_point
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -115,14 +118,16 @@ def test_the_duration_of_a_slew_over_zero_angle_has_a_finite_derivative(params: 
 def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
     known = rendezvous_scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
-    station = station_keeping.solve_station_keeping(flight.formation, jnp.asarray(1.1e-3), 200.0)
     q_BN, omega = target_pointing.look_attitude(flight.vehicle, known)
-    at_burn = burn_planning.state_at_burn(flight.formation, known)
-    deviation = at_burn.state_H - jnp.concatenate([flight.formation.desired_position, station.arrival_velocity])
+    predicted, place = predict_to_burn(flight, known), flight.formation.desired_position
+    times = jnp.array([-200.0, 0.0, 200.0])
+    orbits = jax.vmap(advanced, in_axes=(None, 0))(predicted.burn_orbit, times)
+    station = tracked_point(orbits, times[2], jnp.stack([place, place, place]))
+    deviation = predicted.burn_state_H - jnp.concatenate([place, station.arrival_velocity])
     command_H = formation_law.lqr_feedback(gain * (1.0 + 0.1 * x[6]), deviation)
-    delta_v_N = jnp.sum(at_burn.R_CN * (station.impulse + command_H)[:, None], axis=0)
+    delta_v_N = jnp.sum(predicted.R_CN * (station.impulse + command_H)[:, None], axis=0)
     guidance = rendezvous_scene.software(flight).guidance
-    plan = burn_planning.schedule_burn(guidance, delta_v_N, q_BN, allowed, time)
+    plan = burn_schedule.schedule_burn(guidance, delta_v_N, q_BN, allowed, time)
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
 
@@ -171,7 +176,7 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
         truncated=jnp.asarray(True),
         age=jnp.ones(()),
     )
-    after, _, result, _, _ = relative_orbit_ekf.update(
+    after, _, result, _ = relative_orbit_ekf.update(
         tuning, True, moved, track, box_view(measured, flight.vehicle.focal_px, q_KN)
     )
     return after.r_TS_N - known.r_TS_N, after.slow["size"], 1e2 * after.covariance, 1e-3 * result.log_likelihood

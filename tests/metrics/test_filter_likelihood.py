@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from rpojax.core.pytree import replace
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 from rpojax.metrics.filter_likelihood import METRICS
 from rpojax.metrics.metric_definition import Metric, WeightedValue
 
@@ -17,14 +19,29 @@ FALSE_SIZE = -np.log(3.0)
 BY_NAME: dict[str, Metric] = {each.name: each for each in METRICS}
 
 
-def surprise(used: bool, received: bool, truncated: bool, innovation: np.ndarray = INNOVATION) -> tuple[float, float]:
-    """Innovation surprise with its weight."""
-    all_used = jnp.full(6, used)
-    found = BY_NAME["innovation_surprise"].value(
-        jnp, innovation, VARIANCE, all_used, jnp.asarray(received), jnp.asarray(truncated), IMAGE_AREA
-    )
+def surprise(
+    used: bool, received: bool, truncated: bool, innovation: np.ndarray = INNOVATION, **others: SensorInnovation
+) -> tuple[float, float]:
+    """Innovation surprise with its weight; a box that is received is rejected, which does not matter."""
+    sensors = {
+        "gps": of_sensor(innovation[:3], VARIANCE[:3], [used] * 3),
+        "box": replace(of_sensor(innovation[3:], VARIANCE[3:], [used] * 3), rejected=jnp.asarray(received)),
+    }
+    found = BY_NAME["innovation_surprise"].value(jnp, {**sensors, **others}, jnp.asarray(truncated), IMAGE_AREA)
     assert isinstance(found, WeightedValue)
     return float(found.value), float(found.weight)
+
+
+def of_sensor(innovation: np.ndarray, variance: np.ndarray, used: list[bool]) -> SensorInnovation:
+    no = jnp.asarray(False)
+    return SensorInnovation(
+        innovation=jnp.asarray(innovation),
+        variance=jnp.asarray(variance),
+        used=jnp.asarray(used),
+        log_likelihood=jnp.zeros(()),
+        accepted=no,
+        rejected=no,
+    )
 
 
 def mixture(by_normal: np.ndarray, size: bool) -> float:
@@ -43,14 +60,9 @@ def test_the_innovation_surprise_is_minus_the_log_density_a_row(truncated: bool)
 
 
 def test_rows_of_additional_sensors_count_like_those_of_gps() -> None:
-    innovation, variance = np.append(INNOVATION, [0.7, -3.0, 9.0]), np.append(VARIANCE, [0.5, 2.0, 1.0])
-    used = jnp.array([False] * 6 + [True, True, False])
-    found = BY_NAME["innovation_surprise"].value(
-        jnp, innovation, variance, used, jnp.asarray(False), jnp.asarray(False), IMAGE_AREA
-    )
-    assert isinstance(found, WeightedValue)
+    lidar = of_sensor(np.array([0.7, -3.0, 9.0]), np.array([0.5, 2.0, 1.0]), [True, True, False])
     expected = -stats.norm.logpdf([0.7, -3.0], scale=np.sqrt([0.5, 2.0])).sum() / 2.0
-    np.testing.assert_allclose((float(found.value), float(found.weight)), (expected, 2.0), rtol=1e-6)
+    np.testing.assert_allclose(surprise(False, False, False, lidar=lidar), (expected, 2.0), rtol=1e-6)
 
 
 def test_a_box_far_off_surprises_no_more_than_a_false_one() -> None:

@@ -11,7 +11,7 @@ from rpojax.analysis.statistics import dependence
 from rpojax.analysis.statistics.dependence import rank_inputs
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.notes import Notes
+from rpojax.report.left_out_parts import Notes
 from rpojax.report.page.report_json import report_content
 from rpojax.report.sections import sensitivity_section
 

@@ -27,6 +27,7 @@ def _telemetry(state: State, tick: jax.Array) -> Telemetry:
         mode=jnp.zeros((), dtype=jnp.int32),
         tick=tick,
         running=jnp.asarray(True),
+        rho_desired_H=jnp.zeros(3),
     )
 
 

@@ -12,7 +12,6 @@ import pytest
 import rpojax
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.flight.control.formation_law import lqr_gain
-from rpojax.flight.control.station_keeping import solve_station_keeping
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
 from rpojax.simulation import single_precision
@@ -23,7 +22,7 @@ KERNELS = ("core", "physics", "flight", "sensors", "vision", "simulation")
 EXCEPTIONS = {
     **dict.fromkeys(
         (
-            "flight/guidance/burn_planning.py",
+            "flight/guidance/burn_schedule.py",
             "flight/guidance/target_acquisition.py",
             "flight/navigation/box_measurement/outlier_gate.py",
             "flight/navigation_health.py",
@@ -60,7 +59,6 @@ def test_kernels_keep_single_precision_while_double_is_enabled(inspection_params
     flight, x = inspection_params.flight, jnp.asarray(0.2)
     assert_single(lambda angle: pinhole.pinhole_intrinsics(angle, 128, 96), x)
     assert_single(lambda formation, n: lqr_gain(formation, n, 200.0), flight.formation, x)
-    assert_single(lambda formation, n: solve_station_keeping(formation, n, 200.0), flight.formation, x)
 
 
 @pytest.mark.traces

@@ -11,7 +11,7 @@ from short_run import STAGES, TICKS, Run, assert_close
 from rpojax.core.pytree import replace
 from rpojax.flight.control import attitude_control
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance.burn_planning import ExternalBurn
+from rpojax.flight.guidance.burn_schedule import ExternalBurn
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import external_inputs, step_stages

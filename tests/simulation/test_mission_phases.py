@@ -241,8 +241,10 @@ def planned_delta_v(file: ScenarioFile, stages: Stages | None = None, **numbers:
 
 def test_a_held_station_needs_the_burns_of_a_mission_without_phases() -> None:
     station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
-    tables = scenario_loader.load("inspection").model_dump()
-    found = planned_delta_v(scenario_loader.validate(tables | {"phases": [station]}))
+    # Without a zone: that of a station is not that of a mission.
+    tables = scenario_loader.load("inspection", ["health.clearance=0", "limits.keep_out_m=0"]).model_dump()
+    mission = tables["mission"] | {"abort_margin_m": 0.0}
+    found = planned_delta_v(scenario_loader.validate(tables | {"phases": [station], "mission": mission}))
     expected = planned_delta_v(scenario_loader.validate(tables))
     assert jnp.linalg.norm(expected) > 1e-3
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-3 * float(jnp.linalg.norm(expected)))

@@ -89,6 +89,8 @@ def keys_with_leaves(file: ScenarioFile, params: Params) -> Iterator[tuple[str, 
                 yield f"{prefix}{name}"
 
     tables = file.model_dump()
+    if not file.phases:  # a station has no keys for the commands and aborts of a mission
+        del tables["mission"]
     every = [*keys({name: table for name, table in tables.items() if isinstance(table, dict)}, "")]
     for phase in tables["phases"]:
         every += keys(phase, f"phases.{phase['name']}.")

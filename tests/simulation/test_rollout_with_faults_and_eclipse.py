@@ -54,7 +54,7 @@ def test_a_healthy_run_burns_and_tracks_its_target(runs: Runs) -> None:
     _, telemetry = runs["none"]
     assert planned(telemetry)[1:].sum() >= 2
     looking = (telemetry.mode == Mode.LOOK) & (np.arange(TICKS) > 20)
-    assert telemetry.innovation.accepted[looking].mean() > 0.7
+    assert telemetry.innovation.sensors["box"].accepted[looking].mean() > 0.7
 
 
 @pytest.mark.parametrize(
@@ -77,9 +77,9 @@ def test_an_outage_increases_the_covariance_until_it_ends(runs: Runs, name: str,
 def test_a_blackout_gives_no_boxes_and_no_burns(runs: Runs) -> None:
     _, telemetry = runs["camera_blackout"]
     assert not np.any(telemetry.frame.box.present[BEGIN:END])
-    assert not np.any(telemetry.innovation.accepted[BEGIN:END])
+    assert not np.any(telemetry.innovation.sensors["box"].accepted[BEGIN:END])
     assert not np.any(planned(telemetry)[2:])  # at 100 s the estimate is still accurate
-    assert telemetry.innovation.accepted[END:].any()
+    assert telemetry.innovation.sensors["box"].accepted[END:].any()
 
 
 def test_a_dead_thruster_is_detected_and_not_used(runs: Runs) -> None:
@@ -119,7 +119,7 @@ def test_a_burn_is_aborted_if_the_attitude_error_is_too_large(runs: Runs) -> Non
 def test_the_controller_compensates_wheel_friction(runs: Runs) -> None:
     _, telemetry = runs["wheel_friction"]
     looking = telemetry.mode == Mode.LOOK
-    assert telemetry.innovation.accepted[looking & (np.arange(TICKS) > BEGIN)].mean() > 0.5
+    assert telemetry.innovation.sensors["box"].accepted[looking & (np.arange(TICKS) > BEGIN)].mean() > 0.5
 
 
 def dark(telemetry: Telemetry) -> np.ndarray:
@@ -140,7 +140,7 @@ def test_in_eclipse_there_are_no_boxes_no_search_and_no_burn_plans(runs: Runs, n
     _, telemetry = runs[name]
     flags = dark(telemetry)
     assert not np.any(telemetry.frame.box.present[flags])
-    assert not np.any(telemetry.innovation.accepted[flags])
+    assert not np.any(telemetry.innovation.sensors["box"].accepted[flags])
     assert not np.any(planned(telemetry)[flags[::100]])
     # Sunset and sunrise as predicted on board differ by a second or two.
     deep = flags & np.roll(flags, 3) & np.roll(flags, -3)
@@ -154,7 +154,7 @@ def test_after_sunset_the_estimate_is_propagated_with_growing_covariance(runs: R
     flags = dark(telemetry)
     last = np.flatnonzero(~flags)[-1]
     looking = (telemetry.mode == Mode.LOOK) & ~flags & (np.arange(TICKS) > 20)
-    assert telemetry.innovation.accepted[looking].mean() > 0.5
+    assert telemetry.innovation.sensors["box"].accepted[looking].mean() > 0.5
     assert telemetry.flight.pointing.acquisition.acquired[last - 5]
     uncertain = sigma(telemetry, "relative")
     assert uncertain[-1] > 1.2 * uncertain[last]
@@ -167,7 +167,7 @@ def test_after_sunrise_the_target_is_acquired_and_burns_begin(runs: Runs) -> Non
     sunrise = np.flatnonzero(~dark(telemetry))[0]
     assert state.truth.delta_v > 0.0
     assert np.all(telemetry.truth.delta_v[:sunrise] == 0.0)
-    accepted = np.flatnonzero(telemetry.innovation.accepted)
+    accepted = np.flatnonzero(telemetry.innovation.sensors["box"].accepted)
     assert sunrise <= accepted[0] < sunrise + 60
     acquired = telemetry.flight.pointing.acquisition.acquired
     assert not acquired[sunrise - 1]

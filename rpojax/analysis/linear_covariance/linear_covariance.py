@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpojax.analysis.linear_covariance import monte_carlo_agreement
-from rpojax.analysis.linear_covariance.covariance_history import (
+from rpojax.analysis.linear_covariance.covariance_propagation import (
     ENSEMBLE_SIZE,
     ErrorBudget,
     LinearCovariance,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
+from rpojax.analysis.linear_covariance.covariance_propagation import LinearCovariance
 from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default_block_size
 from rpojax.core.pytree import concatenate

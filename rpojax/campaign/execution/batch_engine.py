@@ -16,7 +16,7 @@ from jax.stages import Traced
 from jaxtyping import Array
 
 from rpojax.batching.batching_mode import BatchingMode
-from rpojax.campaign.execution import passive_separation, run_programs, teams
+from rpojax.campaign.execution import run_programs, team_passive_safety, teams
 from rpojax.campaign.execution.passive_safety import PassiveSafety
 from rpojax.campaign.execution.run_programs import batch_transform, tick_batching_mode
 from rpojax.campaign.execution.surface_coverage import SurfaceCoverage
@@ -222,7 +222,7 @@ class BatchEngine:
 
     def _of_pairs(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
         """Shapes of the values by which a servicer of a team stands for the target of another one."""
-        keys = passive_separation.keys_of_target(self.scenario.effects, drawn) if self.file.servicers else {}
+        keys = team_passive_safety.keys_of_target(self.scenario.effects, drawn) if self.file.servicers else {}
         return {key: drawn[own] for own, key in keys.items()}
 
     @property

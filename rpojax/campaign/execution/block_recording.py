@@ -21,7 +21,7 @@ from rpojax.campaign.resource_estimates import HISTORY_MEMORY_BYTES
 from rpojax.campaign.storage import atomic_files, campaign_folder
 from rpojax.metrics.time_windows import split_name
 from rpojax.runtime.rows_in_parts import in_parts
-from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import drift_starts, phase_records, recorded_metrics, team_metrics, trace_channels

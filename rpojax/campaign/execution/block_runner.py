@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.campaign.execution import block_recording, passive_separation, teams
+from rpojax.campaign.execution import block_recording, team_passive_safety, teams
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns, Segment
 from rpojax.campaign.execution.block_recording import ChannelRecorder, ServicerResults, recorded_channels
 from rpojax.campaign.execution.campaign_engine import check_versions
@@ -116,7 +116,7 @@ def simulate_batch(
     if not drifts:
         return SimulatedBatch(prepared, recorder, servicers, worst, {})
     drawn = [teams.of_member(engine.file, prepared.drawn, number) for number in _numbers(engine)]
-    between = passive_separation.least_separation(engine.passive_safety, engine.member_params, drawn, recorder.records)
+    between = team_passive_safety.least_separation(engine.passive_safety, engine.member_params, drawn, recorder.records)
     return SimulatedBatch(prepared, recorder, servicers, worst, between)
 
 
@@ -145,7 +145,7 @@ def _judged(
     channels = {name: each[..., number, :] if is_team else each for name, each in recorder.records.items()}
     records = {name: np.moveaxis(values, -1, 0) for name, values in channels.items()}
     own_failure, own_failed_at = (failure[number], failed_at[number]) if is_team else (failure, failed_at)
-    values_of_drifts = passive_separation.with_target(engine.scenario.effects, drawn, nominal) if is_team else drawn
+    values_of_drifts = team_passive_safety.with_target(engine.scenario.effects, drawn, nominal) if is_team else drawn
     return ServicerResults(
         file=file,
         used=used,

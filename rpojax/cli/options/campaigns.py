@@ -134,7 +134,7 @@ class ExecutorOptions:
 class RunCommand(Command):
     """One run with its full history: a campaign of one run, with its report."""
 
-    work = "campaigns.simulate:run"
+    work = "campaigns.run_and_campaign:run"
 
     scenario: Source
     out: Out
@@ -152,7 +152,7 @@ class RunCommand(Command):
 class CampaignCommand(Command):
     """Monte Carlo campaign: many dispersed runs, with a report."""
 
-    work = "campaigns.simulate:campaign"
+    work = "campaigns.run_and_campaign:campaign"
 
     scenario: Source
     options: Annotated[CampaignOptions, FLAT]
@@ -170,7 +170,7 @@ class CampaignCommand(Command):
 class ResumeCommand(Command):
     """Complete an interrupted campaign and its report, or an estimate; one that is complete is left as it is."""
 
-    work = "campaigns.simulate:resume"
+    work = "campaigns.run_and_campaign:resume"
 
     directory: Annotated[Positional[Path], arg(metavar="DIR", help="Folder of a campaign, or of an estimate.")]
     executor: Annotated[ExecutorOptions, FLAT]
@@ -192,7 +192,7 @@ class StatusCommand(Command):
 class RerunCommand(Command):
     """Repeat one run of a campaign with its full history, and compare it with the record."""
 
-    work = "campaigns.simulate:rerun"
+    work = "campaigns.run_and_campaign:rerun"
 
     directory: Folder
     run_id: Annotated[int, arg(metavar="I", help="Number of the run.")]

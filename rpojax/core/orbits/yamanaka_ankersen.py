@@ -80,9 +80,11 @@ def advanced(orbit: TargetOrbit, dt: Scalar) -> TargetOrbit:
     e_cos, e_sin = _eccentric_anomaly(orbit)
     change = _eccentric_change(e_cos, e_sin, mean_motion(orbit.semi_major_axis) * dt)
     c, s = cos_sin(change)
-    lead = _true_less_eccentric(orbit, e_cos * c - e_sin * s, e_sin * c + e_cos * s)
-    lead_change = lead - _true_less_eccentric(orbit, e_cos, e_sin)
-    return replace(orbit, argument_of_latitude=orbit.argument_of_latitude + change + lead_change)
+    after_cos, after_sin, one = e_cos * c - e_sin * s, e_sin * c + e_cos * s, 1.0 + _eta(orbit)
+    # Difference of the halves of true less eccentric anomaly, whose tangents are e sin E / (1 + eta - e cos E).
+    sine = after_sin * (one - e_cos) - e_sin * (one - after_cos)
+    half = arctan2(sine, (one - after_cos) * (one - e_cos) + after_sin * e_sin)
+    return replace(orbit, argument_of_latitude=orbit.argument_of_latitude + change + 2.0 * half)
 
 
 def times_of_even_eccentric_anomalies(
@@ -125,8 +127,7 @@ def transition_matrix(orbit: TargetOrbit, dt: Scalar) -> Float[Array, "6 6"]:
 
 def constants_of_motion(orbit: TargetOrbit, state: Columns) -> Columns:
     """Constants (y0, ax, ay, d, bx, by) [m] of the free motion through a state (rho, rho_dot) [m, m/s], its epoch."""
-    kappa, kappa_slope = _kappa(orbit)
-    c, s = cos_sin(orbit.argument_of_latitude)
+    kappa, kappa_slope, c, s = _place(orbit)
     x, y, z = state[:3]
     # Derivatives by the argument of latitude.
     x_slope, y_slope, z_slope = state[3:] * (1.0 / _rate(orbit, kappa))
@@ -149,8 +150,7 @@ def constants_of_motion(orbit: TargetOrbit, state: Columns) -> Columns:
 
 def free_motion(orbit: TargetOrbit, since: Scalar, constants: Columns) -> Columns:
     """State (rho, rho_dot) [m, m/s] at a place on the orbit, `since` [s] after the epoch of the constants [m]."""
-    kappa, kappa_slope = _kappa(orbit)
-    c, s = cos_sin(orbit.argument_of_latitude)
+    kappa, kappa_slope, c, s = _place(orbit)
     along, ax, ay, d, bx, by = constants
     tau = since * unit_rate(orbit)
     radial_cos, radial_sin = ax * c + ay * s, ax * s - ay * c
@@ -171,23 +171,35 @@ def free_motion(orbit: TargetOrbit, since: Scalar, constants: Columns) -> Column
     return jnp.stack(position + [component * rate for component in by_latitude])
 
 
-def _kappa(orbit: TargetOrbit) -> tuple[Scalar, Scalar]:
-    """Semi-latus rectum over distance, and its derivative by the argument of latitude [-]."""
+def rate_without_drift(orbit: TargetOrbit, position: Vector) -> Vector:
+    """Velocity along the track (3,) [m/s] with which free motion from a position [m] is back after an orbit."""
+    kappa, kappa_slope, _, _ = _place(orbit)
+    x, y, _ = position
+    y_slope = -(kappa_slope * y + (kappa + 1.0) * x) / kappa
+    return jnp.stack([0.0 * x, y_slope * _rate(orbit, kappa), 0.0 * x])
+
+
+def _place(orbit: TargetOrbit) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Semi-latus rectum over distance, its slope over the argument of latitude; cosine and sine of the latter [-]."""
     c, s = cos_sin(orbit.argument_of_latitude)
-    return 1.0 + orbit.ex * c + orbit.ey * s, orbit.ey * c - orbit.ex * s
+    return 1.0 + orbit.ex * c + orbit.ey * s, orbit.ey * c - orbit.ex * s, c, s
 
 
 def _eccentric_anomaly(orbit: TargetOrbit) -> tuple[Scalar, Scalar]:
     """Eccentricity times cosine and sine of the eccentric anomaly [-]."""
-    kappa, kappa_slope = _kappa(orbit)
+    kappa, kappa_slope, _, _ = _place(orbit)
     e_square = orbit.ex * orbit.ex + orbit.ey * orbit.ey
     return (e_square + kappa - 1.0) / kappa, -jnp.sqrt(1.0 - e_square) * kappa_slope / kappa
 
 
 def _true_less_eccentric(orbit: TargetOrbit, e_cos: Scalar, e_sin: Scalar) -> Scalar:
     """True less eccentric anomaly [rad], from the eccentricity times cosine and sine of the latter."""
-    eta = jnp.sqrt(1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey)
-    return 2.0 * arctan2(e_sin, 1.0 + eta - e_cos)
+    return 2.0 * arctan2(e_sin, 1.0 + _eta(orbit) - e_cos)
+
+
+def _eta(orbit: TargetOrbit) -> Scalar:
+    """Semi-minor over semi-major axis [-]."""
+    return jnp.sqrt(1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey)
 
 
 def _rate(orbit: TargetOrbit, kappa: Scalar) -> Scalar:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.dispersions.listed_values import listed_numbers
 

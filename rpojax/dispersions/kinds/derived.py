@@ -6,8 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from rpojax.dispersions.kinds.component_count_checks import check_one_or_each
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
-from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.errors import ScenarioError
 from rpojax.value_types import Finite, Section
 

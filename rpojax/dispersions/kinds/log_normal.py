@@ -5,8 +5,8 @@ from typing import ClassVar, Literal
 import numpy as np
 import scipy
 
+from rpojax.dispersions.kinds.component_count_checks import check_one_or_each
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
-from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution
 from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.errors import ScenarioError

@@ -4,8 +4,8 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from rpojax.dispersions.kinds.component_count_checks import check_one_or_each
 from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
-from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution, normal_distributions
 from rpojax.dispersions.random_source import Array, RandomSource
 from rpojax.value_types import NonNegative

@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.numerics.exact_difference import Difference
-from rpojax.core.orbits import two_body_gravity, zonal_gravity
+from rpojax.core.orbits import gravity_gradient, zonal_gravity
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
-from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
 Matrix = Float[Array, "3 3"]
@@ -39,7 +39,7 @@ class TickMotion:
     @property
     def gravity_gradient(self) -> Matrix:
         """Gradient of gravity at the position before [1/s^2]."""
-        return two_body_gravity.gravity_gradient(self.r_before_N)
+        return gravity_gradient.gravity_gradient(self.r_before_N)
 
 
 def baseline_layout(has_ranges: bool) -> StateLayout:

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from rpojax.core.filter_state_layout import MOTION
 from rpojax.core.pytree import replace
-from rpojax.core.state_layout import MOTION
 from rpojax.flight.cooperation import baseline_motion, joint_filter, joint_measurements, received_messages
 from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.cooperation.joint_filter import JointEstimate

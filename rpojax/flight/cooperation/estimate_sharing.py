@@ -14,10 +14,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import kalman_update
+from rpojax.core.filter_state_layout import MOTION
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.state_layout import MOTION
 from rpojax.core.vectors import apply, product
 from rpojax.flight.cooperation import baseline_motion, covariance_intersection, received_messages
 from rpojax.flight.cooperation.baseline_motion import TickMotion, baseline_layout

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.cooperation import baseline_motion, joint_covariance, received_messages
 from rpojax.flight.cooperation.baseline_motion import TickMotion, peer_layout
 from rpojax.flight.cooperation.joint_covariance import JointCovariance

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update
+from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
-from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.core.vectors import apply, product
 from rpojax.flight.cooperation import joint_covariance
 from rpojax.flight.cooperation.joint_covariance import JointCovariance

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import double_single
-from rpojax.core.orbits import two_body_gravity
+from rpojax.core.orbits import gravity_gradient
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import product
 from rpojax.flight.cooperation import burn_effect
@@ -111,7 +111,7 @@ def own_then(message: Message, burns: BurnSum, r_SN_N: Float[Array, "3"], delay:
     """A servicer `delay` [s] ago, from its message of that time, and its burns and its position [m] now."""
     to_now, to_stamp = None, None
     if delay > 0.0:
-        gradient = two_body_gravity.gravity_gradient(r_SN_N)
+        gradient = gravity_gradient.gravity_gradient(r_SN_N)
         to_now, to_stamp = transition_matrix(gradient, delay), transition_matrix(gradient, -delay)
     since = burn_effect.change_since(burns.at_start, message.burns, burns.from_start)
     return OwnThen(message=message, burns=since, to_now=to_now, to_stamp=to_stamp)

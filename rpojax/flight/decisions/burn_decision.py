@@ -1,131 +1,328 @@
-"""Burn decision: the next velocity change from the control law, made safe, and scheduled between two turns."""
+"""Burn decision: the velocity change that the control law plans for a phase, made safe, or an abort burn."""
+
+from functools import partial
+from typing import Final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
+from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply_transposed
-from rpojax.flight.control import formation_law, reference_governor
+from rpojax.flight.control import formation_law, periodic_lqr_gain, reference_governor
+from rpojax.flight.decisions import burn_conditions, phase_goal
+from rpojax.flight.decisions.mission_decision import is_passively_safe, keep_out_zone
+from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_burn
+from rpojax.flight.decisions.phase_goal import Goal
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
-from rpojax.flight.guidance import (
-    approach_inhibition,
-    attitude_guidance,
-    burn_planning,
-    line_of_sight_uncertainty,
-    target_pointing,
-    target_visibility,
-)
-from rpojax.flight.guidance.approach_inhibition import Approach, Confidence
-from rpojax.flight.guidance.burn_planning import BurnPlan, StateAtBurn
+from rpojax.flight.guidance import burn_schedule, target_pointing
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.navigation.box_measurement import detection_model
+from rpojax.flight.mission import abort_burn, drift_clearance, hold_in_doubt, safe_burn, team_mission_state
+from rpojax.flight.mission.drift_clearance import Drift
+from rpojax.flight.mission.mission_state import MissionState
+from rpojax.flight.mission.phase_table import constant_of_phase, of_phase
+from rpojax.flight.mission.safe_burn import SafeBurn
+from rpojax.flight.mission.static_mission_settings import MissionSettings
+from rpojax.flight.mission.team_mission_state import TeamMission
+from rpojax.flight.navigation import burn_execution_error
+from rpojax.flight.team_guidance import peer_drift, team_knowledge
+from rpojax.flight.team_guidance.peer_drift import NextBurn, PeerDrifts
+from rpojax.flight.team_guidance.team_knowledge import KnownPeers
+from rpojax.flight.team_guidance.team_situation import TeamTuning
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
+Flag = Bool[Array, ""]
 
 
-def plan_burn(software: FlightSoftware, memory: FlightMemory, pointing: TargetPointing, time: Scalar) -> BurnPlan:
-    """Next burn; none while the target is lost or dark, the range too uncertain, or soon after the thruster failed."""
-    params = software.params
-    at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
-    command_H = _formation_command(software, memory, at_burn, pointing.q_BN, time)
-    known = line_of_sight_uncertainty.relative_range_sigma(memory.orbit) < params.formation.range_uncertainty_limit
-    wanted_H = memory.station_keeping.impulse + command_H
-    return burn_planning.schedule_burn(
-        software.guidance,
-        apply_transposed(at_burn.R_CN, _safe_delta_v(software, memory, at_burn, pointing, wanted_H)),
-        pointing.q_BN,
-        pointing.visible & thruster_works(params, memory, time) & ~is_lost(params, memory) & known,
-        time,
-    )
+@pytree
+class Team:
+    """What a servicer of a team decides with, beyond what it knows alone.
+
+    Attributes:
+        tuning: numbers of the guidance of the team
+        peers: what it knows of the others
+    """
+
+    tuning: TeamTuning
+    peers: KnownPeers
+
+
+@pytree
+class Decision:
+    """What a burn is decided by.
+
+    Attributes:
+        time: () since the start of the run [s]
+        memory: of the flight software
+        predicted: relative motion now and at the burn
+        pointing: attitude towards the target
+        team: the others and how to keep clear of them, None for a servicer that decides alone
+    """
+
+    time: Array
+    memory: FlightMemory
+    predicted: Prediction
+    pointing: TargetPointing
+    team: Team | None = None
+
+
+def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, MissionState]:
+    """Next burn of the present phase, at a time at which the phase decides about burns.
+
+    The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
+    of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
+    horizon; else another one is made. Before the target gets dark the motion is stopped, and judged over an orbit.
+    There is no burn while the target is lost or dark, its range is too uncertain, or soon after the thruster failed.
+    After an abort there is one burn, if that is needed, and another one only for what was measured since. Returned
+    beside the burn is the state of the mission with its records of these decisions.
+    """
+    settings, params, team, time = software.mission, software.params, decision.team, decision.time
+    if team is not None and settings.phasing != "fixed":
+        shifted = _with_phase_of_team(software, decision, team)
+        decision = replace(decision, memory=replace(decision.memory, mission=shifted))
+    memory, predicted, pointing = decision.memory, decision.predicted, decision.pointing
+    state = memory.mission
+    period = _period(settings, state, software.tick_s)
+    visible = burn_conditions.stays_visible(software, memory, predicted, pointing.sun_N, period)
+    planned_H = _planned_delta_v(software, decision, period)
+    waits = [*(phase.stops_in_the_dark for phase in settings.phases), True, False]
+    stops = ~visible & constant_of_phase(state.phase, waits)
+    stop_H = hold_in_doubt.change_to_stop(predicted.burn_state_H, predicted.burn_orbit)
+    planned_H = jnp.where(stops, stop_H, planned_H)
+    works = burn_conditions.thruster_works(params, memory, time)
+    known = predicted.range_ratio_sigma < params.formation.range_uncertainty_limit
+    sees = pointing.visible & ~burn_conditions.is_lost(params, memory) & known
+    drift = _drift_after_burn(software, decision, stops, period)
+    greatest = burn_schedule.certain_delta_v(software.guidance)
+    if not settings.is_managed:
+        planned_H = _within_limit(software, predicted, pointing, jnp.where(sees, planned_H, 0.0))
+        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait=~stops)
+        return _scheduled(software, decision, burn_H, sees & works), state
+    sees &= memory.health.confident
+    keeps = sees & (state.phase != settings.aborted)
+    was_made = _is_made(params, memory, time)
+    after_abort = abort_burn.permission(state.abort_burns, state.phase == settings.aborted, works, sees, was_made)
+    planned_H = _within_limit(software, predicted, pointing, jnp.where(keeps, planned_H, 0.0))
+    may_wait = is_passively_safe(settings, state) & ~after_abort.of_abort
+    can_burn = (keeps & works) | after_abort.of_abort | after_abort.of_sight
+    decided = state.team
+    if team is None or decided is None or not settings.keeps_clear:
+        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
+    else:
+        in_light = _drift_after_burn(software, decision, jnp.zeros_like(stops), period)
+        others = _others(software, decision, in_light, team)
+        burn = safe_burn.safe_delta_v_among(drift, others, planned_H, greatest, may_wait)
+        burn_H, decided = burn.delta_v_H, _decided(decided, burn, team, can_burn, time)
+    plan = _scheduled(software, decision, burn_H, can_burn)
+    burns = abort_burn.recorded(state.abort_burns, after_abort, plan.cutoff > plan.ignition, was_made)
+    return plan, replace(state, team=decided, abort_burns=burns)
 
 
 def formation_command(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> Vector:
-    """Velocity change [m/s] by the control law in the Hill frame C at the next burn's middle.
-
-    The law gets as much of the along-track deviation as the thruster can follow.
-    """
-    params = software.params
-    q_look, _ = target_pointing.look_attitude(params.vehicle, memory.orbit, memory.pointing.reference.q_EN)
-    at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
-    return _formation_command(software, memory, at_burn, q_look, time)
+    """Velocity change [m/s] by the control law alone, in the Hill frame at a burn that is decided at `time` [s]."""
+    q_look, _ = target_pointing.look_attitude(software.params.vehicle, memory.orbit, memory.pointing.reference.q_EN)
+    period = _period(software.mission, memory.mission, software.tick_s)
+    return _command(software, memory, predict_to_burn(software.params, memory.orbit), q_look, time, period)[1]
 
 
-def _formation_command(
-    software: FlightSoftware, memory: FlightMemory, at_burn: StateAtBurn, q_look: Float[Array, "4"], time: Scalar
+def _scheduled(software: FlightSoftware, decision: Decision, burn_H: Vector, can_burn: Flag) -> BurnPlan:
+    """Schedule of a velocity change [m/s]."""
+    delta_v_N = apply_transposed(decision.predicted.R_CN, burn_H)
+    return burn_schedule.schedule_burn(software.guidance, delta_v_N, decision.pointing.q_BN, can_burn, decision.time)
+
+
+def is_due(settings: MissionSettings, state: MissionState, time: Scalar, tick_s: float) -> Flag:
+    """Whether `time` [s] is one of the times at which the present phase decides about burns."""
+    period = _period(settings, state, tick_s)
+    since = time - state.entered_at
+    return jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
+
+
+def _period(settings: MissionSettings, state: MissionState, tick_s: float) -> Scalar:
+    """Time between decisions about burns in the present phase [s]."""
+    return constant_of_phase(state.phase, settings.control_ticks) * tick_s
+
+
+def _within_limit(
+    software: FlightSoftware, predicted: Prediction, pointing: TargetPointing, planned_H: Vector
 ) -> Vector:
-    params = software.params
-    impulse = memory.station_keeping.impulse
-    desired_H = jnp.concatenate([params.formation.desired_position, memory.station_keeping.arrival_velocity])
-    deviation = at_burn.state_H - desired_H
-    wanted_N = apply_transposed(at_burn.R_CN, impulse + formation_law.lqr_feedback(memory.gain, deviation))
-    limit = burn_planning.largest_delta_v(software.guidance, wanted_N, q_look)
-    governed = reference_governor.govern(memory.gain, deviation, impulse, limit)
-    return software.stages.call(
-        "formation_law", memory.own, gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time
+    """A planned velocity change [m/s] as the look-away limit shortens it: so it is judged."""
+    planned_N = apply_transposed(predicted.R_CN, planned_H)
+    share = burn_schedule.share_within_limit(software.guidance, planned_N, pointing.q_BN)
+    return planned_H * share
+
+
+def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:
+    """Whether the latest planned burn gave its velocity change, or may still give it after `time` [s]."""
+    plan, vehicle = memory.plan, params.vehicle
+    given = (jnp.minimum(plan.cutoff, time) - jnp.minimum(plan.ignition, time)) * vehicle.thrust / vehicle.mass
+    has_failed = memory.thruster_failed_at >= plan.ignition
+    return abort_burn.is_made(plan.delta_v_N, given, time >= plan.cutoff, has_failed)
+
+
+def _with_phase_of_team(software: FlightSoftware, decision: Decision, team: Team) -> MissionState:
+    """State of the mission with the phase of the relative orbit that the team wants."""
+    settings, state, predicted, time = software.mission, decision.memory.mission, decision.predicted, decision.time
+    assert state.team is not None
+    assert state.team.shift is not None
+    before = state.team.shift
+    running = state.phase < settings.hold
+    row = jnp.minimum(state.phase, settings.hold - 1)
+    planned = [phase_goal.planned_orbit(phase_goal.reference_of(software, phase)) for phase in settings.phases]
+    situation = team_knowledge.situation(
+        team.tuning,
+        team.peers,
+        team_knowledge.Own(
+            estimate=decision.memory.orbit,
+            orbit=predicted.orbit,
+            state_H=predicted.state_H,
+            follows=running,
+            shift=before.wanted,
+            shift_left=before.wanted - team_mission_state.angle(state.team, time),
+            present=before.present,
+            slots=of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
+            planned=of_phase(row, planned),
+            clearance=team.tuning.keep_out + software.params.mission.abort_margin,
+            sun_N=decision.pointing.sun_N,
+        ),
+        time,
+    )
+    own = decision.memory.own
+    wanted = software.stages.call("team_phasing", own, settings=settings, tuning=team.tuning, team=situation)
+    return replace(state, team=team_mission_state.shifted(state.team, wanted, situation.present, time))
+
+
+def _others(software: FlightSoftware, decision: Decision, drift: Drift, team: Team) -> safe_burn.Clearance:
+    """Clearance of the free motion after a burn, like the `drift`, from those of the others in the team."""
+    navigation = software.params.navigation
+    state_H, covariance_H = peer_drift.relative_motion(
+        decision.memory.orbit,
+        team.peers,
+        NextBurn(
+            orbit=decision.predicted.burn_orbit,
+            R_CN=decision.predicted.R_CN,
+            time=decision.time,
+            lead=software.params.formation.lead,
+        ),
+        jnp.hypot(burn_execution_error.new_sigma(navigation), navigation.burn_direction_sigma),
+    )
+    drifts = PeerDrifts(
+        state_H=state_H,
+        covariance_H=covariance_H,
+        orbit=drift.orbit,
+        sigmas=drift.sigmas,
+        radius=team.tuning.keep_out + software.params.mission.abort_margin,
+        first_span=drift.first_span,
+        horizon=drift.horizon,
+    )
+
+    return partial(peer_drift.least_clearance, drifts)
+
+
+def _decided(before: TeamMission, burn: SafeBurn, team: Team, can_burn: Flag, time: Scalar) -> TeamMission:
+    """Record of a decision at `time` [s]; that of a servicer that `can_burn` not does not count."""
+    count = team.peers.numbers.shape[0]
+    number = of_phase(burn.changed_for, [team.peers.numbers[k] for k in range(count)])
+    is_changed = can_burn & (burn.changed_for >= 0)
+    return replace(
+        before,
+        changed_at=jnp.where(is_changed, time, before.changed_at),
+        changed_for=jnp.where(is_changed, number, before.changed_for),
     )
 
 
-def _safe_delta_v(
+def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag, period: Scalar) -> Drift:
+    """Free motion after a burn of the present phase, passively safe or not, and what it must keep clear of.
+
+    One that `stops` before darkness is judged over an orbit, over which no motion is certain: by the estimate alone,
+    for a zone that is larger by the uncertainty of the range, or ends at the present place.
+    """
+    tuning, state, predicted = software.params.mission, decision.memory.mission, decision.predicted
+    is_passive = is_passively_safe(software.mission, state)
+    orbit_period = drift_clearance.orbit_period(predicted.burn_orbit)
+    until_seen = jnp.where(stops, orbit_period, 2.0 * period)
+    span = jnp.where(is_passive, jnp.minimum(orbit_period, tuning.abort_horizon), until_seen)
+    place_H, by_estimate = predicted.burn_state_H[:3], stops
+    if software.mission.is_managed:
+        zone = keep_out_zone(software, state) + tuning.abort_margin
+    else:
+        zone = _zone_of_station(software, decision)
+        # Where it may be within its zone already, a servicer need not know to the last sigma that it comes no nearer.
+        least = 1.0 - tuning.abort_sigmas * predicted.range_ratio_sigma
+        by_estimate = stops | (least * gradient_safe.norm(place_H / zone) < 1.0)
+    uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(place_H)
+    zone = zone + jnp.where(stops, uncertain, 0.0)
+    up_to_here = jnp.minimum(1.0, _NO_NEARER * gradient_safe.norm(place_H / zone))
+    return Drift(
+        orbit=predicted.burn_orbit,
+        state_H=predicted.burn_state_H,
+        scale_sigma=jnp.where(by_estimate, 0.0, predicted.range_ratio_sigma),
+        covariance_H=jnp.where(by_estimate, 0.0, predicted.burn_covariance_H),
+        sigmas=tuning.abort_sigmas,
+        semi_axes=zone * jnp.where(by_estimate, up_to_here, 1.0),
+        first_span=span,
+        horizon=jnp.where(is_passive, jnp.maximum(span, tuning.abort_horizon), span),
+    )
+
+
+_LEAST_RADIUS: Final = 1e-3
+"""Radius of the zone of a station, at least, so that it has directions [m]."""
+
+_NO_NEARER: Final = 0.999
+"""Part of the present distance to which free motion may come that comes no nearer, but for rounding [-]."""
+
+
+def _zone_of_station(software: FlightSoftware, decision: Decision) -> Vector:
+    """Semi-axes [m] of the zone that a servicer avoids at a station: larger, the farther that is.
+
+    Without confidence in the estimate it is that of the range at which confidence was lost, if this is less.
+    """
+    params, health = software.params, decision.memory.health
+    station = gradient_safe.norm(params.formation.desired_position)
+    near = jnp.where(health.confident, station, jnp.minimum(station, health.confident_range))
+    radius = jnp.maximum(params.health.clearance * near, _LEAST_RADIUS)
+    return jnp.full_like(params.formation.desired_position, radius)
+
+
+def _planned_delta_v(software: FlightSoftware, decision: Decision, period: Scalar) -> Vector:
+    """Velocity change (3,) in H [m/s] by the control law for the reference of the present phase.
+
+    Where nothing aborts without confidence in the estimate, a part of the change that leads to a hold is made instead.
+    """
+    memory, predicted, q_look = decision.memory, decision.predicted, decision.pointing.q_BN
+    share = jnp.ones_like(decision.time)
+    if not software.mission.is_managed:
+        health, station_H = memory.health, software.params.formation.desired_position
+        place = hold_in_doubt.place(station_H, predicted.burn_state_H[:3], health.confident_range)
+        software = phase_goal.with_station(software, jnp.where(health.confident, station_H, place))
+        share = jnp.where(health.confident, share, hold_in_doubt.SHARE_OF_CHANGE)
+    goal, command_H = _command(software, memory, predicted, q_look, decision.time, period)
+    return share * (goal.impulse + command_H)
+
+
+def _command(
     software: FlightSoftware,
     memory: FlightMemory,
-    at_burn: StateAtBurn,
-    pointing: TargetPointing,
-    wanted_H: Vector,
-) -> Vector:
-    """Velocity change [m/s] of the next burn: that of the law, a stop before darkness, or one that comes less near."""
-    params, period = software.params, software.formation_period_s
-    formation, orbit = params.formation, memory.orbit
-    r_TN_N, v_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N, orbit.servicer.v_SN_N + orbit.relative.v_TS_N
-    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
-    certain = burn_planning.certain_delta_v(software.guidance)
-    stop = gradient_safe.norm(approach_inhibition.change_to_stop(at_burn.state_H, n))
-    # A thruster that cannot burn in every direction within the limit gives no measure.
-    burns_to_stop = jnp.where(certain > 0.0, _BURNS_PER_STOP * stop / jnp.where(certain > 0.0, certain, 1.0), 0.0)
-    burns = jnp.maximum(_BURNS_BEFORE_DARKNESS, 2.0 + burns_to_stop)
-    stays_visible = target_visibility.is_visible_after(
-        params.vehicle, orbit, pointing.sun_N, n * (formation.lead + burns * period)
+    predicted: Prediction,
+    q_look: Float[Array, "4"],
+    time: Scalar,
+    period: Scalar,
+) -> tuple[Goal, Vector]:
+    """Goal of the next burn of the present phase, and the velocity change [m/s] by the control law beside its impulse.
+
+    The law gets as much of the along-track deviation as the thruster can follow from the look attitude `q_look`.
+    """
+    state, gains = memory.mission, memory.phase_gains
+    gain = of_phase(state.phase, [periodic_lqr_gain.gain_at(each, predicted.burn_orbit) for each in gains])
+    goal = phase_goal.goal_at_burn(software, state, predicted, time, period)
+    deviation = predicted.burn_state_H - jnp.concatenate([goal.position, goal.arrival_velocity])
+    wanted_N = apply_transposed(predicted.R_CN, goal.impulse + formation_law.lqr_feedback(gain, deviation))
+    limit = burn_schedule.largest_delta_v(software.guidance, wanted_N, q_look)
+    governed = reference_governor.govern(gain, deviation, goal.impulse, limit)
+    command_H = software.stages.call(
+        "formation_law", memory.own, gain=gain, deviation=governed, estimate=memory.orbit, time=time
     )
-    approach = Approach(
-        station_H=formation.desired_position, state_H=at_burn.state_H, stays_visible=stays_visible, n=n, period=period
-    )
-    confidence = Confidence(
-        present=memory.health.confident,
-        last_range=memory.health.confident_range,
-        range_sigma=line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
-    )
-    return approach_inhibition.inhibit(params.health.clearance, approach, confidence, wanted_H, certain)
-
-
-def is_lost(params: FlightParams, memory: FlightMemory) -> Bool[Array, ""]:
-    """True without a box of the target for so long that no burn should be based on the estimate."""
-    acquisition = memory.pointing.acquisition
-    missing = acquisition.unseen_time > params.health.unseen_limit
-    return jnp.where(
-        may_be_too_small(params, memory),
-        missing | ~acquisition.acquired,
-        attitude_guidance.is_lost(params.pointing, memory.pointing),
-    )
-
-
-def may_be_too_small(params: FlightParams, memory: FlightMemory) -> Bool[Array, ""]:
-    """True if the target appears so small that frames without a box are no sign of its loss."""
-    relative = memory.orbit.relative
-    return detection_model.may_be_too_small(
-        params.navigation, params.vehicle.focal_px, relative.r_TS_N, relative.slow["size"][0]
-    )
-
-
-def thruster_works(params: FlightParams, memory: FlightMemory, time: Scalar) -> Bool[Array, ""]:
-    """False for a while after a burn that gave no thrust."""
-    return time >= memory.thruster_failed_at + params.formation.thruster_retry
-
-
-_BURNS_BEFORE_DARKNESS = 3.0
-"""Burns before the target is out of sight that stop the relative motion, at least: the last one may fail [-]."""
-
-
-_BURNS_PER_STOP = 2.0
-"""Burns to stop a motion, over those that would take its speed away at once: it turns meanwhile [-]."""
+    return goal, command_H

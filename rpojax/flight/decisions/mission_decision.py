@@ -10,19 +10,19 @@ from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control import periodic_lqr_gain
 from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.decisions import burn_decision, phase_goal
-from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_burn
+from rpojax.flight.decisions import burn_conditions, phase_goal
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
-from rpojax.flight.mission import drift_clearance, mission_state, team_mission
+from rpojax.flight.mission import drift_clearance, mission_state, team_mission_state
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import MissionSettings
-from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, of_phase
+from rpojax.flight.mission.phase_table import constant_of_phase, of_phase
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 Scalar = Float[Array, ""]
@@ -46,7 +46,6 @@ class TeamStart:
 def initial_state(software: FlightSoftware, estimate: OrbitEstimate, team: TeamStart | None) -> MissionState:
     """State of the mission at the start of a run; alone, its first phase begins at once."""
     settings, params = software.mission, software.params
-    assert settings is not None
     first_decision = None if team is None else team.first_decision
     predicted = predict_to_burn(params, estimate, first_decision)
     entry = PhaseEntry(relative_state=predicted.burn_state_H, orbit=predicted.burn_orbit)
@@ -54,14 +53,12 @@ def initial_state(software: FlightSoftware, estimate: OrbitEstimate, team: TeamS
     if team is None or not settings.coordinated:
         return state
     rate = None if settings.phasing == "fixed" else team.phase_rate
-    return replace(state, team=team_mission.initial(state.entered_at, rate, settings.servicers))
+    return replace(state, team=team_mission_state.initial(state.entered_at, rate, settings.servicers))
 
 
 def phase_gains(software: FlightSoftware, estimate: OrbitEstimate) -> tuple[Float[Array, "places 3 6"], ...]:
     """LQR gains over the orbit by row of the phase table; held places have the formation's period."""
     settings, params, hold_period = software.mission, software.params, software.formation_period_s
-    assert settings is not None
-    assert params.mission is not None
     relative, servicer = estimate.relative, estimate.servicer
     orbit = yamanaka_ankersen.target_orbit(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)
 
@@ -72,25 +69,18 @@ def phase_gains(software: FlightSoftware, estimate: OrbitEstimate) -> tuple[Floa
 
     gains = []
     for static in settings.phases:
-        phase = params.mission.phases[static.name]
-        weights = replace(
-            params.formation,
-            position_weight=phase.position_weight,
-            velocity_weight=phase.velocity_weight,
-            delta_v_weight=phase.delta_v_weight,
-        )
+        weights = params.mission.phases[static.name].weights(params.formation)
         gains.append(over_orbit(weights, static.burns_per_orbit, static.control_ticks * software.tick_s))
-    held = over_orbit(params.formation, settings.hold_burns_per_orbit, hold_period)
-    return (*gains, held, held)
+    if settings.is_managed:
+        held = over_orbit(params.formation, settings.hold_burns_per_orbit, hold_period)
+        gains += [held for _ in settings.built_in]
+    return tuple(gains)
 
 
-def manage_mission(software: FlightSoftware, memory: FlightMemory, predicted: Prediction, time: Scalar) -> MissionState:
-    """State of the mission after a decision at `time` [s], with the motion `predicted` from the estimate."""
+def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> MissionState:
+    """State of the mission after a decision at `time` [s]."""
     settings, params, state = software.mission, software.params, memory.mission
-    tuning = params.mission
-    assert settings is not None
-    assert state is not None
-    assert tuning is not None
+    tuning, predicted = params.mission, predict_to_burn(params, memory.orbit)
     lead = params.formation.lead
     # An abort that is decided at the next decision burns its `lead` later.
     soon = 2.0 * lead
@@ -100,7 +90,7 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, predicted: Pr
         scale_sigma=predicted.range_ratio_sigma,
         covariance_H=predicted.covariance_H,
         sigmas=tuning.abort_sigmas,
-        semi_axes=keep_out_zone(settings, tuning, state),
+        semi_axes=keep_out_zone(software, state),
         first_span=soon,
         horizon=soon,
     )
@@ -121,7 +111,7 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, predicted: Pr
         seen=memory.pointing.acquisition.acquired,
         lost=_is_lost(params, memory),
         confident=memory.health.confident,
-        thruster_works=burn_decision.thruster_works(params, memory, time),
+        thruster_works=burn_conditions.thruster_works(params, memory, time),
         enters_keep_out=least < 1.0,
     )
     return software.stages.call(
@@ -145,12 +135,9 @@ def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
 def other_pointing(software: FlightSoftware, memory: FlightMemory, sun_N: Vector) -> OtherPointing | None:
     """Attitude of a phase that does not point at the target, with the Sun at `sun_N` [m]; None if all phases do."""
     settings, vehicle = software.mission, software.params.vehicle
-    if settings is None:
-        return None
-    modes = [*(phase.pointing for phase in settings.phases), "target", "target"]
+    modes = [*(phase.pointing for phase in settings.phases), *("target" for _ in settings.built_in)]
     if set(modes) == {"target"}:
         return None
-    assert memory.mission is not None
     phase = memory.mission.phase
     safe = attitudes.sun_safe_attitude(vehicle, memory.orbit, sun_N)
     ahead = attitudes.velocity_attitude(vehicle, memory.orbit)
@@ -160,10 +147,11 @@ def other_pointing(software: FlightSoftware, memory: FlightMemory, sun_N: Vector
     return OtherPointing(q_BN=q_BN, omega_BN_B=omega, is_wanted=is_wanted)
 
 
-def keep_out_zone(settings: MissionSettings, tuning: MissionTuning, state: MissionState) -> Vector:
+def keep_out_zone(software: FlightSoftware, state: MissionState) -> Vector:
     """Semi-axes [m] of the keep-out ellipsoid of the present phase."""
+    settings, tuning = software.mission, software.params.mission
     phases = [tuning.phases[phase.name].keep_out for phase in settings.phases]
-    return of_phase(state.phase, [*phases, tuning.keep_out, tuning.keep_out])
+    return of_phase(state.phase, [*phases, *(tuning.keep_out for _ in settings.built_in)])
 
 
 def is_passively_safe(settings: MissionSettings, state: MissionState) -> Flag:

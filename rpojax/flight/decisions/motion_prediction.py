@@ -50,12 +50,9 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar
     state_H = jnp.concatenate(inertial_to_hill(-relative.r_TS_N, -relative.v_TS_N, R_HN, omega_HN_N))
     orbit = yamanaka_ankersen.target_orbit(r_TN_N, v_TN_N)
     burn_orbit = yamanaka_ankersen.advanced(orbit, lead)
-    constants = yamanaka_ankersen.constants_of_motion(orbit, state_H)
-    transition = yamanaka_ankersen.free_motion(
-        burn_orbit,
-        lead,
-        yamanaka_ankersen.constants_of_motion(orbit, jnp.eye(6, dtype=state_H.dtype)),
-    )
+    columns = jnp.concatenate([jnp.eye(6, dtype=state_H.dtype), state_H[:, None]], axis=1)
+    constants = yamanaka_ankersen.constants_of_motion(orbit, columns)
+    moved = yamanaka_ankersen.free_motion(burn_orbit, lead, constants)
     covariance_H = _in_hill_frame(relative.motion_covariance, R_HN, omega_HN_N)
     angle = burn_orbit.argument_of_latitude - orbit.argument_of_latitude
     c, s = jnp.cos(angle), jnp.sin(angle)
@@ -63,22 +60,22 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar
         orbit=orbit,
         state_H=state_H,
         burn_orbit=burn_orbit,
-        burn_state_H=yamanaka_ankersen.free_motion(burn_orbit, lead, constants),
+        burn_state_H=moved[:, 6],
         R_CN=jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]]),
         range_ratio_sigma=line_of_sight_uncertainty.relative_range_sigma(estimate),
         covariance_H=covariance_H,
-        burn_covariance_H=_mapped(transition, covariance_H),
+        burn_covariance_H=_mapped(moved[:, :6], covariance_H),
     )
 
 
 def _in_hill_frame(covariance_N: Float[Array, "6 6"], R_HN: Matrix, omega_HN_N: Vector) -> Float[Array, "6 6"]:
     """Covariance of the relative position and velocity in H, from that in N."""
-    identity = jnp.eye(6, dtype=covariance_N.dtype)
-    columns = [
-        jnp.concatenate(inertial_to_hill(identity[:3, number], identity[3:, number], R_HN, omega_HN_N))
-        for number in range(6)
-    ]
-    return _mapped(jnp.stack(columns, axis=1), covariance_N)
+    x, y, z = omega_HN_N
+    # Of the cross product of a position with the rate, which the velocity in a turning frame lacks.
+    by_position = jnp.stack([R_HN[:, 2] * y - R_HN[:, 1] * z, R_HN[:, 0] * z - R_HN[:, 2] * x,
+                             R_HN[:, 1] * x - R_HN[:, 0] * y], axis=1)  # fmt: skip
+    upper = jnp.concatenate([R_HN, jnp.zeros_like(R_HN)], axis=1)
+    return _mapped(jnp.concatenate([upper, jnp.concatenate([by_position, R_HN], axis=1)]), covariance_N)
 
 
 def _mapped(matrix: Float[Array, "6 6"], covariance: Float[Array, "6 6"]) -> Float[Array, "6 6"]:

@@ -1,5 +1,6 @@
 """Goal of the present phase: what its reference asks of the next burn."""
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -14,10 +15,10 @@ from rpojax.flight.guidance.references import impulsive_tracking, reference_moti
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
-from rpojax.flight.mission import team_mission
+from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_state import MissionState
-from rpojax.flight.mission.phase_settings import MissionSettings
-from rpojax.flight.mission.phase_table import MissionTuning, of_phase
+from rpojax.flight.mission.phase_table import of_phase
+from rpojax.flight.mission.static_mission_settings import PhaseSettings
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -55,7 +56,7 @@ def _shifted(reference: Any, state: MissionState, time: Scalar) -> Any:
     """The reference as it is at `time` [s]: in a team a relative orbit may be ahead of its plan."""
     if state.team is None or state.team.shift is None or not isinstance(reference, RelativeOrbit):
         return reference
-    ahead = team_mission.angle(state.team, time)
+    ahead = team_mission_state.angle(state.team, time)
     return replace(
         reference,
         radial_phase=reference.radial_phase + ahead,
@@ -65,17 +66,21 @@ def _shifted(reference: Any, state: MissionState, time: Scalar) -> Any:
 
 def references(software: FlightSoftware, entry: PhaseEntry) -> list[tuple[str, Any]]:
     """Name and reference of all rows; holding and aborted, a servicer keeps to the place where that began."""
-    settings, tuning = mission_of(software)
     place = Hold(position=entry.relative_state[:3])
-    named = [(phase.name, tuning.phases[phase.name].reference) for phase in settings.phases]
-    return [*named, ("hold", place), ("aborted", place)]
+    named = [(phase.name, reference_of(software, phase)) for phase in software.mission.phases]
+    return [*named, *((name, place) for name in software.mission.built_in)]
 
 
-def mission_of(software: FlightSoftware) -> tuple[MissionSettings, MissionTuning]:
-    """Static settings and numbers of the phases, where there are some."""
-    assert software.mission is not None
-    assert software.params.mission is not None
-    return software.mission, software.params.mission
+def reference_of(software: FlightSoftware, phase: PhaseSettings) -> Any:
+    """Record of the reference of a phase."""
+    return software.params.mission.phases[phase.name].trajectory(software.params.formation)
+
+
+def with_station(software: FlightSoftware, position: Vector) -> FlightSoftware:
+    """Flight software of a formation with another desired position [m]."""
+    params = software.params
+    formation = replace(params.formation, desired_position=position)
+    return dataclasses.replace(software, params=replace(params, formation=formation))
 
 
 def desired_state(software: FlightSoftware, state: MissionState, orbit: TargetOrbit, time: Scalar) -> Float[Array, "6"]:
@@ -100,11 +105,9 @@ def end_position(software: FlightSoftware, state: MissionState, orbit: TargetOrb
 
     A phase that no condition ends has that of its entry.
     """
-    settings, tuning = mission_of(software)
-    elapsed = time - state.starts_at
-    entry = state.entry
+    settings, entry, elapsed = software.mission, state.entry, time - state.starts_at
     ends = [
-        reference_motion.end_position(_shifted(tuning.phases[phase.name].reference, state, time), entry, orbit, elapsed)
+        reference_motion.end_position(_shifted(reference_of(software, phase), state, time), entry, orbit, elapsed)
         if phase.ends
         else entry.relative_state[:3]
         for phase in settings.phases
@@ -121,14 +124,15 @@ def goal_at_burn(
     """
     orbit, burn_time = predicted.burn_orbit, time + software.params.formation.lead
 
-    def position(_: None, dt: Scalar) -> tuple[None, Vector]:
-        place = advanced(orbit, dt)
-        return None, desired_state(software, state, place, burn_time + dt)[:3]
+    def place(_: None, dt: Scalar) -> tuple[None, tuple[TargetOrbit, Vector]]:
+        then = advanced(orbit, dt)
+        return None, (then, desired_state(software, state, then, burn_time + dt)[:3])
 
     # A scan: three copies of all references would take three times as long to compile.
-    _, (before, at, after) = jax.lax.scan(position, None, jnp.stack([-period, jnp.zeros_like(period), period]))
-    tracked = impulsive_tracking.tracked_point(orbit, period, before, at, after)
+    times = jnp.stack([-period, jnp.zeros_like(period), period])
+    _, (orbits, positions) = jax.lax.scan(place, None, times)
+    tracked = impulsive_tracking.tracked_point(orbits, period, positions)
     departure = tracked.arrival_velocity + tracked.impulse
     is_first = time - state.entered_at < 0.5 * period
     arrival = jnp.where(is_first, predicted.burn_state_H[3:], tracked.arrival_velocity)
-    return Goal(position=at, arrival_velocity=arrival, impulse=departure - arrival)
+    return Goal(position=positions[1], arrival_velocity=arrival, impulse=departure - arrival)

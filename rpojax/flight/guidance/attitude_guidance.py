@@ -11,7 +11,7 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.flight.guidance import search_spiral, slew_profile, target_acquisition
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware, PointingTuning

@@ -16,7 +16,7 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import cross
 
 Scalar = Float[Array, ""]
@@ -65,10 +65,13 @@ def least_clearance(
         sizes: (d, k) factors on each direction [m/s]
         samples: number of times of the first span, evenly spaced in eccentric anomaly
     """
+    # A zone of no size, of which every point is clear, has no direction.
+    drift = replace(drift, semi_axes=jnp.maximum(drift.semi_axes, _LEAST_SEMI_AXIS))
     columns = jnp.concatenate([jnp.zeros_like(directions_H), directions_H])
-    columns = jnp.concatenate([columns, drift.state_H[:, None]], axis=1)
+    identity = jnp.eye(6, dtype=drift.state_H.dtype)
+    columns = jnp.concatenate([columns, drift.state_H[:, None], identity], axis=1)
     constants = yamanaka_ankersen.constants_of_motion(drift.orbit, columns)
-    of_states = yamanaka_ankersen.constants_of_motion(drift.orbit, jnp.eye(6, dtype=drift.state_H.dtype))
+    constants, of_states = constants[:, :-6], constants[:, -6:]
     unit_drift = jnp.where(jnp.arange(6)[:, None] == 3, 1.0, jnp.zeros_like(constants[:, :1]))
     constants = jnp.concatenate([constants, unit_drift], axis=1)
     scale_error, drift_error = drift.sigmas * drift.scale_sigma, drift.sigmas * _drift_sigma(drift, of_states[3])
@@ -100,6 +103,10 @@ def least_clearance(
     none = (jnp.full_like(sizes, jnp.inf), jnp.full_like(sizes, jnp.inf))
     (of_burns, expected), _ = jax.lax.scan(sample, none, times)
     return gradient_safe.sqrt(of_burns), gradient_safe.sqrt(expected)
+
+
+_LEAST_SEMI_AXIS = 1e-3
+"""Semi-axis of a keep-out ellipsoid, at least [m]."""
 
 
 def _drift_sigma(drift: Drift, row: Float[Array, "6"]) -> Scalar:

@@ -13,8 +13,8 @@ from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission.mission_state import AbortReason, Condition, MissionState, Transition
-from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Until, constant_of_phase, of_phase
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]

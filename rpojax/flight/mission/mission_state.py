@@ -9,7 +9,7 @@ from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import abort_burn
 from rpojax.flight.mission.abort_burn import AbortBurns
-from rpojax.flight.mission.team_mission import TeamMission
+from rpojax.flight.mission.team_mission_state import TeamMission
 
 
 class AbortReason(enum.IntEnum):

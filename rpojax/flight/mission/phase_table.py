@@ -6,7 +6,9 @@ from typing import Any, TypeVar
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from rpojax.core.pytree import pytree, select
+from rpojax.core.pytree import pytree, replace, select
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.guidance.references.hold import Hold
 
 T = TypeVar("T")
 
@@ -52,10 +54,10 @@ class Phase:
     """Numbers of a phase.
 
     Attributes:
-        reference: record of its reference trajectory
-        position_weight: (3,) of the LQR [1/m^2]
-        velocity_weight: (3,) of the LQR [s^2/m^2]
-        delta_v_weight: (3,) of the LQR [s^2/m^2]
+        reference: record of its reference trajectory, None for the formation's desired position
+        position_weight: (3,) of the LQR, None for that of the formation [1/m^2]
+        velocity_weight: (3,) of the LQR, None for that of the formation [s^2/m^2]
+        delta_v_weight: (3,) of the LQR, None for that of the formation [s^2/m^2]
         until: conditions that end it
         timeout: () since the phase began [s]
         keep_out: (3,) semi-axes in H of the ellipsoid around the target that the servicer must not enter [m]
@@ -63,13 +65,23 @@ class Phase:
     """
 
     reference: Any
-    position_weight: Array
-    velocity_weight: Array
-    delta_v_weight: Array
+    position_weight: Array | None
+    velocity_weight: Array | None
+    delta_v_weight: Array | None
     until: Until
     timeout: Array
     keep_out: Array
     corridor: Corridor | None
+
+    def trajectory(self, formation: FormationTuning) -> Any:
+        """Record of its reference trajectory."""
+        return Hold(position=formation.desired_position) if self.reference is None else self.reference
+
+    def weights(self, formation: FormationTuning) -> FormationTuning:
+        """Tuning of its control law: that of the formation, but for weights of its own."""
+        names = ("position_weight", "velocity_weight", "delta_v_weight")
+        own = {name: getattr(self, name) for name in names}
+        return replace(formation, **{name: value for name, value in own.items() if value is not None})
 
 
 @pytree

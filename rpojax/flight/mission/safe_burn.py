@@ -2,13 +2,15 @@
 
 import itertools
 import math
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Any, Final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight.mission.drift_clearance import Drift, least_clearance
@@ -20,8 +22,8 @@ Flag = Bool[Array, ""]
 _SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Parts of the planned burn that are tried, the first safe one is taken [-]."""
 
-_NO_BURN: Final = (0, len(_SHARES) - 1)
-"""Place of no burn among those that are tried."""
+_NO_BURN: Final = len(_SHARES) - 1
+"""Place of no burn among these."""
 
 _ESTIMATE_WEIGHT: Final = 1e-3
 """Weight of the clearance by the estimate alone, which decides where none is left with its uncertainty [-]."""
@@ -54,9 +56,12 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         greatest: () size of the greatest change that can be made in any direction [m/s]
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
     """
-    burns = _burns(planned_H, greatest)
-    clearance, by_estimate = least_clearance(drift, burns.directions_H, burns.sizes)
-    return _chosen(burns, clearance, by_estimate, greatest, may_wait)
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait)
+
+    def clearances(direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]) -> _Clearances:
+        return _of_direction(least_clearance(drift, direction_H, sizes))
+
+    return _chosen(_searched(tried, clearances, lambda found: found), tried)
 
 
 Clearance = Callable[[Float[Array, "3 d"], Float[Array, "d k"]], tuple[Float[Array, "n d k"], Float[Array, "n d k"]]]
@@ -80,73 +85,121 @@ def safe_delta_v_among(
     drift: Drift, others: Clearance, planned_H: Vector, greatest: Scalar, may_wait: Flag
 ) -> SafeBurn:
     """Burn as by `safe_delta_v` that keeps clear of others, too; who they are is their number along the first axis."""
-    burns = _burns(planned_H, greatest)
-    clearance, by_estimate = least_clearance(drift, burns.directions_H, burns.sizes)
-    of_others, of_others_by_estimate = others(burns.directions_H, burns.sizes)
-    alone = _chosen(burns, clearance, by_estimate, greatest, may_wait)
-    together = jnp.minimum(clearance, jnp.min(of_others, axis=0))
-    by_estimate = jnp.minimum(by_estimate, jnp.min(of_others_by_estimate, axis=0))
-    delta_v_H = _chosen(burns, together, by_estimate, greatest, may_wait)
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait)
+
+    def clearances(
+        direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]
+    ) -> tuple[_Clearances, _Clearances, Array]:
+        own, theirs = least_clearance(drift, direction_H, sizes), others(direction_H, sizes)
+        least = [jnp.minimum(alone, jnp.min(among, axis=0)) for alone, among in zip(own, theirs, strict=True)]
+        return _of_direction(own), _of_direction(least), theirs[0][:, 0, 0]
+
+    alone, together, from_each = _searched(tried, clearances, lambda found: found[1])
+    delta_v_H = _chosen(together, tried)
     # The planned burn as a whole, which is the first one, leads nearest to whom it is changed for.
-    nearest = jnp.argmin(of_others[:, 0, 0], axis=0).astype(jnp.int32)
-    is_other = jnp.any(jnp.abs(delta_v_H - alone) > 0.0, axis=0)
+    nearest = jnp.argmin(from_each[0], axis=0).astype(jnp.int32)
+    is_other = jnp.any(jnp.abs(delta_v_H - _chosen(alone, tried)) > 0.0, axis=0)
     return SafeBurn(delta_v_H=delta_v_H, changed_for=jnp.where(is_other, nearest, -1).astype(jnp.int32))
 
 
 @pytree
-class _Burns:
-    """Burns that are tried: the planned one first, then the others.
+class _Tried:
+    """Burns that are tried, in one direction after the other: parts of the planned one first, then others.
 
     Attributes:
         planned_H: (3,) [m/s]
-        others_H: (3, d - 1) directions of the others
-        other_sizes: (d - 1, k) sizes of the others [m/s]
-        directions_H: (3, d) of all
-        sizes: (d, k) factors on each direction
+        greatest: () size of the greatest other one [m/s]
+        may_wait: () bool, whether none is made while the drift is safe by the estimate alone
     """
 
     planned_H: Array
-    others_H: Array
-    other_sizes: Array
-    directions_H: Array
-    sizes: Array
+    greatest: Array
+    may_wait: Array
+
+    @property
+    def other_directions_H(self) -> Float[Array, "d 3"]:
+        """Directions of the others."""
+        return jnp.asarray(_DIRECTIONS, dtype=self.planned_H.dtype)
+
+    @property
+    def other_sizes(self) -> Float[Array, "d k"]:
+        """Sizes of the others [m/s]."""
+        sizes = jnp.asarray(_SIZES, dtype=self.planned_H.dtype) * self.greatest
+        return jnp.broadcast_to(sizes, (len(_DIRECTIONS), len(_SIZES)))
 
 
-def _burns(planned_H: Vector, greatest: Scalar) -> _Burns:
-    dtype = planned_H.dtype
-    others_H = jnp.asarray(_DIRECTIONS.T, dtype=dtype)
-    directions_H = jnp.concatenate([planned_H[:, None], others_H], axis=1)
-    sizes = jnp.broadcast_to(jnp.asarray(_SIZES, dtype=dtype) * greatest, (len(_DIRECTIONS), len(_SIZES)))
-    shares = jnp.asarray(_SHARES, dtype=dtype)[None]
-    return _Burns(
-        planned_H=planned_H,
-        others_H=others_H,
-        other_sizes=sizes,
-        directions_H=directions_H,
-        sizes=jnp.concatenate([shares, sizes]),
-    )
+@pytree
+class _Clearances:
+    """Clearances of burns in a direction, or in several.
+
+    Attributes:
+        certain: (..., k) with the uncertainty of the estimate [-]
+        by_estimate: (..., k) by the estimate alone [-]
+    """
+
+    certain: Array
+    by_estimate: Array
 
 
-def _chosen(
-    burns: _Burns,
-    clearance: Float[Array, "d k"],
-    by_estimate: Float[Array, "d k"],
-    greatest: Scalar,
-    may_wait: Flag,
-) -> Vector:
-    """The burn [m/s] by the clearance of all of them, that by the estimate alone counts where no other is left."""
-    of_planned, of_others = clearance[0], clearance[1:]
-    others_H, sizes, planned_H = burns.others_H, burns.other_sizes, burns.planned_H
-    is_safe = of_others >= 1.0
-    # Of two burns of one size, the one with more clearance.
-    cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))
-    widest = _least(-of_others - _ESTIMATE_WEIGHT * by_estimate[1:] / (1.0 + by_estimate[1:]))
-    best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, widest)
-    chosen = jnp.sum(others_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
-    chosen = jnp.where(may_wait & (by_estimate[_NO_BURN] >= 1.0), 0.0, chosen)
+def _of_direction(clearances: Sequence[Float[Array, "1 k"]]) -> _Clearances:
+    """Those of one direction alone."""
+    return _Clearances(certain=clearances[0][0], by_estimate=clearances[1][0])
+
+
+def _searched(tried: _Tried, evaluate: Callable[[Array, Array], Any], judged: Callable[[Any], _Clearances]) -> Any:
+    """What `evaluate` gives for all directions, along the first axis; zeros for the others where none is needed.
+
+    No other is needed where some part of the planned burn, or none, is made by the clearances that are `judged`.
+    """
+    shares = jnp.asarray(_SHARES, dtype=tried.planned_H.dtype)
+    directions_H = jnp.concatenate([tried.planned_H[None], tried.other_directions_H])
+    sizes = jnp.concatenate([shares[None], tried.other_sizes])
+    shape = jax.eval_shape(evaluate, directions_H[:1].T, sizes[:1])
+
+    def evaluated(needed: Flag, burn: tuple[Vector, Float[Array, " k"], Flag]) -> tuple[Flag, Any]:
+        direction_H, sizes, is_planned = burn
+        # Equal for all runs of a batch, so that it stays a branch: most decisions need no other burn.
+        found = jax.lax.cond(
+            any_of_batch(needed),
+            lambda: evaluate(direction_H[:, None], sizes[None]),
+            lambda: jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape),
+        )
+        return jnp.where(is_planned, ~_of_planned(judged(found), tried)[1], needed), found
+
+    # A scan: the planned burn by itself and the others together would take twice as long to compile.
+    burns = (directions_H, sizes, jnp.arange(len(directions_H)) == 0)
+    return jax.lax.scan(evaluated, jnp.ones((), dtype=bool), burns)[1]
+
+
+def _chosen(clearances: _Clearances, tried: _Tried) -> Vector:
+    """The burn [m/s] by the clearances of all of them."""
+    chosen, is_found = _of_planned(jax.tree.map(lambda leaf: leaf[0], clearances), tried)
+    return jnp.where(is_found, chosen, _of_others(jax.tree.map(lambda leaf: leaf[1:], clearances), tried))
+
+
+def _of_planned(clearances: _Clearances, tried: _Tried) -> tuple[Vector, Flag]:
+    """As much of the planned burn [m/s] as is safe, and whether any of it may be made, or none at all."""
+    chosen, is_found = jnp.zeros_like(tried.planned_H), tried.may_wait & (clearances.by_estimate[_NO_BURN] >= 1.0)
     for number in reversed(range(len(_SHARES))):
-        chosen = jnp.where(of_planned[number] >= 1.0, _SHARES[number] * planned_H, chosen)
-    return jnp.where(gradient_safe.is_finite(planned_H), chosen, planned_H)
+        is_safe = clearances.certain[number] >= 1.0
+        chosen, is_found = jnp.where(is_safe, _SHARES[number] * tried.planned_H, chosen), is_found | is_safe
+    is_finite = gradient_safe.is_finite(tried.planned_H)
+    return jnp.where(is_finite, chosen, tried.planned_H), is_found | ~is_finite
+
+
+def _of_others(clearances: _Clearances, tried: _Tried) -> Vector:
+    """The smallest of the other burns that is safe, else the one with the greatest clearance [m/s].
+
+    That by the estimate alone counts where no other is left.
+    """
+    sizes, certain, by_estimate = tried.other_sizes, clearances.certain, clearances.by_estimate
+    is_safe = certain >= 1.0
+    # Of two burns of one size, the one with more clearance.
+    cheapest = _least(jnp.where(is_safe, sizes / tried.greatest - 0.01 * certain / (1.0 + certain), jnp.inf))
+    widest = _least(-certain - _ESTIMATE_WEIGHT * by_estimate / (1.0 + by_estimate))
+    best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, widest)
+    made = jnp.where(best, sizes, 0.0)
+    return jnp.sum(tried.other_directions_H[:, None, :] * made[:, :, None], axis=(0, 1))
 
 
 def _least(cost: Float[Array, "d k"]) -> Bool[Array, "d k"]:

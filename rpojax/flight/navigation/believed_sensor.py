@@ -12,15 +12,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update
+from rpojax.core.filter_state_layout import StateLayout
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.pytree import pytree, replace
-from rpojax.core.state_layout import StateLayout
+from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.navigation import relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 
 @dataclass(frozen=True)
@@ -78,27 +79,34 @@ SensorRows = Callable[[RelativeEstimate], MeasurementRows]
 """The same for one estimate, with all else bound."""
 
 
-@pytree
-class SensorInnovation:
-    """Diagnostics of a measurement.
+@dataclass(frozen=True)
+class BelievedSensor:
+    """An additional sensor that the filter believes.
 
     Attributes:
-        innovation: (m,) of each row given the rows before it
-        variance: (m,) its variance by the filter
-        used: (m,) bool
-        log_likelihood: () of the rows used
-        accepted: () bool, the measurement was used
-        rejected: () bool, there was one and it was not used
-        rows: those of the update, with the weights that the gate gave, as of a state of zero
+        name: of the sensor
+        rows: of a measurement
+        count: number of its rows
     """
 
-    innovation: Array
-    variance: Array
-    used: Array
-    log_likelihood: Array
-    accepted: Array
-    rejected: Array
-    rows: MeasurementRows
+    name: str
+    rows: BelievedRows
+    count: int
+
+    def checked_rows(
+        self, beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[str, Array]
+    ) -> MeasurementRows:
+        """Rows of a measurement.
+
+        Raises:
+            RpojaxError: they are not as many as the class says, or of another shape.
+        """
+        found = self.rows(beliefs, view, measured)
+        for part in ("residual", "jacobian", "variance", "weight"):
+            shape = (self.count, view.layout.size) if part == "jacobian" else (self.count,)
+            if (is_shape := jnp.shape(getattr(found, part))) != shape:
+                raise RpojaxError(f"sensors.{self.name}.rows: found {part} of shape {is_shape}, expected {shape}")
+        return found
 
 
 def update(
@@ -112,22 +120,14 @@ def update(
     weight, present = _gate_weight(tuning, gated, estimate, rows), rows.weight > 0.5
     gated_rows = replace(rows, weight=rows.weight * weight)
     result = kalman_update.update(estimate.covariance, gated_rows)
-    accepted = jnp.any(result.used, axis=0)
-    innovation = SensorInnovation(
-        innovation=result.innovation,
-        variance=result.innovation_variance,
-        used=result.used,
-        log_likelihood=result.log_likelihood,
-        accepted=accepted,
-        rejected=jnp.any(present, axis=0) & ~accepted,
-        rows=replace(gated_rows, residual=gated_rows.residual + _along(rows, estimate.vector)),
-    )
+    as_of_zero = replace(gated_rows, residual=gated_rows.residual + _along(rows, estimate.vector))
+    innovation = SensorInnovation.of_update(result, jnp.any(present, axis=0), jnp.any(result.used, axis=0), as_of_zero)
     return relative_state.corrected(estimate, result.deviation, result.covariance), innovation
 
 
 def rows_of(innovations: Mapping[str, SensorInnovation]) -> MeasurementRows | None:
-    """Rows of all sensors, for filters of which the same estimate is a part; None without a sensor."""
-    rows = [each.rows for each in innovations.values()]
+    """Rows of all additional sensors, for filters of which the same estimate is a part; None without one."""
+    rows = [each.rows for each in innovations.values() if each.rows is not None]
     return jax.tree.map(lambda *parts: jnp.concatenate(parts), *rows) if rows else None
 
 
@@ -150,33 +150,6 @@ def _present(rows: MeasurementRows) -> MeasurementRows:
         variance=jnp.where(counts, rows.variance, 1.0),
         weight=jnp.where(counts, rows.weight, 0.0),
     )
-
-
-def checked_rows(
-    name: str,
-    count: int,
-    rows: BelievedRows,
-    beliefs: Mapping[str, Array],
-    view: Callable[..., SensorView],
-    measured: Mapping[str, Array],
-    relative: RelativeEstimate,
-) -> MeasurementRows:
-    """Rows of the sensor `name` for an estimate.
-
-    Raises:
-        RpojaxError: they are not as many as the class says, or of another shape.
-    """
-    found = rows(beliefs, view(relative=relative), measured)
-    size = relative.layout.size
-    for part, shape in (
-        ("residual", (count,)),
-        ("jacobian", (count, size)),
-        ("variance", (count,)),
-        ("weight", (count,)),
-    ):
-        if (is_shape := jnp.shape(getattr(found, part))) != shape:
-            raise RpojaxError(f"sensors.{name}.rows: found {part} of shape {is_shape}, expected {shape}")
-    return found
 
 
 def _gate_weight(tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, rows: MeasurementRows) -> Array:

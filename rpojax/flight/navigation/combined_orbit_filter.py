@@ -7,11 +7,11 @@ which enters both, is a tenth of a millimetre per second against the servicer's 
 the sum of the two.
 """
 
+import functools
+import operator
 from collections.abc import Iterable, Mapping
-from dataclasses import field
 
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.orbits import encke_reference
@@ -24,13 +24,14 @@ from rpojax.flight.navigation import (
     relative_state,
     servicer_orbit_ekf,
 )
-from rpojax.flight.navigation.believed_sensor import SensorInnovation, SensorRows
+from rpojax.flight.navigation.believed_sensor import SensorRows
 from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
 from rpojax.flight.navigation.relative_state import SLOW_STATES, RelativeEstimate, SlowState
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 
 Vector = Float[Array, "3"]
@@ -47,34 +48,19 @@ class OrbitEstimate:
 
 @pytree
 class Innovation:
-    """Diagnostics of an update: rows are GPS x, y, z, bearing x, y and log-size.
+    """Diagnostics of an update.
 
     Attributes:
-        innovation: (6,)
-        variance: (6,) its variance by the filter
-        used: (6,) bool, rows that were used
-        log_likelihood: () of the rows used
-        accepted: () bool, the box was used
-        rejected: () bool, there was a box and it was not used
+        sensors: of each sensor by name: `gps`, `box`, and the additional ones that the filter believes
         expected_box: box expected before the measurement
-        sensors: of the additional sensors that the filter believes, by name
     """
 
-    innovation: Array
-    variance: Array
-    used: Array
-    log_likelihood: Array
-    accepted: Array
-    rejected: Array
+    sensors: dict[str, SensorInnovation]
     expected_box: ExpectedBox
-    sensors: dict[str, SensorInnovation] = field(default_factory=dict)
 
-    def is_used(self, sensors: Iterable[str]) -> Array:
-        """() bool, the box or a measurement of one of these sensors was used."""
-        used = self.accepted
-        for name in sensors:
-            used = used | self.sensors[name].accepted
-        return used
+    def is_used(self, sensors: Iterable[str]) -> Bool[Array, ""]:
+        """Whether a measurement of one of these sensors was used."""
+        return functools.reduce(operator.or_, (self.sensors[name].accepted for name in sensors))
 
 
 def initial(
@@ -162,23 +148,12 @@ def update(
 
     `q_KN` is the camera's attitude by the attitude filter.
     """
-    servicer, gps_result = servicer_orbit_ekf.update(tuning, estimate.servicer, gps)
-    relative, gate, box_result, used, expected = relative_orbit_ekf.update(
+    servicer, of_gps = servicer_orbit_ekf.update(tuning, estimate.servicer, gps)
+    relative, gate, of_box, expected = relative_orbit_ekf.update(
         tuning, gated, estimate.relative, gate, box_view(box, focal_px, q_KN)
     )
-    of_sensors = {}
+    found = {"gps": of_gps, "box": of_box}
     for name, rows in (sensors or {}).items():
-        relative, of_sensors[name] = believed_sensor.update(tuning, gated, relative, rows(relative))
-    innovation = Innovation(
-        innovation=jnp.concatenate([gps_result.innovation, box_result.innovation]),
-        variance=jnp.concatenate([gps_result.innovation_variance, box_result.innovation_variance]),
-        used=jnp.concatenate([gps_result.used, box_result.used]),
-        log_likelihood=sum(
-            (each.log_likelihood for each in of_sensors.values()), gps_result.log_likelihood + box_result.log_likelihood
-        ),
-        accepted=used,
-        rejected=box.present & ~used,
-        expected_box=expected,
-        sensors=of_sensors,
-    )
-    return OrbitEstimate(servicer=servicer, relative=relative), gate, innovation
+        relative, found[name] = believed_sensor.update(tuning, gated, relative, rows(relative))
+    estimate = OrbitEstimate(servicer=servicer, relative=relative)
+    return estimate, gate, Innovation(sensors=found, expected_box=expected)

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.orbits import two_body_gravity
+from rpojax.core.filter_state_layout import MOTION
+from rpojax.core.orbits import gravity_gradient
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.state_layout import MOTION
 from rpojax.core.vectors import product
 
 
@@ -50,7 +50,7 @@ def propagate(
     exact transition by parts in a million.
     """
     dt = step.dt
-    kick = dt * two_body_gravity.gravity_gradient(step.r_SN_N)
+    kick = dt * gravity_gradient.gravity_gradient(step.r_SN_N)
     x, v, s = MOTION["position"], MOTION["velocity"], slice(MOTION.size, None)
     xx, xv, xs, vv, vs, ss = P[x, x], P[x, v], P[x, s], P[v, v], P[v, s], P[s, s]
     kicked = xv + product(xx, kick.T)

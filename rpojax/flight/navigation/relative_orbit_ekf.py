@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update
-from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
+from rpojax.core.filter_state_layout import StateLayout
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
-from rpojax.core.state_layout import StateLayout
 from rpojax.core.vectors import apply, product
 from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state, shape_errors
 from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate
@@ -28,6 +28,7 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxView
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -43,7 +44,7 @@ def measurement_rows(
     linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
     model = linearise_box(tuning, view, linearisation_point, estimate.slow["size"][0])
     residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
-    size = _size_row(tuning, view, prior, decision, residual[2], model.variance[2])
+    size = _size_row(tuning, view, prior, decision, (residual[2], model.variance[2]))
     rows = MeasurementRows(
         residual=jnp.concatenate([residual[:2], size[:1]]),
         jacobian=_jacobian(estimate.layout, model),
@@ -54,15 +55,10 @@ def measurement_rows(
 
 
 def _size_row(
-    tuning: OrbitFilterTuning,
-    view: BoxView,
-    prior: PriorBox,
-    decision: GateDecision,
-    residual: Scalar,
-    variance: Scalar,
+    tuning: OrbitFilterTuning, view: BoxView, prior: PriorBox, decision: GateDecision, of_box: tuple[Scalar, Scalar]
 ) -> Vector:
-    """Residual, variance and weight of the log-size, measured by the box, and by whether there is one."""
-    box, focal_px = view.box, view.focal_px
+    """Residual, variance and weight of the log-size, from those `of_box`, and from whether there is one."""
+    box, focal_px, (residual, variance) = view.box, view.focal_px, of_box
     log_size_px = jnp.log(focal_px) + prior.model.predicted[2] + prior.slow_errors[2]
     half_size = 0.5 * jnp.exp(log_size_px) / focal_px
     in_frame = jnp.all(jnp.abs(prior.model.predicted[:2]) + half_size < box.half_frame_tangent, axis=0)
@@ -158,8 +154,8 @@ def predict(tuning: OrbitFilterTuning, moved: RelativeEstimate, step: OrbitStep)
 
 def update(
     tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstimate, gate: GateState, view: BoxView
-) -> tuple[RelativeEstimate, GateState, KalmanUpdate, Bool[Array, ""], ExpectedBox]:
-    """Estimate after a box that passes the gate, state of the gate, whether the box was used, and the expected box."""
+) -> tuple[RelativeEstimate, GateState, SensorInnovation, ExpectedBox]:
+    """Estimate after a box that passes the gate, state of the gate, diagnostics, and the expected box."""
     prior = prior_box(tuning, view, estimate)
     decision = _decide(tuning, gated, view, gate, prior)
     model, rows = measurement_rows(tuning, view, estimate, prior, decision)
@@ -173,7 +169,8 @@ def update(
     )
     outline = _updated_outline(tuning, view, estimate, decision.accepted)
     after = relative_state.corrected(replace(estimate, outline=outline), result.deviation, result.covariance)
-    return after, gate, result, decision.accepted, expected_box(prior, view.box)
+    innovation = SensorInnovation.of_update(result, view.box.present, decision.accepted)
+    return after, gate, innovation, expected_box(prior, view.box)
 
 
 def rows_of_box(

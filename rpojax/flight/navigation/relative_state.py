@@ -12,8 +12,8 @@ from functools import cache
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation

@@ -7,14 +7,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import kalman_update
-from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
+from rpojax.core.filter_state_layout import MOTION, StateLayout
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import double_single
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.state_layout import MOTION, StateLayout
 from rpojax.flight.navigation import orbit_covariance
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 Vector = Float[Array, "3"]
 
@@ -82,8 +83,8 @@ def predict(tuning: OrbitFilterTuning, moved: ServicerEstimate, step: OrbitStep)
 
 def update(
     tuning: OrbitFilterTuning, estimate: ServicerEstimate, gps: GpsMeasurement
-) -> tuple[ServicerEstimate, KalmanUpdate]:
-    """Estimate after a GPS position, unchanged if there is none, and the result of the update."""
+) -> tuple[ServicerEstimate, SensorInnovation]:
+    """Estimate after a GPS position, unchanged if there is none, and diagnostics."""
     position_low = None if estimate.orbit_low is None else estimate.orbit_low[0]
     difference = double_single.subtract(gps.position_N, gps.position_low_N, estimate.r_SN_N, position_low)
     identity = jnp.eye(3, dtype=difference.dtype)
@@ -106,4 +107,4 @@ def update(
         gps_error_N=estimate.gps_error_N + x["gps_error"],
         covariance=result.covariance,
     )
-    return corrected, result
+    return corrected, SensorInnovation.of_update(result, gps.present, gps.present)

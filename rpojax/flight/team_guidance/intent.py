@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 
 Scalar = Float[Array, ""]
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.team_guidance import viewpoint_assignment
 from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning, least_angle, wrapped
 

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.filter_state_layout import MOTION
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.trigonometric_series import arctan2
@@ -11,7 +12,6 @@ from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
-from rpojax.core.state_layout import MOTION
 from rpojax.core.vectors import apply
 from rpojax.flight.cooperation.sharing import SharingMemory
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate

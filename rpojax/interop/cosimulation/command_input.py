@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.quaternion import conjugate, rotate, to_matrix
 from rpojax.errors import UnfinishedError
-from rpojax.flight.guidance.burn_planning import ExternalBurn
+from rpojax.flight.guidance.burn_schedule import ExternalBurn
 from rpojax.interop.cosimulation import command_checks, live_topics
 from rpojax.interop.cosimulation.clock import Clock
 from rpojax.interop.cosimulation.command_checks import BurnWindow, CommandLimits

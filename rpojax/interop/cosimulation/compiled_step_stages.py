@@ -14,7 +14,7 @@ import numpy as np
 from rpojax.core import quaternion
 from rpojax.core.array_packing import PackedFunction, PackedLayout, PackedRecord
 from rpojax.core.pytree import pytree
-from rpojax.flight.guidance.burn_planning import ExternalBurn
+from rpojax.flight.guidance.burn_schedule import ExternalBurn
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.stages import Stages
 from rpojax.interop.ros2 import message_values

@@ -173,17 +173,15 @@ def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: 
         cutoff_s=flight.plan.cutoff,
         thrust=params.flight.vehicle.thrust,
         camera=_detector_image(scenario, params, telemetry),
-        box_accepted=telemetry.innovation.accepted,
+        box_accepted=telemetry.innovation.sensors["box"].accepted,
         guidance_mode=telemetry.mode,
         delta_v=truth.delta_v,
         mass=truth.mass,
-        mission=_mission_status(flight.mission),
+        mission=_mission_status(flight.mission) if scenario.mission.is_managed else None,
     )
 
 
-def _mission_status(mission: MissionState | None) -> MissionStatus | None:
-    if mission is None:
-        return None
+def _mission_status(mission: MissionState) -> MissionStatus:
     return MissionStatus(phase=mission.phase, entered_by=mission.entered_by, abort_reason=mission.abort_reason)
 
 

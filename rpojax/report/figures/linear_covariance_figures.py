@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rpojax.analysis.linear_covariance.covariance_history import ErrorBudget, LinearCovariance
+from rpojax.analysis.linear_covariance.covariance_propagation import ErrorBudget, LinearCovariance
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import MonteCarloSample
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.report.figures import png_export

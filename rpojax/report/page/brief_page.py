@@ -9,7 +9,7 @@ from rpojax.errors import ResultError
 from rpojax.metrics import metric_catalogue
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.plotly_charts import Chart
-from rpojax.report.notes import Notes
+from rpojax.report.left_out_parts import Notes
 from rpojax.report.page import page_templates
 from rpojax.report.page.detail_values import DetailValues, choose_run, detail_values
 from rpojax.report.page.report_json import report_content

@@ -16,7 +16,7 @@ from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults, ChangedResults
 from rpojax.report.figures.camera_pictures import CameraSheet, write_camera_sheet
 from rpojax.report.figures.paper_figures import missing_channels, write_figures
-from rpojax.report.notes import Notes
+from rpojax.report.left_out_parts import Notes
 from rpojax.report.page import page_templates
 from rpojax.report.page.detail_values import DetailValues, choose_run, detail_values
 from rpojax.report.page.report_json import report_content

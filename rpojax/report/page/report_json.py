@@ -10,8 +10,8 @@ from rpojax.errors import ScenarioError
 from rpojax.report import campaign_results, rare_failures
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import in_display_order
+from rpojax.report.left_out_parts import Notes
 from rpojax.report.metric_statistics import summary_statistics
-from rpojax.report.notes import Notes
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,

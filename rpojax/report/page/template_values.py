@@ -15,7 +15,7 @@ from rpojax.report.figures.camera_pictures import CameraSheet
 from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.figures.scatter_explorer import scatter_explorer
 from rpojax.report.labels import format_number
-from rpojax.report.notes import Notes
+from rpojax.report.left_out_parts import Notes
 from rpojax.report.page.first_screen import leading_figures, next_steps, outcome_sentence, verdict_tiles
 from rpojax.report.sections import (
     consistency_section,

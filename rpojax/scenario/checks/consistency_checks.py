@@ -3,8 +3,8 @@
 import math
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks.design_checks import check_design
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
+from rpojax.scenario.checks.listed_design_checks import check_design
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.target_checks import check_target

@@ -18,7 +18,7 @@ from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, NO_GOAL, Corr
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
-from rpojax.scenario.warnings.orbit_geometry import at_latitudes, mean_motion, orbit_from
+from rpojax.scenario.warnings.nominal_motion import at_latitudes, mean_motion, orbit_from
 from rpojax.scenario.warnings.transfer_impulses import transfer_impulses
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)

@@ -123,7 +123,7 @@ def _whole_value(numbers: Arrays, values: Values, parameter: ParameterKey) -> Ar
 def apply_to_params(params: Params, values: Values) -> Params:
     """Parameters of one run: nominal ones with the dispersed values."""
     for key, value in values.items():
-        path, factor = parameters.leaf_path_and_factor(key)
+        path, factor = parameters.leaf_path_and_factor(key, params)
         params = parameters.replace_leaf(params, path, value * factor)
     return params
 
@@ -132,6 +132,6 @@ def read_back(params: Params, keys: list[str]) -> Values:
     """Values that `params` holds for the keys, in the unit of the key."""
     values: Values = {}
     for key in keys:
-        path, factor = parameters.leaf_path_and_factor(key)
+        path, factor = parameters.leaf_path_and_factor(key, params)
         values[key] = parameters.get_leaf(params, path) / factor
     return values

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind, RandomKind
 from rpojax.errors import ScenarioError

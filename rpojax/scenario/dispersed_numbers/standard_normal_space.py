@@ -15,7 +15,7 @@ from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
 from rpojax.dispersions.coordinate_source import UNIT_MARGIN
-from rpojax.dispersions.designs.design_kinds import IndependentDesign
+from rpojax.dispersions.designs.design_sections import IndependentDesign
 from rpojax.dispersions.kinds.choice import Choice
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind, RandomKind
 from rpojax.errors import ScenarioError

@@ -96,7 +96,7 @@ class Plugin:
         """SHA-256 of the sources of all functions and classes, and of the values that functions hold."""
         parts = {f"metrics.{name}": _content(each) for name, each in self.metrics.items()}
         parts |= {f"settings.{name}": repr(custom_metrics.settings_of(each)) for name, each in self.metrics.items()}
-        parts |= {f"sensors.{name}": _content(cls) for name, cls in self.sensors.items()}
+        parts |= {f"sensors.{name}": " ".join(map(_content, _own_classes(cls))) for name, cls in self.sensors.items()}
         if self.stages is not None:
             of_stages = {each.name: getattr(self.stages, each.name) for each in fields(self.stages)}
             parts |= {f"stages.{name}": _content(function) for name, function in of_stages.items()}
@@ -163,6 +163,11 @@ def _described_sensor(name: str, keys: Iterable[str]) -> type[AdditionalSensor]:
     """Class of a sensor whose section has some keys, but no measurement."""
     fields: dict[str, Any] = {str(key): (Any, None) for key in keys}
     return create_model(f"Described_{name}", __base__=_DescribedSensor, **fields)
+
+
+def _own_classes(cls: type[AdditionalSensor]) -> list[type]:
+    """The class and those that it inherits from, without those of the package."""
+    return [each for each in cls.__mro__ if issubclass(each, AdditionalSensor) and each is not AdditionalSensor]
 
 
 def _unit(name: str) -> str:

@@ -10,6 +10,8 @@ from rpojax.metrics.metric_definition import Metric
 from rpojax.scenario.plugins import plugin_file
 from rpojax.scenario.plugins.plugin import Plugin, described_plugin
 from rpojax.scenario.schema import ScenarioFile, with_sensors
+from rpojax.sensors.additional import registry
+from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 
 FROM_PYTHON: Final = "python"
 """Reference of a plugin that was made in Python and comes from no file."""
@@ -77,6 +79,17 @@ def schema_for(tables: Mapping[str, Any]) -> type[ScenarioFile]:
         return ScenarioFile
     plugin.activate()
     return with_sensors(tuple(plugin.sensors.items()))
+
+
+def sensors_for(tables: Mapping[str, Any]) -> dict[str, type[AdditionalSensor]]:
+    """Classes of the additional sensors that a scenario in tables has, by name.
+
+    Raises:
+        ScenarioError: the plugin is not known.
+    """
+    plugin = _of_tables(tables)
+    known = {**registry.packaged_sensors(), **({} if plugin is None else plugin.sensors)}
+    return {name: cls for name, cls in known.items() if tables.get(name) is not None}
 
 
 def metrics_for(tables: Mapping[str, Any]) -> dict[str, Metric]:

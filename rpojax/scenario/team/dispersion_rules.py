@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rpojax.dispersions.designs.design_kinds import LatinHypercubeDesign, SobolDesign
+from rpojax.dispersions.designs.design_sections import LatinHypercubeDesign, SobolDesign
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
 from rpojax.errors import ScenarioError, ServicerError

@@ -8,13 +8,13 @@ from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
 from rpojax.core.constants import STANDARD_GRAVITY
-from rpojax.flight.guidance.burn_planning import longest_on_time
+from rpojax.flight.guidance.burn_schedule import longest_on_time
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
 from rpojax.scenario.params import section_record
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
-from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
+from rpojax.scenario.warnings.nominal_motion import mean_motion, transition_matrices
 
 _USABLE_SHARE = 2.0 / 3.0
 """Share of the thruster's velocity change that the best burns may take; those of the control law are not the best.

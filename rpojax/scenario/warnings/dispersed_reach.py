@@ -5,7 +5,7 @@ Normal errors have no ends; what they reach beyond the bounds of the schema is w
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.listed_values import listed_ends
 from rpojax.errors import ScenarioError

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
 from rpojax.dispersions.kinds.choice import Choice
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach

@@ -4,7 +4,7 @@ import numpy as np
 
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
-from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
+from rpojax.scenario.warnings.nominal_motion import mean_motion, transition_matrices
 
 _INSTANTS = 61
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
-from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
 from rpojax.dispersions.kinds.choice import Choice
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import RelativeOrbitSection, TransferSection

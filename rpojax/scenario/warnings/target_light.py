@@ -14,7 +14,7 @@ from rpojax.core.pytree import replace
 from rpojax.core.vectors import apply_transposed
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
-from rpojax.scenario.warnings.orbit_geometry import latitudes_after, mean_motion
+from rpojax.scenario.warnings.nominal_motion import latitudes_after, mean_motion
 from rpojax.value_types import epoch_seconds
 
 _LEAST_OF_ORBIT = 0.25

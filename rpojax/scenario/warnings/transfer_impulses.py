@@ -17,7 +17,7 @@ from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.scenario.params import section_record
 from rpojax.scenario.phases.reference_sections import TransferSection
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.warnings.orbit_geometry import at_latitudes, latitudes_after, mean_motion, orbit_from
+from rpojax.scenario.warnings.nominal_motion import at_latitudes, latitudes_after, mean_motion, orbit_from
 
 _REGULAR: Final = 0.4
 """Least singular value of a regular time [-]."""

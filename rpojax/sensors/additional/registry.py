@@ -53,7 +53,10 @@ def present_sensors(sections: AdditionalSensors) -> dict[str, AdditionalSensor]:
 
 def sensor_classes(name: str) -> list[type[AdditionalSensor]]:
     """Classes of the additional sensors of that name: of the package, or of all plugins that have one."""
-    if name in _OF_PLUGINS:
-        return _OF_PLUGINS[name]
-    annotation: Any = AdditionalSensors.model_fields[name].annotation
-    return [each for each in annotation.__args__ if each is not type(None)]
+    return _OF_PLUGINS[name] if name in _OF_PLUGINS else [packaged_sensors()[name]]
+
+
+def packaged_sensors() -> dict[str, type[AdditionalSensor]]:
+    """Classes of the additional sensors of the package by name."""
+    annotations: dict[str, Any] = {name: each.annotation for name, each in AdditionalSensors.model_fields.items()}
+    return {name: each.__args__[0] for name, each in annotations.items()}

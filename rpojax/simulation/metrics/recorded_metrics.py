@@ -11,7 +11,7 @@ from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
 from rpojax.metrics.recorded_reduction import reduce_in_window, reduce_records
 from rpojax.metrics.time_windows import MetricWindow
-from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 

@@ -34,25 +34,11 @@ from rpojax.simulation.telemetry import Telemetry
 Scalar = Float[Array, ""]
 
 
-def _with_sensors(tick: ObservedTick, name: str) -> Array:
-    """Rows of GPS and box, followed by those of the additional sensors that the filter believes."""
-    innovation = tick.telemetry.innovation
-    rows = [getattr(each, name) for each in innovation.sensors.values()]
-    return jnp.concatenate([getattr(innovation, name), *rows]) if rows else getattr(innovation, name)
-
-
 _QUANTITIES: Final[ChannelFunctions] = {
     **CHANNELS,
-    "desired_position_H": lambda tick: (
-        tick.params.flight.formation.desired_position
-        if tick.telemetry.rho_desired_H is None
-        else tick.telemetry.rho_desired_H
-    ),
+    "desired_position_H": lambda tick: tick.telemetry.rho_desired_H,
     "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
-    "innovation": lambda tick: _with_sensors(tick, "innovation"),
-    "innovation_variance": lambda tick: _with_sensors(tick, "variance"),
-    "innovation_used": lambda tick: _with_sensors(tick, "used"),
-    "box_received": lambda tick: tick.telemetry.innovation.accepted | tick.telemetry.innovation.rejected,
+    "innovations": lambda tick: tick.telemetry.innovation.sensors,
     "image_area": lambda tick: (
         tick.scenario.width_px * tick.scenario.height_px / tick.params.flight.vehicle.focal_px**2
     ),
@@ -119,18 +105,14 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         "time_s": lambda tick: tick.telemetry.tick * tick.scenario.tick_s,
         "rho_desired_H": _QUANTITIES["desired_position_H"],
         **{name: partial(_measurement, name) for name in telemetry.measurements.additional},
-        **{name: partial(_of_sensor, name) for name in sensor_channels(telemetry.innovation)},
-        **(MISSION_CHANNELS if scenario.mission is not None else {}),
+        **sensor_channels(telemetry.flight.rejected_s),
+        **(MISSION_CHANNELS if scenario.mission.is_managed else {}),
     }
     for metric in metrics:
         for name in metric.inputs:
             if name not in functions and name != "is_settled":
                 raise unknown_channel(metric.name, name, functions)
     return functions
-
-
-def _of_sensor(name: str, tick: ObservedTick) -> Array:
-    return sensor_channels(tick.telemetry.innovation)[name]
 
 
 def _measurement(name: str, tick: ObservedTick) -> Array:
@@ -144,13 +126,13 @@ def final_values(metrics: Sequence[Metric], sums: RunningSums) -> Float[Array, "
 
 def _updated_event_hash(events: Array, telemetry: Telemetry) -> Array:
     """Polynomial hash of the events up to and including those of a tick."""
-    innovation = telemetry.innovation
+    sensors, multiplier = telemetry.innovation.sensors, jnp.uint32(1000003)
     accepted, rejected, mode = (
-        word.astype(jnp.uint32) for word in (innovation.accepted, innovation.rejected, telemetry.mode)
+        word.astype(jnp.uint32) for word in (sensors["box"].accepted, sensors["box"].rejected, telemetry.mode)
     )
-    events = events * jnp.uint32(1000003) + accepted + jnp.uint32(2) * rejected + jnp.uint32(4) * mode
-    for each in innovation.sensors.values():
-        events = events * jnp.uint32(1000003) + each.accepted.astype(jnp.uint32)
+    events = events * multiplier + accepted + jnp.uint32(2) * rejected + jnp.uint32(4) * mode
+    for name in telemetry.flight.rejected_s:
+        events = events * multiplier + sensors[name].accepted.astype(jnp.uint32)
     return events
 
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import mission_goal

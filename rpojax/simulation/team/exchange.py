@@ -19,7 +19,6 @@ from rpojax.flight.cooperation.team_settings import Link, ServicerTuning
 from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import line_of_sight_uncertainty
-from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.navigation import believed_sensor, burn_execution_error, thrust_estimator
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import coordination, intent
@@ -33,7 +32,7 @@ from rpojax.simulation.state import State
 from rpojax.simulation.team.member_axes import TeamParams
 from rpojax.simulation.team.team_loop import TeamLoop
 from rpojax.simulation.team.team_state import LinkState, TeamState
-from rpojax.simulation.tick import Motion, Tick, tick_axes
+from rpojax.simulation.tick import Loop, Motion, Tick, tick_axes
 from rpojax.simulation.tick_measurements import measure_position
 
 _INITIAL_TICK = 0x7FFFFFFF
@@ -66,8 +65,7 @@ def initial(loop: TeamLoop, servicers: State) -> TeamState:
     )
     plans = None
     if loop.settings.coordinated:
-        mission = loop.scenario.mission
-        maps_directions = mission is not None and mission.phasing == "viewpoints"
+        maps_directions = loop.scenario.mission.phasing == "viewpoints"
         plans = coordination.initial(loop.settings.link, zero[0], maps_directions)
     return TeamState(servicers=servicers, links=links, sharing=memory, coordination=plans)
 
@@ -120,8 +118,6 @@ def _coordinate(
 def _announced(loop: TeamLoop, params: Params, tick: Tick) -> Announcements:
     """What a servicer brings to the coordination."""
     mission, own, orbit = loop.scenario.mission, tick.flight.mission, tick.flight.orbit
-    assert mission is not None
-    assert own is not None
     assert own.team is not None
     assert tick.innovation is not None
     shift = jnp.zeros_like(tick.time) if own.team.shift is None else own.team.shift.wanted
@@ -129,18 +125,18 @@ def _announced(loop: TeamLoop, params: Params, tick: Tick) -> Announcements:
     relative, servicer = orbit.relative, orbit.servicer
     R_HN = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)[0]
     return Announcements(
-        plans=intent.intent(tick.flight.plan, follows, shift, tick.innovation.accepted, tick.time),
-        slots=_slots(mission, params),
+        plans=intent.intent(tick.flight.plan, follows, shift, tick.innovation.sensors["box"].accepted, tick.time),
+        slots=_slots(loop, params),
         place_H=-apply(R_HN, relative.r_TS_N),
         R_HN=R_HN,
         sun_H=apply(R_HN, gradient_safe.normalize(tick.sky.sun_N)),
     )
 
 
-def _slots(mission: MissionSettings, params: Params) -> Array:
+def _slots(loop: TeamLoop, params: Params) -> Array:
     """Phases (rows,) of a servicer's relative orbits by the plan [rad], 0 where a phase has another reference."""
-    assert params.flight.mission is not None
-    references = [params.flight.mission.phases[phase.name].reference for phase in mission.phases]
+    software = Loop(loop.scenario, params, loop.stages).software
+    references = [phase_goal.reference_of(software, phase) for phase in loop.scenario.mission.phases]
     return jnp.stack([phase_goal.planned_phase(reference) for reference in references])
 
 
@@ -189,7 +185,7 @@ def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamR
     return TeamRecords(
         orbit=memory.orbit,
         gate=replace(memory.gate, recovered=_has_recovered(params, memory)),
-        accepted=tick.innovation.accepted,
+        accepted=tick.innovation.sensors["box"].accepted,
         box=computer.filtered_box(
             params.flight, tick.state.flight, memory.attitude_variance, tick.measurements.box, tick.sky.sun_N
         ),

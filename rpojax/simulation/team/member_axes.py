@@ -76,7 +76,7 @@ def with_values(team: TeamParams, values: Values, common: Collection[str]) -> Te
     """Parameters of a run of the team with dispersed values: (...) of `common` keys, (..., members) of others."""
     axes = team.axes
     for key in values:
-        path, _ = leaf_path_and_factor(key)
+        path, _ = leaf_path_and_factor(key, team.leaves)
         axes = replace_leaf(axes, path, None if key in common else -1)
     return TeamParams(dispersed_values.apply_to_params(team.leaves, values), axes, team.count, team.mode)
 

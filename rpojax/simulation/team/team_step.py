@@ -81,7 +81,7 @@ def _decide(loop: TeamLoop, ticks: Tick) -> Tick:
     is equal for all runs of a batch, so that the branches stay branches under `vmap`.
     """
     scenario, offsets = loop.scenario, jnp.array(loop.settings.decision_offsets, dtype=jnp.int32)
-    period = scenario.formation_ticks if scenario.mission is None else scenario.mission.decision_ticks
+    period = scenario.mission.decision_ticks
     late_ticks = ticks.state.tick - offsets
     is_turn = (late_ticks % period == 0) & (late_ticks >= 0)
 

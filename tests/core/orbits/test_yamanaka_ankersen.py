@@ -27,6 +27,7 @@ transition_matrix = jax.jit(yamanaka_ankersen.transition_matrix)
 mean_argument_of_latitude = jax.jit(yamanaka_ankersen.mean_argument_of_latitude)
 constants_of_motion = jax.jit(yamanaka_ankersen.constants_of_motion)
 free_motion = jax.jit(yamanaka_ankersen.free_motion)
+rate_without_drift = jax.jit(yamanaka_ankersen.rate_without_drift)
 frame = jax.jit(hill_frame)
 
 
@@ -270,3 +271,12 @@ def test_a_batch_in_single_precision_agrees_with_double(e: float) -> None:
     # Thirty roundings of 6e-8, and up to forty times the angle's near the perigee of the eccentric orbit.
     allowed = 1e-4 * np.max(np.abs(double * ratio), axis=(0, 1))
     assert np.all(np.max(np.abs((np.asarray(single) - double) * ratio), axis=(0, 1)) < allowed)
+
+
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+@pytest.mark.parametrize("place", [(0.0, -30.0, 0.0), (5.0, 20.0, -3.0)])
+def test_a_motion_without_drift_comes_back_after_an_orbit(e: float, place: tuple[float, float, float]) -> None:
+    at = orbit(e)
+    start = np.concatenate([place, np.asarray(rate_without_drift(at, jnp.array(place)))])
+    after = transition_matrix(at, jnp.asarray(period(e))) @ start
+    np.testing.assert_allclose(after[:3], place, atol=1e-6)

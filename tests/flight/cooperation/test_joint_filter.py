@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.core.orbits import two_body_gravity
+from rpojax.core.orbits import gravity_gradient
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import apply
 from rpojax.flight.cooperation import baseline_motion, joint_filter, joint_measurements
@@ -25,7 +25,7 @@ from rpojax.scenario import params as parameters
 from rpojax.scenario.loading import scenario_loader
 
 R_N = np.array([6.9e6, 1e5, -3e5])
-G = np.asarray(jax.jit(two_body_gravity.gravity_gradient)(R_N))
+G = np.asarray(jax.jit(gravity_gradient.gravity_gradient)(R_N))
 BURNS = np.diag([1e-8, 4e-8, 2e-8])
 BACK = jax.jit(baseline_motion.transition_matrix)(G, -3.0)
 BASELINE = BaselineTuning(

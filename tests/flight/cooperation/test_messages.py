@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.core.orbits import two_body_gravity
+from rpojax.core.orbits import gravity_gradient
 from rpojax.flight.cooperation import baseline_motion, burn_effect, message
 from rpojax.flight.cooperation.burn_effect import BurnSum
 from rpojax.flight.cooperation.message import Message, TargetTrack
@@ -14,7 +14,7 @@ from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 R_N = jnp.array([6.9e6, 1e5, -3e5])
 
 
-gravity_gradient = jax.jit(two_body_gravity.gravity_gradient)
+gravity_gradient = jax.jit(gravity_gradient.gravity_gradient)
 transition_matrix = jax.jit(baseline_motion.transition_matrix)
 advance = jax.jit(burn_effect.advance, static_argnums=4)
 since = jax.jit(burn_effect.since)
@@ -87,7 +87,7 @@ def test_what_burns_added_is_a_covariance_however_long_ago_the_first_was() -> No
     def step(burns: BurnSum, tick: jax.Array) -> tuple[BurnSum, None]:
         angle, burn = 1.1e-2 * tick, jnp.where(tick % 100.0 == 99.0, 1.0, 0.0)
         r_N = 6.9e6 * jnp.stack([jnp.cos(angle), jnp.sin(angle), 0.0 * angle])
-        gradient = two_body_gravity.gravity_gradient(r_N)
+        gradient = gravity_gradient.gravity_gradient(r_N)
         return burn_effect.advance(burns, gradient, 0.01 * burn * jnp.ones(3), burn * Q, 10.0), None
 
     run = jax.jit(lambda burns, ticks: jax.lax.scan(step, burns, ticks)[0])

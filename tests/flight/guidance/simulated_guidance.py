@@ -14,15 +14,11 @@ from numpy_reference import (
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight.control.attitude_control import AttitudeCommand
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.guidance import (
-    attitude_guidance,
-    burn_planning,
-    slew_profile,
-    target_pointing,
-)
+from rpojax.flight.guidance import attitude_guidance, burn_schedule, slew_profile, target_pointing
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick, PointingState
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
@@ -57,10 +53,10 @@ def plan_burn(
     dt: float,
 ) -> BurnPlan:
     """Burn plan for the velocity change of a law, with guidance every `dt` [s]."""
-    at_burn = burn_planning.state_at_burn(flight.formation, estimate)
+    predicted = predict_to_burn(flight, estimate)
     desired_H = jnp.concatenate([flight.formation.desired_position, jnp.zeros(3)])
-    delta_v_N = apply_transposed(at_burn.R_CN, law(GAIN, at_burn.state_H - desired_H))
-    return burn_planning.schedule_burn(guidance_of(flight, dt), delta_v_N, q_look, allowed, jnp.asarray(TIME))
+    delta_v_N = apply_transposed(predicted.R_CN, law(GAIN, predicted.burn_state_H - desired_H))
+    return burn_schedule.schedule_burn(guidance_of(flight, dt), delta_v_N, q_look, allowed, jnp.asarray(TIME))
 
 
 def push_back(gain: jax.Array, deviation: jax.Array) -> jax.Array:
@@ -133,7 +129,7 @@ def simulate_search(
     known = rendezvous_scene.estimate(flight, v_TS_N=np.zeros(3), position_sigma=position_sigma)
     state = attitude_guidance.initial_pointing(flight.vehicle, known)
     modes, commands, _ = simulate(
-        flight, known, burn_planning.no_burn(), state, TIME + dt * np.arange(float(ticks)), np.asarray(True), YES, dt
+        flight, known, burn_schedule.no_burn(), state, TIME + dt * np.arange(float(ticks)), np.asarray(True), YES, dt
     )
     return np.asarray(modes), np.asarray(commands.q_CN)
 
@@ -154,7 +150,7 @@ def look(
         inputs = GuidanceTick(
             time=TIME + dt * tick,
             estimate=known,
-            plan=burn_planning.no_burn() if plan is None else plan,
+            plan=burn_schedule.no_burn() if plan is None else plan,
             target_seen=accepted,
             visible=visible,
         )

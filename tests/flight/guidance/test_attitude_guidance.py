@@ -27,11 +27,8 @@ from simulated_guidance import (
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.guidance import (
-    attitude_guidance,
-    burn_planning,
-)
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance import attitude_guidance, burn_schedule
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
@@ -92,7 +89,7 @@ def test_the_search_starts_after_the_wait_before_and_after_acquisition(
         attitude_guidance.initial_pointing(flight.vehicle, known), acquired=jnp.asarray(True)
     )
     times = TIME + np.arange(300.0)
-    later, _, _ = simulate(flight, known, burn_planning.no_burn(), acquired, times, np.asarray(True))
+    later, _, _ = simulate(flight, known, burn_schedule.no_burn(), acquired, times, np.asarray(True))
     assert np.asarray(later)[:70].tolist() == [Mode.LOOK] * 61 + [Mode.SEARCH] * 9
 
 
@@ -102,7 +99,7 @@ def test_a_search_ends_when_the_target_is_seen(flight: FlightParams, known: Orbi
         rendezvous_scene.with_acquisition(state, unseen_time=jnp.float64(99.0)), search_time=jnp.float64(4.0)
     )
     modes, _, accepted = simulate(
-        flight, known, burn_planning.no_burn(), searching, TIME + np.arange(300.0), np.asarray(False)
+        flight, known, burn_schedule.no_burn(), searching, TIME + np.arange(300.0), np.asarray(False)
     )
     assert accepted[0]
     assert np.all(np.asarray(modes) == Mode.LOOK)
@@ -143,7 +140,7 @@ def test_darkness_prevents_a_search_and_resets_the_acquisition(flight: FlightPar
     ) == (0.0, 0.0, False)
     state = attitude_guidance.initial_pointing(flight.vehicle, known)
     times = TIME + np.arange(300.0)
-    modes, commands, _ = simulate(flight, known, burn_planning.no_burn(), state, times, YES, NO)
+    modes, commands, _ = simulate(flight, known, burn_schedule.no_burn(), state, times, YES, NO)
     assert set(np.asarray(modes).tolist()) == {Mode.LOOK}
     off = [boresight(flight, q) @ unit(rendezvous_scene.TARGET_AHEAD) for q in np.asarray(commands.q_CN)[:, 0]]
     assert min(off) > np.cos(np.deg2rad(0.1))

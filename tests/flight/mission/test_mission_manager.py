@@ -13,8 +13,8 @@ from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import mission_manager, mission_state
 from rpojax.flight.mission.mission_manager import Situation
 from rpojax.flight.mission.mission_state import AbortReason, Condition, MissionState, Transition
-from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings, TimeoutAction
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
+from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings, TimeoutAction
 
 HOLD, ABORTED = 3, 4
 PLACE = np.array([0.0, -60.0, 0.0, 0.0, 0.0, 0.0])
@@ -42,10 +42,12 @@ def settings(on_timeout: TimeoutAction = "hold", passively_safe: bool = False) -
             has_arrival_box=True,
             passively_safe=passively_safe,
             has_corridor=name == "first",
+            stops_in_the_dark=True,
         )
 
     return MissionSettings(
         phases=(phase("first"), phase("second"), phase("last")),
+        is_managed=True,
         decision_ticks=20,
         hold_ticks=200,
         hold_burns_per_orbit=1,

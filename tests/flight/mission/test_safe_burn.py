@@ -186,3 +186,9 @@ def test_an_abort_leaves_the_keep_out_zone_alone_for_a_day(seed: int) -> None:
 def test_a_change_that_is_not_finite_is_returned() -> None:
     planned = jnp.array([jnp.nan, 0.0, 0.0])
     assert np.isnan(safe_delta_v(drift_of(ELLIPSE), planned, jnp.float64(GREATEST), NO)[0])
+
+
+def test_a_zone_of_no_size_stops_no_burn() -> None:
+    planned = jnp.array([0.0, 1e-3, 0.0])
+    found = safe_delta_v(drift_of(V_BAR, keep_out=0.0, sigmas=3.0), planned, GREATEST, NO)
+    np.testing.assert_array_equal(found, planned)

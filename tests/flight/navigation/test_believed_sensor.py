@@ -13,9 +13,10 @@ from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import believed_sensor
-from rpojax.flight.navigation.believed_sensor import SensorInnovation, SensorView
+from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 SIGMA = np.array([*np.full(3, 0.3), *np.full(3, 2e-3), 0.065, 0.14, 5e-4, 5e-4, 5e-3, 5e-3, 0.015])
 NOISE = np.array([0.1, 2e-3, 2e-3])
@@ -146,14 +147,13 @@ def test_rows_of_another_shape_are_refused(known: RelativeEstimate) -> None:
 
     measured = {"lidar_m": jnp.asarray(30.0), "lidar_rad": jnp.zeros(2)}
 
-    def view(relative: RelativeEstimate) -> SensorView:
-        return SensorView(relative=relative, q_BN=jnp.asarray(Q_BN), time=jnp.zeros(()))
+    view = SensorView(relative=known, q_BN=jnp.asarray(Q_BN), time=jnp.zeros(()))
 
     for rows, count, expected in (
         (too_few, 3, r"sensors.lidar.rows: found variance of shape \(1,\), expected \(3,\)"),
         (Lidar.rows, 2, r"found residual of shape \(3,\), expected \(2,\)"),
     ):
         with pytest.raises(RpojaxError, match=expected):
-            believed_sensor.checked_rows("lidar", count, rows, BELIEFS, view, measured, known)
+            BelievedSensor("lidar", rows, count).checked_rows(BELIEFS, view, measured)
     with pytest.raises(RpojaxError, match=r"found expected of shape \(\), expected \(1,\) as measured"):
-        view(known).rows(lambda estimate: estimate.r_TS_N[0], jnp.ones(1), jnp.ones(1), jnp.asarray(True))
+        view.rows(lambda estimate: estimate.r_TS_N[0], jnp.ones(1), jnp.ones(1), jnp.asarray(True))

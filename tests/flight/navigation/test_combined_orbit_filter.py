@@ -1,5 +1,7 @@
 """Orbit filter: propagation of mean and covariance of both halves, and updates with and without measurements."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,13 +11,17 @@ from numpy_reference import IDENTITY, gravity, random_covariance, rotation_matri
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
+from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter, relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
+from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.stages import Stages
 from rpojax.physics import equipment_faults, plant, plant_state
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
@@ -306,11 +312,11 @@ def test_without_a_box_only_the_servicer_is_updated(flight: FlightParams, estima
     without, none = after(absent)
     jax.tree.map(np.testing.assert_array_equal, without.relative, estimate.relative)
     assert np.max(np.abs(np.asarray(without.servicer.r_SN_N) - rendezvous_scene.R_SN_N)) > 0.1
-    assert not none.accepted
-    assert not none.rejected
+    assert not none.sensors["box"].accepted
+    assert not none.sensors["box"].rejected
     with_box, some = after(present)
     jax.tree.map(np.testing.assert_array_equal, with_box.servicer, without.servicer)
-    assert some.accepted
+    assert some.sensors["box"].accepted
     assert np.trace(with_box.relative.covariance) < np.trace(estimate.relative.covariance)
 
 
@@ -327,7 +333,41 @@ def test_the_log_likelihood_is_that_of_the_used_rows(flight: FlightParams, estim
             q_KN,
             rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=present),
         )
-        used = slice(0, 6 if present else 3)
-        sigma = np.sqrt(np.asarray(innovation.variance))[used]
-        expected = norm.logpdf(np.asarray(innovation.innovation)[used], scale=sigma).sum()
-        np.testing.assert_allclose(innovation.log_likelihood, expected, rtol=1e-9)
+        assert list(innovation.sensors) == ["box", "gps"]
+        for name, each in innovation.sensors.items():
+            of_rows = norm.logpdf(each.innovation, scale=np.sqrt(each.variance)).sum()
+            expected = of_rows if name == "gps" or present else 0.0
+            np.testing.assert_allclose(each.log_likelihood, expected, rtol=1e-9)
+
+
+def test_a_replaced_update_that_returns_no_innovation_of_a_sensor_is_refused_by_its_name(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    def forgetful(sensors: Any, **others: Any) -> Any:
+        return combined_orbit_filter.update(sensors={}, **others)
+
+    def lidar(relative: RelativeEstimate) -> MeasurementRows:
+        one = jnp.ones(1)
+        jacobian = jnp.zeros((1, relative.layout.size))
+        return MeasurementRows(residual=one, jacobian=jacobian, variance=one, weight=one)
+
+    q_KN = rendezvous_scene.camera_attitude(flight, estimate)
+    measured = {
+        "estimate": estimate,
+        "gate": outlier_gate.initial(),
+        "gps": fix(rendezvous_scene.R_SN_N),
+        "q_KN": q_KN,
+        "box": rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD),
+    }
+
+    def call(measured: dict[str, Any]) -> Any:
+        tuning, focal_px = flight.navigation, flight.vehicle.focal_px
+        others = {"tuning": tuning, "gated": True, "focal_px": focal_px, "sensors": {"lidar": lidar}}
+        return Stages(orbit_update=forgetful).call("orbit_update", **measured, **others)
+
+    with pytest.raises(RpojaxError) as caught:
+        jax.eval_shape(call, measured)
+    assert str(caught.value) == (
+        "stages.orbit_update: found a result of type (OrbitEstimate, GateState, Innovation) without "
+        "[2].sensors['lidar'], expected one that has it"
+    )

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from numpy_reference import SEEDS, random_covariance, random_unit
 
-from rpojax.core.orbits import two_body_gravity
+from rpojax.core.orbits import gravity_gradient
 from rpojax.flight.navigation import orbit_covariance
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 
@@ -37,7 +37,7 @@ def test_propagation_agrees_with_a_dense_kick_drift_and_decay(seed: int) -> None
     rng = np.random.default_rng(seed)
     # So near to the centre that the kick is as large as the rest.
     dt, r_SN_N = 0.7, 6e4 * random_unit(rng, 3)
-    gradient = np.asarray(two_body_gravity.gravity_gradient(jnp.asarray(r_SN_N)))
+    gradient = np.asarray(gravity_gradient.gravity_gradient(jnp.asarray(r_SN_N)))
     assert 0.5 < np.max(np.abs(gradient)) < 5.0
     decay = rng.uniform(0.5, 1.0, 2)
     kick, drift, rest = np.eye(8), np.eye(8), np.diag(np.concatenate([np.ones(6), decay]))

@@ -53,14 +53,14 @@ def take(
     track: GateState | None = None,
     gated: bool = True,
 ) -> tuple[RelativeEstimate, GateState, bool]:
-    after, memory, _, used, _ = update(
+    after, memory, innovation, _ = update(
         flight.navigation,
         gated,
         estimate,
         outlier_gate.initial() if track is None else track,
         box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)),
     )
-    return after, memory, bool(used)
+    return after, memory, bool(innovation.accepted)
 
 
 def moved(box: BoxMeasurement, pixels: float, focal_px: jax.Array) -> BoxMeasurement:
@@ -81,11 +81,11 @@ def test_the_gate_is_at_the_sigma_of_the_expected_box(
     box = seen(flight, q_KN, place, truncated=truncated)
     memory = outlier_gate.initial()
     arguments = (flight.navigation, True, estimate, memory)
-    expected = update(*arguments, box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)))[4]
+    expected = update(*arguments, box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)))[3]
     offset = fraction * flight.navigation.gate_sigma * jnp.sqrt(expected.variance[axis]) * jnp.eye(2)[axis]
     tried = replace(box, tangent=expected.values[:2] + offset, log_size=expected.values[2])
     assert bool(expected.in_front)
-    assert bool(update(*arguments, box_view(tried, flight.vehicle.focal_px, jnp.asarray(q_KN)))[3]) == used
+    assert bool(update(*arguments, box_view(tried, flight.vehicle.focal_px, jnp.asarray(q_KN)))[2].accepted) == used
 
 
 def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
@@ -119,14 +119,14 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         tangent=ideal.tangent + bias + center / depth + residual[:2],
         log_size=ideal.log_size + float(np.sum(scale)) + residual[2],
     )
-    after, _, result, used, _ = update(
+    after, _, innovation, _ = update(
         flight.navigation,
         True,
         before,
         outlier_gate.initial(),
         box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)),
     )
-    assert used
+    assert innovation.accepted
     # The lasting error of burns is a thirteenth state, which boxes do not measure.
     H = np.zeros((3, 13))
     H[:, :3] = box_derivative(flight, q_KN, r_TS_N, box)
@@ -149,8 +149,8 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         np.testing.assert_allclose(change, part, atol=TEXTBOOK * np.max(np.abs(x)), err_msg=name)
     units = np.outer(sigma, sigma)
     np.testing.assert_allclose(np.asarray(after.covariance) / units, (P - K @ S @ K.T) / units, atol=TEXTBOOK)
-    np.testing.assert_allclose(result.innovation[0], residual[0], atol=1e-12)
-    np.testing.assert_allclose(result.innovation_variance[0], S[0, 0], rtol=1e-9)
+    np.testing.assert_allclose(innovation.innovation[0], residual[0], atol=1e-12)
+    np.testing.assert_allclose(innovation.variance[0], S[0, 0], rtol=1e-9)
 
 
 def test_a_wide_prior_is_linearised_along_the_measured_direction(flight: FlightParams, q_KN: np.ndarray) -> None:

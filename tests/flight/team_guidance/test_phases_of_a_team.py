@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.flight.guidance import burn_planning
-from rpojax.flight.mission import team_mission
+from rpojax.flight.guidance import burn_schedule
+from rpojax.flight.mission import team_mission_state
 from rpojax.flight.team_guidance import direction_map, intent, phase_assignment, viewpoint_assignment
 from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning, least_angle
 
@@ -96,14 +96,14 @@ def test_the_least_angle_keeps_the_relative_orbits_apart() -> None:
 
 
 def test_a_shift_goes_to_its_end_at_the_rate_and_stays_there() -> None:
-    record = team_mission.initial(jnp.float64(0.0), TUNING.phase_rate, 3)
-    record = team_mission.shifted(record, jnp.float64(-0.5), jnp.array([True, True, False]), jnp.float64(100.0))
+    record = team_mission_state.initial(jnp.float64(0.0), TUNING.phase_rate, 3)
+    record = team_mission_state.shifted(record, jnp.float64(-0.5), jnp.array([True, True, False]), jnp.float64(100.0))
     rate = float(TUNING.phase_rate)
-    assert float(team_mission.angle(record, jnp.float64(50.0))) == 0.0
-    assert float(team_mission.angle(record, jnp.float64(600.0))) == pytest.approx(-500.0 * rate)
-    assert float(team_mission.angle(record, jnp.float64(1e6))) == -0.5
-    record = team_mission.shifted(record, jnp.float64(0.0), jnp.ones(3, dtype=bool), jnp.float64(600.0))
-    assert float(team_mission.angle(record, jnp.float64(700.0))) == pytest.approx(-400.0 * rate)
+    assert float(team_mission_state.angle(record, jnp.float64(50.0))) == 0.0
+    assert float(team_mission_state.angle(record, jnp.float64(600.0))) == pytest.approx(-500.0 * rate)
+    assert float(team_mission_state.angle(record, jnp.float64(1e6))) == -0.5
+    record = team_mission_state.shifted(record, jnp.float64(0.0), jnp.ones(3, dtype=bool), jnp.float64(600.0))
+    assert float(team_mission_state.angle(record, jnp.float64(700.0))) == pytest.approx(-400.0 * rate)
 
 
 def test_a_servicer_under_way_arrives_first_unless_another_one_has_left_or_taken_its_place() -> None:
@@ -153,7 +153,7 @@ def test_viewpoints_of_a_team_stay_apart() -> None:
 
 def test_what_is_left_of_a_burn_is_told() -> None:
     plan = replace(
-        burn_planning.no_burn(),
+        burn_schedule.no_burn(),
         ignition=jnp.float64(50.0),
         cutoff=jnp.float64(60.0),
         delta_v_N=jnp.array([1.0, 0.0, -2.0]),
@@ -165,5 +165,5 @@ def test_what_is_left_of_a_burn_is_told() -> None:
     np.testing.assert_allclose(told[55.0].delta_v_N, [0.5, 0.0, -1.0])
     assert float(told[55.0].burn_time) == 57.5
     np.testing.assert_array_equal(told[70.0].delta_v_N, np.zeros(3))
-    nothing = intent.intent(burn_planning.no_burn(), yes, jnp.float64(0.0), yes, jnp.float64(0.0))
+    nothing = intent.intent(burn_schedule.no_burn(), yes, jnp.float64(0.0), yes, jnp.float64(0.0))
     np.testing.assert_array_equal(nothing.delta_v_N, np.zeros(3))

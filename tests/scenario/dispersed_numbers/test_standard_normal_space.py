@@ -10,7 +10,7 @@ from scenario_variants import with_dispersions
 from scipy.stats import kstest, norm
 
 from rpojax.core import random_streams
-from rpojax.dispersions.designs import design_kinds
+from rpojax.dispersions.designs import design_sections
 from rpojax.errors import ScenarioError
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys, standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
@@ -147,7 +147,7 @@ def test_a_design_that_assigns_values_is_refused(mission: ScenarioFile) -> None:
 
 def test_a_scenario_with_fixed_values_has_independent_runs(mission: ScenarioFile) -> None:
     file = scenario_loader.validate(
-        mission.model_dump() | {"design": design_kinds.SobolDesign(kind="sobol").model_dump()}
+        mission.model_dump() | {"design": design_sections.SobolDesign(kind="sobol").model_dump()}
     )
     space = standard_normal_space.make_space(file)
     values = {name: np.zeros(np.shape(nominal_of_key(file, name))) for name in dispersion_keys.varied_keys(file)}

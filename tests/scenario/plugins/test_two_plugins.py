@@ -27,6 +27,7 @@ from rpojax.campaign.execution import block_runner
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.metrics import metric_catalogue
 from rpojax.report.page.html_report import write_report
+from rpojax.scenario.dispersed_numbers.dispersed_values import apply_to_params
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import leaf_path_and_factor
 from rpojax.scenario.plugins import plugin_registry
@@ -283,6 +284,66 @@ def test_sensors_of_one_name_have_the_keys_of_their_own_plugin() -> None:
     assert leaf_path_and_factor("beam.reach_m") == (("additional_sensors", "beam", "reach"), 1.0)
     with pytest.raises(ScenarioError):
         rpojax.load("inspection", overrides[Far], plugin=rpojax.Plugin(sensors={"beam": Near}))
+
+
+def believed_beam(believed: tuple[str, ...]) -> type[rpojax.AdditionalSensor]:
+    class Beam(rpojax.AdditionalSensor):
+        noise_m: float
+        sigma_m: float
+        normals = 1
+        row_count = 1
+        beliefs = believed
+
+        @staticmethod
+        def measure(settings, scene, normals):
+            return {"beam_m": settings["noise"] * normals[0]}
+
+        @staticmethod
+        def rows(beliefs, view, measured):
+            return view.rows(lambda _: jnp.zeros(1), measured["beam_m"][None], jnp.ones(1), jnp.asarray(True))
+
+    return Beam
+
+
+def test_sensors_of_one_name_and_the_same_keys_have_the_beliefs_of_their_own_plugin() -> None:
+    narrow, wide = believed_beam(("sigma_m",)), believed_beam(("noise_m", "sigma_m"))
+    inherited = [type("Own", (each,), {"__module__": __name__}) for each in (narrow, wide)]
+    for one, other in ((narrow, wide), tuple(inherited)):
+        files = [
+            rpojax.load(
+                "inspection", ["beam.noise_m=1.0", "beam.sigma_m=2.0"], plugin=rpojax.Plugin({}, {"beam": each})
+            )
+            for each in (one, other, one)
+        ]
+        assert files[0].plugin_sha256 == files[2].plugin_sha256 != files[1].plugin_sha256
+        # The static settings are the key of the compiled program.
+        scenarios = [rpojax.nominal_parameters(file)[0] for file in files]
+        assert scenarios[0] == scenarios[2] != scenarios[1]
+        for file, beliefs in zip(files, ({"sigma"}, {"noise", "sigma"}, {"sigma"}), strict=True):
+            params = rpojax.nominal_parameters(file)[1]
+            assert set(params.flight.sensors["beam"]) == beliefs
+            assert set(params.additional_sensors["beam"]) == {"noise", "sigma"} - beliefs
+            dispersed = apply_to_params(params, {"beam.noise_m": jnp.asarray(5.0)})
+            holder = dispersed.flight.sensors if "noise" in beliefs else dispersed.additional_sensors
+            assert holder["beam"]["noise"] == 5.0
+
+
+def test_a_believed_sensor_has_no_name_of_a_sensor_that_every_filter_has() -> None:
+    with pytest.raises(RpojaxError, match="found 'nis_box_mean', expected a name that no metric of the package has"):
+        rpojax.load("inspection", plugin=rpojax.Plugin({}, {"box": believed_beam(("sigma_m",))}))
+
+
+def test_rows_tell_metrics_of_sensors_of_one_name_apart() -> None:
+    one, two = (believed_beam(("sigma_m",)) for _ in range(2))
+    two.row_count = 2
+    for each in (one, two):
+        rpojax.Plugin({}, {"beam": each}).activate()
+    with pytest.raises(RpojaxError) as caught:
+        metric_catalogue.find("nis_beam_mean")
+    assert str(caught.value) == (
+        "metrics.nis_beam_mean: found 'NIS, beam' [-] of 1 degrees of freedom and 'NIS, beam' [-] of 2 degrees of "
+        "freedom in plugins of this process, expected one definition"
+    )
 
 
 class SyntheticBlock:

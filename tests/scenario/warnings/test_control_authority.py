@@ -4,11 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.flight.guidance import burn_planning
+from rpojax.flight.guidance import burn_schedule
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
 from rpojax.scenario import params
 from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.warnings import control_authority, orbit_geometry
+from rpojax.scenario.warnings import control_authority, nominal_motion
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 
 SIGHT = np.array([0.0, 1.0, 0.0])
@@ -33,7 +33,7 @@ def test_the_longest_burn_is_that_of_burn_planning(camera_hz: float) -> None:
     q_look = jnp.array([1.0, 0.0, 0.0, 0.0])
     for push in np.eye(3):
         # Body axes along N: the camera looks along the body's x axis.
-        planned = burn_planning.largest_delta_v(guidance, jnp.asarray(push), q_look)
+        planned = burn_schedule.largest_delta_v(guidance, jnp.asarray(push), q_look)
         found = control_authority.largest_delta_v_m_s(file, DispersedReach(file), np.eye(3)[0], push)
         assert float(found) == pytest.approx(float(planned), rel=1e-9)
 
@@ -46,7 +46,7 @@ def test_a_thruster_across_the_boresight_has_to_turn_by_it() -> None:
 
 def test_a_straight_transfer_takes_its_mean_velocity_at_both_ends() -> None:
     file = scenario_loader.load("inspection", ["dispersions=[]"])
-    motion = orbit_geometry.transition_matrices(1e-9, np.array([2000.0, 0.0]))[:, :, 3:]
+    motion = nominal_motion.transition_matrices(1e-9, np.array([2000.0, 0.0]))[:, :, 3:]
     change = np.array([0.0, 20.0, 0.0, 0.0, 0.0, 0.0])
     sight = np.broadcast_to(SIGHT, (2, 3))
     needed, _ = control_authority._smallest_burns(file, DispersedReach(file), motion, change, sight)

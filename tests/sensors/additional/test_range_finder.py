@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rpojax import Stages
-from rpojax.analysis.linear_covariance.covariance_history import check_scenario
+from rpojax.analysis.linear_covariance.covariance_propagation import check_scenario
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError

@@ -16,6 +16,8 @@ from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replace_leaves
 from rpojax.core.vectors import apply
 from rpojax.flight.decisions import burn_decision
+from rpojax.flight.decisions.burn_decision import Decision
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
@@ -118,13 +120,13 @@ class LinearisedLoop:
                 edge_deviations=outlines.deviations,
                 outputs=self._outputs(self.params, telemetry),
                 sigma_H=sigma_H,
-                box_used=telemetry.innovation.accepted,
+                box_used=telemetry.innovation.sensors["box"].accepted,
                 on_target=telemetry.mode == Mode.LOOK,
                 # Guidance follows the decision, which therefore sees its memory from before.
                 memory=replace_leaves(telemetry.flight, pointing=state.flight.pointing),
             )
             observed, outline = target_outline_ensemble.observe_ensemble(
-                ensemble, outlines, telemetry.innovation.accepted, self.scenario.tick_s
+                ensemble, outlines, telemetry.innovation.sensors["box"].accepted, self.scenario.tick_s
             )
             # The mean outline of all targets does not change as that of any one does.
             after = parameters.replace_leaf(after, ("flight", "orbit", "relative", "outline"), outline)
@@ -184,9 +186,12 @@ class LinearisedLoop:
             self.params.flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N
         )
 
+        predicted = predict_to_burn(self.params.flight, memory.orbit)
+        decision = Decision(time=time, memory=memory, predicted=predicted, pointing=pointing)
+
         def burn(command: Array) -> tuple[Array, Array]:
             loop = Loop(self.scenario, self.params, replace(self.stages, formation_law=lambda: command))
-            plan = burn_decision.plan_burn(loop.software, memory, pointing, time)
+            plan, _ = burn_decision.plan_burn(loop.software, decision)
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
 

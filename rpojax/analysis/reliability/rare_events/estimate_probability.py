@@ -6,7 +6,7 @@ from typing import Any, get_args
 import jax
 import numpy as np
 
-from rpojax.analysis.reliability.rare_events import method_choice
+from rpojax.analysis.reliability.rare_events import estimate_by_method
 from rpojax.analysis.reliability.rare_events.latent_points import (
     LatentPoints,
     LatentSpace,
@@ -59,7 +59,7 @@ def estimate_probability(
     calls = LimitStateCalls(_as_limit_function(limit_state, dimension, noise_dimension), space, budget)
     chosen: MethodChoice = method  # pyright: ignore[reportAssignmentType]
     with stage("estimating the probability", quiet=not progress, announce=False):
-        return method_choice.estimate(calls, np.random.default_rng(seed), chosen)
+        return estimate_by_method.estimate(calls, np.random.default_rng(seed), chosen)
 
 
 def _check(dimension: int, budget: int, seed: int, method: str, noise_dimension: int) -> None:

@@ -14,7 +14,7 @@ from rpojax.analysis.reliability.search_settings import Bound, FailureChoice
 from rpojax.analysis.reliability.simulated_limit_state import with_one_limit
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
-from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
@@ -103,7 +103,7 @@ def _of_outcome(file: ScenarioFile, name: str) -> Failure:
     reach, is_mission = DispersedReach(file), bool(file.phases)
     possible = {
         Outcome.UNFINISHED: is_mission and file.goal.phase != NO_GOAL,
-        Outcome.ABORTED: is_mission,
+        Outcome.ABORTED: is_mission and file.goal.phase != "aborted",
         Outcome.LOST: reach.low("limits.lost_after_s") <= file.duration_s,
         Outcome.OFF_STATION: reach.low("limits.arrive_by_s") <= file.duration_s,
     }

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
-from rpojax.analysis.reliability.rare_events import method_choice
+from rpojax.analysis.reliability.rare_events import estimate_by_method
 from rpojax.analysis.reliability.rare_events.estimate_probability import MIN_BUDGET
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction, LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import ProbabilityEstimate
@@ -219,7 +219,7 @@ def _estimated(
     watch.show(compiled=True)
     remembered = log.watched(folder.remembered(simulated))
     calls = LimitStateCalls(lambda points: watch.counted(points, remembered), simulated.latent, settings.budget)
-    found = method_choice.estimate(calls, np.random.default_rng(seed), settings.method)
+    found = estimate_by_method.estimate(calls, np.random.default_rng(seed), settings.method)
     repeats = repeated_with_own_noise(log, remembered, np.random.default_rng([seed, 1]), _REPEATS)
     return to_json_types(
         {

@@ -22,7 +22,7 @@ from rpojax.campaign.experiment_design import Design
 from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
 from rpojax.dispersions.coordinate_source import clip_to_open_interval
-from rpojax.dispersions.designs.design_kinds import IndependentDesign
+from rpojax.dispersions.designs.design_sections import IndependentDesign
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.scenario.dispersed_numbers.dispersion_keys import coordinate_count, nominal_numbers
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace

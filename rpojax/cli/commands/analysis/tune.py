@@ -86,7 +86,8 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
         table = Table(title=f"{judged['runs']} unseen runs, seed {judged['seed']}: means")
         for heading in ("metric", "unit", "start", "tuned", "ratio", "95 % interval"):
             table.add_column(heading, justify="left" if heading in ("metric", "unit") else "right")
-        for name in dict.fromkeys([*SHOWN, *weights]):
+        of_sensors = [name for name in judged["means"] if name.startswith("nis_") and "@" not in name]
+        for name in dict.fromkeys([*SHOWN, *of_sensors, *weights]):
             if change := judged["means"].get(name):
                 label, (low, high) = metric_label(name), change["ratio_95"]
                 interval = f"{format_number(low, 3)} to {format_number(high, 3)}"

@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.two_impulse_transfer import departure_velocity
-from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, transition_matrix
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, constants_of_motion, free_motion
 from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
@@ -28,21 +28,23 @@ class TrackedPoint:
     impulse: Array
 
 
-def tracked_point(orbit: TargetOrbit, period: Scalar, before: Vector, at: Vector, after: Vector) -> TrackedPoint:
+def tracked_point(orbits: TargetOrbit, period: Scalar, positions: Float[Array, "3 3"]) -> TrackedPoint:
     """Free motions between the positions [m] of a reference one `period` [s] before a burn, at it and one after it.
 
-    `orbit` is that of the target at the burn. Periods for which `departure_velocity` is singular, such as half an orbit
-    for cross-track motion, give impulses that are bounded, but miss the points.
+    `orbits` are those of the target then, along the first axis as the positions. Periods for which `departure_velocity`
+    is singular, such as half an orbit for cross-track motion, give impulses that are bounded, but miss the points.
     """
 
-    def arc(_: None, ends: tuple[Scalar, Vector, Vector]) -> tuple[None, tuple[Vector, Vector]]:
-        since, start, end = ends
-        motion = transition_matrix(advanced(orbit, since), period)
-        departure = departure_velocity(motion, start, end, period, mean_motion(orbit.semi_major_axis) * period)
+    def arc(_: None, ends: tuple[TargetOrbit, TargetOrbit, Vector, Vector]) -> tuple[None, tuple[Vector, Vector]]:
+        at_start, at_end, start, end = ends
+        constants = constants_of_motion(at_start, jnp.eye(6, dtype=start.dtype))
+        motion = free_motion(at_end, period, constants)
+        departure = departure_velocity(motion, start, end, period, mean_motion(at_start.semi_major_axis) * period)
         return None, (departure, jnp.sum(motion[3:] * jnp.concatenate([start, departure])[None, :], axis=1))
 
-    starts = jnp.stack([-period, jnp.zeros_like(period)])
+    starts = jax.tree.map(lambda leaf: leaf[:2], orbits)
+    ends = jax.tree.map(lambda leaf: leaf[1:], orbits)
     # A scan: two copies of these operations would take twice as long to compile.
-    arcs = (starts, jnp.stack([before, at]), jnp.stack([at, after]))
+    arcs = (starts, ends, positions[:2], positions[1:])
     _, (departures, arrivals) = jax.lax.scan(arc, None, arcs)
     return TrackedPoint(arrival_velocity=arrivals[0], impulse=departures[1] - arrivals[0])

@@ -68,10 +68,14 @@ def test_what_cannot_be_tuned_is_refused_in_one_line(names: list[str], overrides
     assert "\n" not in str(refused.value)
 
 
-def test_weights_of_a_mission_with_phases_are_not_tuned_as_those_of_the_formation() -> None:
+def test_weights_of_the_formation_are_tuned_where_a_phase_has_none_of_its_own() -> None:
+    file = rpojax.load("safety_ellipse")
+    assert "formation.position_weight[0]" in tunable_parameters.select_parameters(file, ["formation"]).names
+    tables = file.model_dump(mode="json")
+    for phase in tables["phases"]:
+        phase["position_weight"] = [1.0, 1.0, 1.0]
     with pytest.raises(ScenarioError, match=r"formation.position_weight: found 'phases, which have weights"):
-        tunable_parameters.select_parameters(rpojax.load("safety_ellipse"), ["formation"])
-    assert tunable_parameters.select_parameters(rpojax.load("safety_ellipse"), ["navigation"]).names
+        tunable_parameters.select_parameters(schema.ScenarioFile.model_validate(tables), ["formation"])
 
 
 def test_a_dispersed_number_is_not_tuned() -> None:

@@ -7,13 +7,21 @@ import pytest
 from relative_motion_cases import ECCENTRICITIES, advanced, integrated_free_motion, orbit, period
 
 from rpojax.core.orbits import yamanaka_ankersen
-from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.pytree import replace
-from rpojax.flight.control.station_keeping import solve_station_keeping
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.flight.guidance.references import impulsive_tracking
-from rpojax.scenario.params import Params
+from rpojax.flight.guidance.references.impulsive_tracking import TrackedPoint
 
-tracked_point = jax.jit(impulsive_tracking.tracked_point)
+
+@jax.jit
+def tracked_point(
+    orbit: TargetOrbit, period: jax.Array, before: jax.Array, at: jax.Array, after: jax.Array
+) -> TrackedPoint:
+    """Tracked point of a burn at a place on the orbit."""
+    times = jnp.stack([-period, 0.0 * period, period])
+    orbits = jax.vmap(yamanaka_ankersen.advanced, in_axes=(None, 0))(orbit, times)
+    return impulsive_tracking.tracked_point(orbits, period, jnp.stack([before, at, after]))
+
+
 free_motion = jax.jit(yamanaka_ankersen.free_motion)
 INTERVAL = jnp.asarray(200.0)
 
@@ -42,15 +50,20 @@ def test_the_impulses_lead_from_point_to_point(e: float) -> None:
         np.testing.assert_allclose(state[:3], points[k + 1], atol=1e-6)
 
 
-def test_holding_a_place_on_a_circular_orbit_is_station_keeping(params: Params) -> None:
-    position = jnp.array([10.0, -25.0, 15.0])
-    at = orbit(0.0)
-    expected = solve_station_keeping(
-        replace(params.flight.formation, desired_position=position), mean_motion(at.semi_major_axis), 200.0
-    )
-    found = tracked_point(at, INTERVAL, position, position, position)
-    np.testing.assert_allclose(found.impulse, expected.impulse, atol=1e-13)
-    np.testing.assert_allclose(found.arrival_velocity, expected.arrival_velocity, atol=1e-13)
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+@pytest.mark.parametrize("place", [(30.0, 0.0, 0.0), (0.0, 0.0, -20.0), (10.0, -25.0, 15.0)])
+def test_the_free_motion_returns_to_a_place_that_is_held(e: float, place: tuple[float, float, float]) -> None:
+    position, at = jnp.array(place), orbit(e)
+    station = tracked_point(at, INTERVAL, position, position, position)
+    start = np.concatenate([place, np.asarray(station.arrival_velocity + station.impulse)])
+    np.testing.assert_allclose(integrated_free_motion(e, at, start, 200.0)[:3], place, atol=1e-6)
+
+
+def test_a_place_along_the_track_of_a_circular_orbit_needs_no_impulse() -> None:
+    position = jnp.array([0.0, -30.0, 0.0])
+    station = tracked_point(orbit(0.0), INTERVAL, position, position, position)
+    np.testing.assert_allclose(station.arrival_velocity, 0.0, atol=1e-14)
+    np.testing.assert_allclose(station.impulse, 0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("turns", [0.5, 1.0, 2.0])

@@ -43,10 +43,10 @@ def test_two_boxes_find_a_target_at_a_range_far_from_the_believed_one(flight: Fl
     gate = outlier_gate.initial()
     update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
     for _ in range(2):
-        estimate, gate, _, used, _ = update(
+        estimate, gate, innovation, _ = update(
             flight.navigation, True, estimate, gate, box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN))
         )
-    assert bool(used)
+    assert bool(innovation.accepted)
     error = np.linalg.norm(np.asarray(estimate.r_TS_N) - target) / np.linalg.norm(target)
     spread = np.sqrt(np.trace(np.asarray(estimate.covariance)[:3, :3])) / np.linalg.norm(target)
     assert error < 0.1  # of a box without error; the size is known to 15 %
@@ -61,13 +61,13 @@ def test_a_part_of_a_target_behind_the_estimated_place_is_found_in_front_of_the_
     # The frame shows half of it; by the estimate it is on the other side.
     box = replace(box, log_size=box.log_size - 0.7, side_px=0.5 * box.side_px)
     estimate = rendezvous_scene.estimate(flight, -100.0 * target / 20.0, position_sigma=150.0).relative
-    gate, used = outlier_gate.initial(), False
+    gate = outlier_gate.initial()
     update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
     for _ in range(3):
-        estimate, gate, _, used, _ = update(
+        estimate, gate, innovation, _ = update(
             flight.navigation, True, estimate, gate, box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN))
         )
-    assert bool(used)
+    assert bool(innovation.accepted)
     found = R_KN @ np.asarray(estimate.r_TS_N)
     assert found[2] > 0.0
     assert np.linalg.norm(found[:2]) / found[2] < np.deg2rad(10.0)

@@ -20,10 +20,8 @@ from simulated_guidance import TIME, guidance_of, look_attitude, plan, push_back
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.guidance import (
-    burn_planning,
-)
-from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance import burn_schedule
+from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.scenario.params import Params
 
@@ -32,7 +30,7 @@ hill = jax.jit(hill_frame)
 
 @jax.jit
 def inhibit(flight: FlightParams, plan: BurnPlan, q_BN: jax.Array, time: jax.Array) -> BurnPlan:
-    return burn_planning.inhibit(guidance_of(flight), plan, q_BN, time)
+    return burn_schedule.inhibit(guidance_of(flight), plan, q_BN, time)
 
 
 to_hill = jax.jit(inertial_to_hill)

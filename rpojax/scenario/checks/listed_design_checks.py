@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
 from rpojax.dispersions.listed_values import check_listed_values
 from rpojax.errors import ScenarioError
 from rpojax.scenario.dispersed_numbers.assigned_value_checks import (

@@ -8,7 +8,7 @@ from rpojax.core.orbits import camera_visibility, keplerian_elements, sun_moon_e
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.warnings import orbit_geometry, target_light
+from rpojax.scenario.warnings import nominal_motion, target_light
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.value_types import epoch_seconds
 
@@ -33,8 +33,8 @@ def elements(file: ScenarioFile, true_anomaly: float) -> KeplerianElements:
 def test_places_at_equal_times_sweep_equal_areas() -> None:
     file = scenario_loader.load("inspection", ECCENTRIC)
     perigee = np.radians(file.orbit.argument_of_perigee_deg)
-    times = 2.0 * np.pi / orbit_geometry.mean_motion(file) * np.arange(400) / 400
-    anomalies = orbit_geometry.latitudes_after(file, perigee, times) - perigee
+    times = 2.0 * np.pi / nominal_motion.mean_motion(file) * np.arange(400) / 400
+    anomalies = nominal_motion.latitudes_after(file, perigee, times) - perigee
     middle = 0.5 * (anomalies[1:] + anomalies[:-1])
     areas = np.diff(anomalies) / (1.0 + 0.1 * np.cos(middle)) ** 2
     np.testing.assert_allclose(areas, areas.mean(), rtol=1e-4)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.linear_covariance import covariance_history, monte_carlo_agreement
+from rpojax.analysis.linear_covariance import covariance_propagation, monte_carlo_agreement
 from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.flight.stages import Stages
@@ -15,7 +15,7 @@ OVERRIDES = ("camera.outlier_probability=0.0", "duration_s=400.0")
 @pytest.mark.slow
 def test_the_covariance_of_a_short_run_is_that_of_sampled_runs() -> None:
     file = scenario_loader.load("inspection", OVERRIDES)
-    linear = covariance_history.propagate_covariance(file, members=64)
+    linear = covariance_propagation.propagate_covariance(file, members=64)
     sampled = monte_carlo_agreement.simulate_sample(file, 200, 0)
     assert sampled.failed == 0
     by_sigma = {(row.channel, row.component): row for row in monte_carlo_agreement.compare_with_sample(linear, sampled)}
@@ -44,7 +44,7 @@ def test_the_covariance_of_a_short_run_is_that_of_sampled_runs() -> None:
 )
 def test_effects_without_a_derivative_are_refused(overrides: list[str], named: str) -> None:
     with pytest.raises(RpojaxError, match=named):
-        covariance_history.check_scenario(scenario_loader.load("inspection", overrides))
+        covariance_propagation.check_scenario(scenario_loader.load("inspection", overrides))
 
 
 def test_missions_with_phases_are_refused() -> None:

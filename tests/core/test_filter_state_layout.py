@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.core.state_layout import MOTION, StateLayout
+from rpojax.core.filter_state_layout import MOTION, StateLayout
 
 LAYOUT = StateLayout((*MOTION.blocks, ("size", 2), ("bias", 1)))
 

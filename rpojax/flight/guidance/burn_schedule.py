@@ -6,16 +6,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
-from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.quaternion import rotate
-from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware, PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
-from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -128,36 +123,6 @@ _SCHEDULE_TICKS = 2.0
 
 _TARGET_MOTION_TIME = 1.0
 """Time that the target's own motion adds to a turn [s]."""
-
-
-@pytree
-class StateAtBurn:
-    """Relative motion at the middle of a burn.
-
-    Attributes:
-        state_H: (6,) position and velocity of the servicer from the target [m, m/s]
-        R_CN: (3, 3) axes of the Hill frame at that time
-    """
-
-    state_H: Array
-    R_CN: Array
-
-
-def state_at_burn(formation: FormationTuning, estimate: OrbitEstimate) -> StateAtBurn:
-    """Estimated relative motion, predicted to the middle of the next burn."""
-    r_TN_N, v_TN_N = (
-        estimate.servicer.r_SN_N + estimate.relative.r_TS_N,
-        estimate.servicer.v_SN_N + estimate.relative.v_TS_N,
-    )
-    R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
-    rho, rho_dot = inertial_to_hill(-estimate.relative.r_TS_N, -estimate.relative.v_TS_N, R_HN, omega_HN_N)
-    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
-    now = jnp.concatenate([rho, rho_dot])
-    transition = transition_matrix(n, formation.lead)
-    angle = n * formation.lead
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    R_CN = jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]])
-    return StateAtBurn(state_H=jnp.sum(transition * now[None, :], axis=1), R_CN=R_CN)
 
 
 @pytree

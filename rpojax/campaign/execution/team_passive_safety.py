@@ -126,5 +126,5 @@ def _value(drawn: Mapping[str, np.ndarray], nominal: Params, key: str, shape: tu
     """Value of a key in every run of that shape, the nominal one where it does not vary."""
     if key in drawn:
         return np.asarray(drawn[key])
-    path, factor = parameters.leaf_path_and_factor(key)
+    path, factor = parameters.leaf_path_and_factor(key, nominal)
     return np.broadcast_to(np.asarray(parameters.get_leaf(nominal, path), dtype=np.float64) / factor, shape)

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.campaign.execution import passive_separation
+from rpojax.campaign.execution import team_passive_safety
 from rpojax.campaign.execution.passive_safety import PassiveSafety
 from rpojax.campaign.single_run import nominal_parameters
 from rpojax.core.pytree import replace
@@ -56,7 +56,7 @@ def separation(pair: Any, masses: np.ndarray, members: list[Params], order: tupl
     drawn = [{"servicer.mass_kg": masses[number]} for number in order]
     in_order = {name: values[..., list(order), :] for name, values in records.items()}
     in_order["mass_kg"] = np.broadcast_to(masses[list(order)], (TICKS, 2, RUNS))
-    found = passive_separation.least_separation(evaluator, [members[number] for number in order], drawn, in_order)
+    found = team_passive_safety.least_separation(evaluator, [members[number] for number in order], drawn, in_order)
     return found[team.PASSIVE_SEPARATION]
 
 
@@ -85,7 +85,7 @@ def test_what_both_have_burned_by_a_drift_is_part_of_the_difference(pair: Any) -
     burned = {**records, "mass_kg": np.full((TICKS, 2, RUNS), 15.0)}
     whole = {**records, "mass_kg": np.full((TICKS, 2, RUNS), 30.0)}
     found = [
-        passive_separation.least_separation(evaluator, [nominal, nominal], drawn, each)[team.PASSIVE_SEPARATION]
+        team_passive_safety.least_separation(evaluator, [nominal, nominal], drawn, each)[team.PASSIVE_SEPARATION]
         for each in (burned, whole)
     ]
     np.testing.assert_allclose(*found, rtol=1e-2)

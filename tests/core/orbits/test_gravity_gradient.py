@@ -5,9 +5,9 @@ import numpy as np
 from hypothesis import given
 from numpy_reference import MU, SEEDS, random_position, relative_error
 
-from rpojax.core.orbits import two_body_gravity
+from rpojax.core.orbits import gravity_gradient
 
-gravity_gradient = jax.jit(two_body_gravity.gravity_gradient)
+gravity_gradient = jax.jit(gravity_gradient.gravity_gradient)
 
 
 @given(SEEDS)

@@ -23,6 +23,7 @@ class PhaseSettings:
         has_arrival_box: whether one of these is the arrival at the end of its reference
         passively_safe: whether no planned burn may make the free drift unsafe
         has_corridor: whether leaving its corridor is a reason for an abort
+        stops_in_the_dark: whether it stops before the target gets dark, as its reference waits for it
     """
 
     name: str
@@ -34,6 +35,7 @@ class PhaseSettings:
     has_arrival_box: bool
     passively_safe: bool
     has_corridor: bool
+    stops_in_the_dark: bool
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class MissionSettings:
 
     Attributes:
         phases: in their order
+        is_managed: whether phases end and aborts are decided; else there is one phase, without either
         decision_ticks: ticks between decisions of the mission manager
         hold_ticks: ticks between burn decisions while it holds its place or has aborted
         hold_burns_per_orbit: number of LQR gains over an orbit then
@@ -52,6 +55,7 @@ class MissionSettings:
     """
 
     phases: tuple[PhaseSettings, ...]
+    is_managed: bool
     decision_ticks: int
     hold_ticks: int
     hold_burns_per_orbit: int
@@ -59,6 +63,11 @@ class MissionSettings:
     servicers: int = 1
     keeps_clear: bool = False
     phasing: Phasing = "fixed"
+
+    @property
+    def built_in(self) -> tuple[str, ...]:
+        """Names of the rows after those of the phases: holding the present place, and after an abort."""
+        return ("hold", "aborted") if self.is_managed else ()
 
     @property
     def hold(self) -> int:
@@ -73,4 +82,4 @@ class MissionSettings:
     @property
     def control_ticks(self) -> tuple[int, ...]:
         """Ticks between burn decisions by row, the built-in phases included."""
-        return (*(phase.control_ticks for phase in self.phases), self.hold_ticks, self.hold_ticks)
+        return (*(phase.control_ticks for phase in self.phases), *(self.hold_ticks for _ in self.built_in))
