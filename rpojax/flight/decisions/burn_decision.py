@@ -99,7 +99,7 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     greatest = burn_schedule.certain_delta_v(software.guidance)
     if not settings.is_managed:
         planned_H = _within_limit(software, predicted, pointing, jnp.where(sees, planned_H, 0.0))
-        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait=~stops)
+        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, ~stops, improves=True)
         return _scheduled(software, decision, burn_H, sees & works), state
     sees &= memory.health.confident
     keeps = sees & (state.phase != settings.aborted)
@@ -246,14 +246,15 @@ def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag,
     until_seen = jnp.where(stops, orbit_period, 2.0 * period)
     span = jnp.where(is_passive, jnp.minimum(orbit_period, tuning.abort_horizon), until_seen)
     place_H, by_estimate = predicted.burn_state_H[:3], stops
+    uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(place_H)
     if software.mission.is_managed:
         zone = keep_out_zone(software, state) + tuning.abort_margin
     else:
         zone = _zone_of_station(software, decision)
-        # Where it may be within its zone already, a servicer need not know to the last sigma that it comes no nearer.
-        least = 1.0 - tuning.abort_sigmas * predicted.range_ratio_sigma
-        by_estimate = stops | (least * gradient_safe.norm(place_H / zone) < 1.0)
-    uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(place_H)
+        # Where it may drift into its zone, a servicer need not know to the last sigma that it comes no nearer.
+        speed_sigma = gradient_safe.sqrt(jnp.trace(predicted.burn_covariance_H[3:, 3:]))
+        reached = uncertain + tuning.abort_sigmas * span * speed_sigma
+        by_estimate = stops | (gradient_safe.norm(place_H) - reached < jnp.max(zone))
     zone = zone + jnp.where(stops, uncertain, 0.0)
     up_to_here = jnp.minimum(1.0, _NO_NEARER * gradient_safe.norm(place_H / zone))
     return Drift(

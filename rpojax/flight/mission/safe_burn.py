@@ -25,6 +25,9 @@ _SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 _NO_BURN: Final = len(_SHARES) - 1
 """Place of no burn among these."""
 
+_NEARLY_CLEAR: Final = 0.8
+"""Clearance from which a planned burn that is clearer than none may be made at a station [-]."""
+
 _ESTIMATE_WEIGHT: Final = 1e-3
 """Weight of the clearance by the estimate alone, which decides where none is left with its uncertainty [-]."""
 
@@ -42,7 +45,7 @@ _DIRECTIONS: Final = np.array(
 """Directions in H of other burns: all about the orbit normal, along it, and between it and the track."""
 
 
-def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Flag) -> Vector:
+def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Flag, improves: bool = False) -> Vector:
     """Velocity change [m/s] of the next burn: as much of the planned one as is safe, else the smallest that is safe.
 
     If nothing is safe, the one with the greatest clearance is made; of those without any, the best by the estimate
@@ -55,8 +58,9 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         planned_H: (3,) velocity change by the control law; zero if there is none to be made [m/s]
         greatest: () size of the greatest change that can be made in any direction [m/s]
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
+        improves: whether a planned change counts as safe, too, that is nearly clear and clearer than no burn
     """
-    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait)
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait, improves=jnp.asarray(improves))
 
     def clearances(direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]) -> _Clearances:
         return _of_direction(least_clearance(drift, direction_H, sizes))
@@ -85,7 +89,7 @@ def safe_delta_v_among(
     drift: Drift, others: Clearance, planned_H: Vector, greatest: Scalar, may_wait: Flag
 ) -> SafeBurn:
     """Burn as by `safe_delta_v` that keeps clear of others, too; who they are is their number along the first axis."""
-    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait)
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait, improves=jnp.zeros((), dtype=bool))
 
     def clearances(
         direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]
@@ -110,11 +114,13 @@ class _Tried:
         planned_H: (3,) [m/s]
         greatest: () size of the greatest other one [m/s]
         may_wait: () bool, whether none is made while the drift is safe by the estimate alone
+        improves: () bool, whether a planned one counts as safe, too, that is nearly clear and clearer than no burn
     """
 
     planned_H: Array
     greatest: Array
     may_wait: Array
+    improves: Array
 
     @property
     def other_directions_H(self) -> Float[Array, "d 3"]:
@@ -181,7 +187,8 @@ def _of_planned(clearances: _Clearances, tried: _Tried) -> tuple[Vector, Flag]:
     """As much of the planned burn [m/s] as is safe, and whether any of it may be made, or none at all."""
     chosen, is_found = jnp.zeros_like(tried.planned_H), tried.may_wait & (clearances.by_estimate[_NO_BURN] >= 1.0)
     for number in reversed(range(len(_SHARES))):
-        is_safe = clearances.certain[number] >= 1.0
+        clearance, without = clearances.certain[number], clearances.certain[_NO_BURN]
+        is_safe = (clearance >= 1.0) | (tried.improves & (clearance >= _NEARLY_CLEAR) & (clearance > without))
         chosen, is_found = jnp.where(is_safe, _SHARES[number] * tried.planned_H, chosen), is_found | is_safe
     is_finite = gradient_safe.is_finite(tried.planned_H)
     return jnp.where(is_finite, chosen, tried.planned_H), is_found | ~is_finite
