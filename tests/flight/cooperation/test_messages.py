@@ -14,7 +14,7 @@ from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 R_N = jnp.array([6.9e6, 1e5, -3e5])
 
 
-gravity_gradient = jax.jit(gravity_gradient.gravity_gradient)
+gradient_at = jax.jit(gravity_gradient.gravity_gradient)
 transition_matrix = jax.jit(baseline_motion.transition_matrix)
 advance = jax.jit(burn_effect.advance, static_argnums=4)
 since = jax.jit(burn_effect.since)
@@ -51,7 +51,7 @@ def test_bytes_of_a_message() -> None:
 
 @pytest.mark.parametrize("t", [-20.0, 7.0, 20.0])
 def test_free_motion_is_the_exponential(t: float) -> None:
-    G = gravity_gradient(R_N)
+    G = gradient_at(R_N)
     steps = np.eye(6)
     for _ in range(2000):
         steps = np.asarray(transition_matrix(G, t / 2000)) @ steps
@@ -59,7 +59,7 @@ def test_free_motion_is_the_exponential(t: float) -> None:
 
 
 def test_burns_of_lost_messages_are_known_from_the_next_one() -> None:
-    gradient = gravity_gradient(R_N)
+    gradient = gradient_at(R_N)
     phi = np.asarray(transition_matrix(gradient, 1.0))
     burns, before = burn_effect.initial(), burn_effect.none()
     expected, P = np.zeros(6), np.zeros((6, 6))
