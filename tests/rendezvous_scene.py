@@ -77,7 +77,6 @@ def software(
             hold_burns_per_orbit=1,
         ),
         tick_s=1.0,
-        formation_period_s=formation_period_s,
     )
 
 

@@ -20,7 +20,6 @@ class FlightSoftware:
         camera: sizes of the camera's images
         mission: static settings of the phases
         tick_s: time between guidance ticks [s]
-        formation_period_s: time between burn decisions, but of phases with one of their own [s]
     """
 
     stages: Stages
@@ -29,7 +28,6 @@ class FlightSoftware:
     camera: CameraFormat
     mission: MissionSettings
     tick_s: float
-    formation_period_s: float
 
     @property
     def guidance(self) -> GuidanceSoftware:

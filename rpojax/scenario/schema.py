@@ -9,10 +9,10 @@ from pydantic import AfterValidator, Field, create_model
 
 from rpojax.dispersions.designs.design_sections import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
+from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
 from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
 from rpojax.metrics.time_windows import MetricWindow
 from rpojax.scenario.phases.phase_sections import (
-    BUILT_IN_PHASES,
     CorridorSection,
     GoalSection,
     MissionSection,

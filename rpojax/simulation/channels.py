@@ -193,10 +193,6 @@ def _pointing_error(tick: ObservedTick) -> Scalar:
     return jnp.rad2deg(off)
 
 
-def _desired_position(tick: ObservedTick) -> Vector:
-    return tick.telemetry.rho_desired_H
-
-
 def _mission(tick: ObservedTick) -> MissionState:
     return tick.telemetry.flight.mission
 
@@ -300,7 +296,7 @@ POSE_CHANNELS: Final[ChannelFunctions] = {
 }
 """Poses of camera and target, for images that are rendered again and for the coverage of the target's surface."""
 MISSION_CHANNELS: Final[ChannelFunctions] = {
-    "rho_desired_H": _desired_position,
+    "rho_desired_H": lambda tick: tick.telemetry.rho_desired_H,
     "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),
     "phase_entered_by": lambda tick: _mission(tick).entered_by.astype(jnp.int8),
     "abort_reason": lambda tick: _mission(tick).abort_reason.astype(jnp.int8),

@@ -54,7 +54,6 @@ class Loop:
             camera=camera_format(scenario),
             mission=scenario.mission,
             tick_s=scenario.tick_s,
-            formation_period_s=scenario.formation_period_s,
         )
 
     def __post_init__(self) -> None:

@@ -9,10 +9,10 @@ from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import attitude_guidance, burn_schedule, target_visibility
-from rpojax.flight.mission import hold_in_doubt
 from rpojax.flight.navigation.box_measurement import detection_model
 
 Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
 Flag = Bool[Array, ""]
 
 
@@ -40,21 +40,23 @@ def may_be_too_small(params: FlightParams, memory: FlightMemory) -> Flag:
     )
 
 
-def stays_visible(
-    software: FlightSoftware, memory: FlightMemory, predicted: Prediction, sun_N: Float[Array, "3"], period: Scalar
-) -> Flag:
-    """Whether the target stays visible until the next burns, one each `period` [s], can have stopped the motion.
-
-    The Sun is at `sun_N` [m].
-    """
+def time_to_stop(software: FlightSoftware, stop_H: Vector, period: Scalar) -> Scalar:
+    """Time [s] in which burns, one each `period` [s], can have made a velocity change [m/s] that stops the motion."""
     certain = burn_schedule.certain_delta_v(software.guidance)
-    stop = gradient_safe.norm(hold_in_doubt.change_to_stop(predicted.burn_state_H, predicted.burn_orbit))
     # A thruster that cannot burn in every direction within the limit gives no measure.
-    burns_to_stop = jnp.where(certain > 0.0, _BURNS_PER_STOP * stop / jnp.where(certain > 0.0, certain, 1.0), 0.0)
-    burns = jnp.maximum(_BURNS_BEFORE_DARKNESS, 2.0 + burns_to_stop)
-    after = advanced(predicted.burn_orbit, burns * period)
-    angle = after.argument_of_latitude - predicted.orbit.argument_of_latitude
-    return target_visibility.is_visible_after(software.params.vehicle, memory.orbit, sun_N, angle)
+    burns_to_stop = jnp.where(
+        certain > 0.0, _BURNS_PER_STOP * gradient_safe.norm(stop_H) / jnp.where(certain > 0.0, certain, 1.0), 0.0
+    )
+    return jnp.maximum(_BURNS_BEFORE_DARKNESS, 2.0 + burns_to_stop) * period
+
+
+def stays_visible(
+    params: FlightParams, memory: FlightMemory, predicted: Prediction, sun_N: Vector, after: Scalar
+) -> Flag:
+    """Whether the target is still visible a time [s] after the burn, with the Sun at `sun_N` [m]."""
+    then = advanced(predicted.burn_orbit, after)
+    angle = then.argument_of_latitude - predicted.orbit.argument_of_latitude
+    return target_visibility.is_visible_after(params.vehicle, memory.orbit, sun_N, angle)
 
 
 _BURNS_BEFORE_DARKNESS = 3.0

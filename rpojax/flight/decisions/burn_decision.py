@@ -86,12 +86,12 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     memory, predicted, pointing = decision.memory, decision.predicted, decision.pointing
     state = memory.mission
     period = _period(settings, state, software.tick_s)
-    visible = burn_conditions.stays_visible(software, memory, predicted, pointing.sun_N, period)
-    planned_H = _planned_delta_v(software, decision, period)
+    stop_H = hold_in_doubt.change_to_stop(predicted.burn_state_H, predicted.burn_orbit)
+    until_stopped = burn_conditions.time_to_stop(software, stop_H, period)
+    visible = burn_conditions.stays_visible(params, memory, predicted, pointing.sun_N, until_stopped)
     waits = [*(phase.stops_in_the_dark for phase in settings.phases), True, False]
     stops = ~visible & constant_of_phase(state.phase, waits)
-    stop_H = hold_in_doubt.change_to_stop(predicted.burn_state_H, predicted.burn_orbit)
-    planned_H = jnp.where(stops, stop_H, planned_H)
+    planned_H = jnp.where(stops, stop_H, _planned_delta_v(software, decision, period))
     works = burn_conditions.thruster_works(params, memory, time)
     known = predicted.range_ratio_sigma < params.formation.range_uncertainty_limit
     sees = pointing.visible & ~burn_conditions.is_lost(params, memory) & known
@@ -101,10 +101,10 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
         planned_H = _within_limit(software, predicted, pointing, jnp.where(sees, planned_H, 0.0))
         burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, ~stops, improves=True)
         return _scheduled(software, decision, burn_H, sees & works), state
-    sees &= memory.health.confident
-    keeps = sees & (state.phase != settings.aborted)
+    trusts, has_aborted = sees & memory.health.confident, state.phase == settings.aborted
+    keeps = trusts & ~has_aborted
     was_made = _is_made(params, memory, time)
-    after_abort = abort_burn.permission(state.abort_burns, state.phase == settings.aborted, works, sees, was_made)
+    after_abort = abort_burn.permission(state.abort_burns, has_aborted, works, trusts, was_made)
     planned_H = _within_limit(software, predicted, pointing, jnp.where(keeps, planned_H, 0.0))
     may_wait = is_passively_safe(settings, state) & ~after_abort.of_abort
     can_burn = (keeps & works) | after_abort.of_abort | after_abort.of_sight
@@ -255,7 +255,7 @@ def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag,
         speed_sigma = gradient_safe.sqrt(jnp.trace(predicted.burn_covariance_H[3:, 3:]))
         reached = uncertain + tuning.abort_sigmas * span * speed_sigma
         by_estimate = stops | (gradient_safe.norm(place_H) - reached < jnp.max(zone))
-    zone = zone + jnp.where(stops, uncertain, 0.0)
+    zone = jnp.maximum(zone, drift_clearance.LEAST_SEMI_AXIS) + jnp.where(stops, uncertain, 0.0)
     up_to_here = jnp.minimum(1.0, _NO_NEARER * gradient_safe.norm(place_H / zone))
     return Drift(
         orbit=predicted.burn_orbit,
@@ -269,9 +269,6 @@ def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag,
     )
 
 
-_LEAST_RADIUS: Final = 1e-3
-"""Radius of the zone of a station, at least, so that it has directions [m]."""
-
 _NO_NEARER: Final = 0.999
 """Part of the present distance to which free motion may come that comes no nearer, but for rounding [-]."""
 
@@ -284,8 +281,7 @@ def _zone_of_station(software: FlightSoftware, decision: Decision) -> Vector:
     params, health = software.params, decision.memory.health
     station = gradient_safe.norm(params.formation.desired_position)
     near = jnp.where(health.confident, station, jnp.minimum(station, health.confident_range))
-    radius = jnp.maximum(params.health.clearance * near, _LEAST_RADIUS)
-    return jnp.full_like(params.formation.desired_position, radius)
+    return jnp.full_like(params.formation.desired_position, params.health.clearance * near)
 
 
 def _planned_delta_v(software: FlightSoftware, decision: Decision, period: Scalar) -> Vector:

@@ -58,7 +58,7 @@ def initial_state(software: FlightSoftware, estimate: OrbitEstimate, team: TeamS
 
 def phase_gains(software: FlightSoftware, estimate: OrbitEstimate) -> tuple[Float[Array, "places 3 6"], ...]:
     """LQR gains over the orbit by row of the phase table; held places have the formation's period."""
-    settings, params, hold_period = software.mission, software.params, software.formation_period_s
+    settings, params = software.mission, software.params
     relative, servicer = estimate.relative, estimate.servicer
     orbit = yamanaka_ankersen.target_orbit(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)
 
@@ -72,6 +72,7 @@ def phase_gains(software: FlightSoftware, estimate: OrbitEstimate) -> tuple[Floa
         weights = params.mission.phases[static.name].weights(params.formation)
         gains.append(over_orbit(weights, static.burns_per_orbit, static.control_ticks * software.tick_s))
     if settings.is_managed:
+        hold_period = settings.hold_ticks * software.tick_s
         held = over_orbit(params.formation, settings.hold_burns_per_orbit, hold_period)
         gains += [held for _ in settings.built_in]
     return tuple(gains)

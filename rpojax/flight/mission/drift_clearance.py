@@ -66,7 +66,7 @@ def least_clearance(
         samples: number of times of the first span, evenly spaced in eccentric anomaly
     """
     # A zone of no size, of which every point is clear, has no direction.
-    drift = replace(drift, semi_axes=jnp.maximum(drift.semi_axes, _LEAST_SEMI_AXIS))
+    drift = replace(drift, semi_axes=jnp.maximum(drift.semi_axes, LEAST_SEMI_AXIS))
     columns = jnp.concatenate([jnp.zeros_like(directions_H), directions_H])
     identity = jnp.eye(6, dtype=drift.state_H.dtype)
     columns = jnp.concatenate([columns, drift.state_H[:, None], identity], axis=1)
@@ -105,7 +105,7 @@ def least_clearance(
     return gradient_safe.sqrt(of_burns), gradient_safe.sqrt(expected)
 
 
-_LEAST_SEMI_AXIS = 1e-3
+LEAST_SEMI_AXIS = 1e-3
 """Semi-axis of a keep-out ellipsoid, at least [m]."""
 
 

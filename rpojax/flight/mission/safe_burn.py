@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import jax
@@ -60,7 +61,7 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
         improves: whether a planned change counts as safe, too, that is nearly clear and clearer than no burn
     """
-    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait, improves=jnp.asarray(improves))
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait, improves=improves)
 
     def clearances(direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]) -> _Clearances:
         return _of_direction(least_clearance(drift, direction_H, sizes))
@@ -89,7 +90,7 @@ def safe_delta_v_among(
     drift: Drift, others: Clearance, planned_H: Vector, greatest: Scalar, may_wait: Flag
 ) -> SafeBurn:
     """Burn as by `safe_delta_v` that keeps clear of others, too; who they are is their number along the first axis."""
-    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait, improves=jnp.zeros((), dtype=bool))
+    tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait)
 
     def clearances(
         direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]
@@ -106,7 +107,7 @@ def safe_delta_v_among(
     return SafeBurn(delta_v_H=delta_v_H, changed_for=jnp.where(is_other, nearest, -1).astype(jnp.int32))
 
 
-@pytree
+@dataclass(frozen=True)
 class _Tried:
     """Burns that are tried, in one direction after the other: parts of the planned one first, then others.
 
@@ -114,13 +115,13 @@ class _Tried:
         planned_H: (3,) [m/s]
         greatest: () size of the greatest other one [m/s]
         may_wait: () bool, whether none is made while the drift is safe by the estimate alone
-        improves: () bool, whether a planned one counts as safe, too, that is nearly clear and clearer than no burn
+        improves: whether a planned one counts as safe, too, that is nearly clear and clearer than no burn
     """
 
     planned_H: Array
     greatest: Array
     may_wait: Array
-    improves: Array
+    improves: bool = False
 
     @property
     def other_directions_H(self) -> Float[Array, "d 3"]:
@@ -188,7 +189,9 @@ def _of_planned(clearances: _Clearances, tried: _Tried) -> tuple[Vector, Flag]:
     chosen, is_found = jnp.zeros_like(tried.planned_H), tried.may_wait & (clearances.by_estimate[_NO_BURN] >= 1.0)
     for number in reversed(range(len(_SHARES))):
         clearance, without = clearances.certain[number], clearances.certain[_NO_BURN]
-        is_safe = (clearance >= 1.0) | (tried.improves & (clearance >= _NEARLY_CLEAR) & (clearance > without))
+        is_safe = clearance >= 1.0
+        if tried.improves:
+            is_safe |= (clearance >= _NEARLY_CLEAR) & (clearance > without)
         chosen, is_found = jnp.where(is_safe, _SHARES[number] * tried.planned_H, chosen), is_found | is_safe
     is_finite = gradient_safe.is_finite(tried.planned_H)
     return jnp.where(is_finite, chosen, tried.planned_H), is_found | ~is_finite

@@ -1,12 +1,15 @@
 """Static settings of a mission: number, order and kinds of its phases; changing one recompiles the simulation."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 Pointing = Literal["target", "sun_safe", "velocity"]
 TimeoutAction = Literal["next", "hold", "abort"]
 Phasing = Literal["fixed", "spread", "viewpoints"]
 """Phases of relative orbits: those of the plan, spread anew when a servicer is left out, or for what is newly seen."""
+
+BUILT_IN_PHASES: Final = ("hold", "aborted")
+"""Phases of the mission manager itself, after those of the scenario: holding its place, and after an abort."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,8 @@ class MissionSettings:
 
     @property
     def built_in(self) -> tuple[str, ...]:
-        """Names of the rows after those of the phases: holding the present place, and after an abort."""
-        return ("hold", "aborted") if self.is_managed else ()
+        """Names of the rows after those of the phases."""
+        return BUILT_IN_PHASES if self.is_managed else ()
 
     @property
     def hold(self) -> int:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rpojax.flight.mission.mission_state import Condition, Transition
+from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.colours import BLUE, GREEN, ORANGE, PURPLE, SHADE, SKY_BLUE, VERMILLION, YELLOW
 from rpojax.report.figures.plotly_charts import MAX_POINTS, Chart, rounded_values, time_layout
 from rpojax.report.labels import ChannelLabel
-from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, NO_GOAL
+from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 Numbers = NDArray[np.integer]

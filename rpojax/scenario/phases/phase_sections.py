@@ -16,8 +16,6 @@ from rpojax.value_types import (
     Section,
 )
 
-BUILT_IN_PHASES: Final = ("hold", "aborted")
-"""Phases of the mission manager itself, after those of the scenario: holding its place, and after an abort."""
 NO_GOAL: Final = "none"
 """Phase of a goal that demands nothing."""
 PhaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]

@@ -192,7 +192,8 @@ def select_parameters(file: ScenarioFile, names: Sequence[str], replaced: Collec
     nominal, coordinates, held = {}, {}, []
     for key, by_name in selected.items():
         value = np.asarray(nominal_of_key(file, key), dtype=np.float64)
-        if key in _WEIGHTS and file.phases and all(getattr(phase, _name(key)) is not None for phase in file.phases):
+        weight = key.removeprefix("formation.")
+        if key in _WEIGHTS and file.phases and all(getattr(phase, weight) is not None for phase in file.phases):
             raise ScenarioError(key, "phases, which have weights of their own", "no [[phases]] to tune it")
         if key in dispersion_keys.varied_keys(file):
             raise ScenarioError(key, "a dispersion of it", "a number that all runs share, to tune it")
@@ -219,11 +220,6 @@ def _beliefs(file: ScenarioFile) -> list[str]:
     """Keys of the parameters that flight software assumes of the additional sensors in use."""
     present = present_sensors(file).items()
     return [f"{name}.{key}" for name, sensor in present if sensor.is_believed() for key in sensor.beliefs]
-
-
-def _name(key: str) -> str:
-    """Name of a key in its section."""
-    return key.rpartition(".")[2]
 
 
 def _coordinate(file: ScenarioFile, key: str) -> Coordinate:

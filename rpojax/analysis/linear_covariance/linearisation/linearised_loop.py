@@ -112,6 +112,7 @@ class LinearisedLoop:
             nominal = self._outline(self.params, state)
             noise = deviation_vector.zero_noise(self.scenario.substeps, outlines.mean - nominal, box_allowed)
             after, telemetry = simulate_tick(self.scenario, self.params, state, self.stages, noise)
+            box_used = telemetry.innovation.sensors["box"].accepted
             sigma_H = compute_channels(self.scenario, self.params, telemetry)["relative_sigma_H"]
             point = LinearisationPoint(
                 state=state,
@@ -120,13 +121,13 @@ class LinearisedLoop:
                 edge_deviations=outlines.deviations,
                 outputs=self._outputs(self.params, telemetry),
                 sigma_H=sigma_H,
-                box_used=telemetry.innovation.sensors["box"].accepted,
+                box_used=box_used,
                 on_target=telemetry.mode == Mode.LOOK,
                 # Guidance follows the decision, which therefore sees its memory from before.
                 memory=replace_leaves(telemetry.flight, pointing=state.flight.pointing),
             )
             observed, outline = target_outline_ensemble.observe_ensemble(
-                ensemble, outlines, telemetry.innovation.sensors["box"].accepted, self.scenario.tick_s
+                ensemble, outlines, box_used, self.scenario.tick_s
             )
             # The mean outline of all targets does not change as that of any one does.
             after = parameters.replace_leaf(after, ("flight", "orbit", "relative", "outline"), outline)
@@ -185,7 +186,6 @@ class LinearisedLoop:
         pointing = target_pointing.point_at_target(
             self.params.flight.vehicle, memory.orbit, memory.pointing.reference.q_EN, sun_N
         )
-
         predicted = predict_to_burn(self.params.flight, memory.orbit)
         decision = Decision(time=time, memory=memory, predicted=predicted, pointing=pointing)
 

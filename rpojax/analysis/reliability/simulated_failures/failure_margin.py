@@ -13,6 +13,7 @@ import numpy as np
 from rpojax.analysis.reliability.search_settings import Bound, FailureChoice
 from rpojax.analysis.reliability.simulated_limit_state import with_one_limit
 from rpojax.errors import RpojaxError
+from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
@@ -103,7 +104,7 @@ def _of_outcome(file: ScenarioFile, name: str) -> Failure:
     reach, is_mission = DispersedReach(file), bool(file.phases)
     possible = {
         Outcome.UNFINISHED: is_mission and file.goal.phase != NO_GOAL,
-        Outcome.ABORTED: is_mission and file.goal.phase != "aborted",
+        Outcome.ABORTED: is_mission and file.goal.phase != BUILT_IN_PHASES[-1],
         Outcome.LOST: reach.low("limits.lost_after_s") <= file.duration_s,
         Outcome.OFF_STATION: reach.low("limits.arrive_by_s") <= file.duration_s,
     }
