@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.core.orbits.sun_moon_ephemeris import Epoch, epoch_at
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
@@ -28,7 +29,6 @@ from rpojax.flight.navigation_health import HealthTuning
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
-from rpojax.physics.environment.drag import Atmosphere
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
@@ -203,6 +203,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
             for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control", "health")
         },
         mission=phase_table.mission_tuning(tables),
+        atmosphere=plant.atmosphere,
         sensors=_sensor_numbers(tables, believed=True),
     )
     rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "chamber_pressure", "camera", "imaging", "limits")

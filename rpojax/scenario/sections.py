@@ -312,8 +312,11 @@ class NavigationSection(Section):
     acceleration_noise_m_s2_sqrt_hz: NonNegative
     relative_acceleration_noise_m_s2_sqrt_hz: NonNegative
     burn_magnitude_sigma: NonNegative
-    burn_scale_sigma: NonNegative = 0.0
+    burn_scale_sigma: NonNegative = 0.05
     burn_direction_sigma_deg: NonNegative
+    thrust_direction_sigma_deg: NonNegative = 0.5
+    ballistic_sigma_m2_kg: NonNegative = 0.005
+    adaptation_limit: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 6.0
     thrust_sigma: Positive = 0.015
     thrust_walk_sqrt_s: Positive = 0.01
     pressure_noise: Positive = 0.03
@@ -382,6 +385,7 @@ class HealthSection(Section):
     alarm_sigma: Positive
     contradiction_limit: Positive
     size_limit: Positive
+    lasting_limit: Positive = 3.4
     unseen_limit_s: Positive
     range_limit: Positive
     regain: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]

@@ -35,9 +35,12 @@ class OrbitFilterTuning:
         relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
         burn_magnitude_sigma: () fraction of a burn's velocity change along it, new in each burn, 1 sigma [-]
         burn_scale_sigma: () the same, lasting from burn to burn: thrust and mass, 1 sigma [-]
-        burn_scale_as_new: () factor on `burn_scale_sigma` of what counts as new in each burn, where the filter has no
-            state for it; 0 where it has one [-]
-        burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
+        burn_scale_as_new: () factor on `burn_scale_sigma` and `thrust_direction_sigma` of what counts as new in each
+            burn, where the filter has no state for it; 0 where it has one [-]
+        burn_direction_sigma: () fraction across it, per axis, new in each burn, 1 sigma [rad]
+        thrust_direction_sigma: () angle of the thrust, lasting from burn to burn, per axis, 1 sigma [rad]
+        ballistic_sigma: () area over mass of the target less that of the servicer, 1 sigma [m^2/kg]
+        adaptation_limit: () greatest factor on the declared sigma of an error that lasts, where its estimate exceeds it [-]
         thrust_sigma: () relative error of the thrust before any pressure is measured, new and lasting, 1 sigma [-]
         thrust_walk: () random walk of the relative thrust while burning [1/s^0.5]
         pressure_noise: () of the chamber pressure, as a fraction of the nominal one, 1 sigma [-]
@@ -79,6 +82,9 @@ class OrbitFilterTuning:
     burn_scale_sigma: Array
     burn_scale_as_new: Array
     burn_direction_sigma: Array
+    thrust_direction_sigma: Array
+    ballistic_sigma: Array
+    adaptation_limit: Array
     thrust_sigma: Array
     thrust_walk: Array
     pressure_noise: Array

@@ -1,31 +1,13 @@
-"""Aerodynamic drag in an exponential atmosphere."""
+"""Aerodynamic drag."""
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics.gradient_safe import norm
-from rpojax.core.pytree import pytree
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere, density_and_flow
 from rpojax.physics.environment.spacecraft_surface import Surface
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
-
-
-@pytree
-class Atmosphere:
-    """Exponential atmosphere that rotates about the Earth's pole.
-
-    Attributes:
-        density: () at the reference altitude [kg/m^3]
-        altitude: () of reference, above the equatorial radius [m]
-        scale_height: () [m]
-        rotation: () of the air about the pole [rad/s]
-    """
-
-    density: Array
-    altitude: Array
-    scale_height: Array
-    rotation: Array
 
 
 def drag(atmosphere: Atmosphere, surface: Surface, earth_radius: Scalar | float, r_N: Vector, v_N: Vector) -> Vector:
@@ -33,8 +15,5 @@ def drag(atmosphere: Atmosphere, surface: Surface, earth_radius: Scalar | float,
 
     Vallado, Fundamentals of Astrodynamics and Applications, section 8.6.2.
     """
-    height = jnp.sqrt(jnp.sum(r_N * r_N, axis=0)) - earth_radius - atmosphere.altitude
-    density = atmosphere.density * jnp.exp(-height / atmosphere.scale_height)
-    wind = atmosphere.rotation * jnp.stack([-r_N[1], r_N[0], jnp.zeros_like(r_N[2])])
-    flow = v_N - wind
+    density, flow = density_and_flow(atmosphere, earth_radius, r_N, v_N)
     return -0.5 * density * surface.drag_coefficient * surface.area * norm(flow) * flow
