@@ -22,7 +22,7 @@ from rpojax.simulation.outcomes.outcome_kinds import Outcome
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 
 THRUST_SIGMA = 0.02
-DIRECTION_SIGMA_DEG = 0.5
+DIRECTION_SIGMA_DEG = 0.3
 MOUNTING_SIGMA_DEG = 0.1
 DRAG = ("effects.drag=true", "effects.solar_pressure=true")
 FAULTS = ("effects.faults=true",)

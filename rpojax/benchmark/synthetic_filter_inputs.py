@@ -71,7 +71,9 @@ def propagate_truth(scenario: Scenario, flight: FlightParams, truth: OrbitEstima
     """True orbits a second later, by the prediction of the filter."""
     zero, none = jnp.zeros((), dtype=jnp.float64), jnp.zeros(3, dtype=jnp.float64)
     degree, dt = scenario.navigation_zonal_degree, scenario.tick_s
-    return combined_orbit_filter.predict(flight.navigation, degree, truth, none, zero, zero + 1.0, none, lasting_effects.none(), dt)
+    return combined_orbit_filter.predict(
+        flight.navigation, degree, truth, none, zero, zero + 1.0, none, lasting_effects.none(), dt
+    )
 
 
 def synthetic_measurements(

@@ -38,9 +38,9 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.lasting_adaptation import LastingPriors
 from rpojax.flight.navigation.lasting_effects import LastingEffects
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
@@ -123,9 +123,7 @@ def navigate(
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
-    relative, priors, ratio = lasting_adaptation.adapt(
-        params.navigation, orbit.relative, memory.health.lasting, box
-    )
+    relative, priors, ratio = lasting_adaptation.adapt(params.navigation, orbit.relative, memory.health.lasting, box)
     orbit = replace(orbit, relative=relative)
     after = replace(
         memory,

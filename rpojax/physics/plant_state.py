@@ -6,8 +6,8 @@ from jaxtyping import Array, Float
 from rpojax.core import quaternion
 from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.orbits import keplerian_elements
-from rpojax.core.orbits.zonal_gravity import GravityField
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere
+from rpojax.core.orbits.zonal_gravity import GravityField
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight

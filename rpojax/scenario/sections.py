@@ -385,7 +385,7 @@ class HealthSection(Section):
     alarm_sigma: Positive
     contradiction_limit: Positive
     size_limit: Positive
-    lasting_limit: Positive = 3.4
+    lasting_limit: Positive = 3.7
     unseen_limit_s: Positive
     range_limit: Positive
     regain: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]

@@ -137,7 +137,9 @@ def predict(
     )
     servicer = replace(servicer, r_SN_N=r, v_SN_N=v, orbit_low=orbit_low)
     return OrbitEstimate(
-        servicer=servicer_orbit_ekf.predict(tuning, servicer, replace(step, velocity_covariance=whole, velocity_effects=None)),
+        servicer=servicer_orbit_ekf.predict(
+            tuning, servicer, replace(step, velocity_covariance=whole, velocity_effects=None)
+        ),
         relative=relative_orbit_ekf.predict(tuning, relative, step),
     )
 

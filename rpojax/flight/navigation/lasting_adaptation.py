@@ -17,8 +17,8 @@ from jaxtyping import Array, Float
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight.navigation import relative_state
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 
 Scalar = Float[Array, ""]

@@ -17,8 +17,8 @@ class OrbitStep:
         dt: its length [s]
         r_SN_N: (3,) servicer at its beginning [m]
         velocity_covariance: (3, 3) of the velocity errors that are new in it [m^2/s^2]
-        velocity_effects: (3, k) velocity change in it by a unit of each of the last slow states [m/s]; None where no slow
-            state acts on the motion
+        velocity_effects: (3, k) velocity change in it by a unit of each of the last slow states [m/s]; None where
+            no slow state acts on the motion
     """
 
     dt: float
@@ -68,4 +68,3 @@ def propagate(
         xs, vs = xs + 0.5 * dt * added, vs + added
     blocks = [[xx, xv, xs], [xv.T, vv + step.velocity_covariance, vs], [xs.T, vs.T, ss]]
     return jnp.concatenate([jnp.concatenate(row, axis=1) for row in blocks], axis=0)
-

@@ -40,7 +40,8 @@ class OrbitFilterTuning:
         burn_direction_sigma: () fraction across it, per axis, new in each burn, 1 sigma [rad]
         thrust_direction_sigma: () angle of the thrust, lasting from burn to burn, per axis, 1 sigma [rad]
         ballistic_sigma: () area over mass of the target less that of the servicer, 1 sigma [m^2/kg]
-        adaptation_limit: () greatest factor on the declared sigma of an error that lasts, where its estimate exceeds it [-]
+        adaptation_limit: () greatest factor on the declared sigma of an error that lasts, where measurements
+            contradict it [-]
         thrust_sigma: () relative error of the thrust before any pressure is measured, new and lasting, 1 sigma [-]
         thrust_walk: () random walk of the relative thrust while burning [1/s^0.5]
         pressure_noise: () of the chamber pressure, as a fraction of the nominal one, 1 sigma [-]

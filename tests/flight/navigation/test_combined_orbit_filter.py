@@ -15,7 +15,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import lasting_effects, combined_orbit_filter, relative_state
+from rpojax.flight.navigation import combined_orbit_filter, lasting_effects, relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning

@@ -53,7 +53,9 @@ def test_burns_teach_the_filter_the_misalignment_of_its_thrust(
         delta_v, normals = inputs
         size = jnp.sqrt(jnp.sum(delta_v**2))
         truth, known = (
-            combined_orbit_filter.predict(tuning, 2, each, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0)
+            combined_orbit_filter.predict(
+                tuning, 2, each, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+            )
             for each in carry
         )
         view = SensorView(relative=known.relative, q_BN=jnp.array([1.0, 0.0, 0.0, 0.0]), time=jnp.zeros(()))
