@@ -18,7 +18,7 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
-SIGMA = np.array([*np.full(3, 0.3), *np.full(3, 2e-3), 0.065, 0.14, 5e-4, 5e-4, 5e-3, 5e-3, 0.015])
+SIGMA = np.array([*np.full(3, 0.3), *np.full(3, 2e-3), 0.065, 0.14, 5e-4, 5e-4, 5e-3, 5e-3, 0.015, 0.01, 0.01, 5e-3])
 NOISE = np.array([0.1, 2e-3, 2e-3])
 BELIEFS = {"believed_noise": jnp.asarray(NOISE[0]), "believed_angle_noise": jnp.asarray(NOISE[1])}
 Q_BN = np.array([0.9, 0.1, -0.3, 0.3]) / np.linalg.norm([0.9, 0.1, -0.3, 0.3])
@@ -60,7 +60,7 @@ def known(flight: FlightParams) -> RelativeEstimate:
 def jacobian(known: RelativeEstimate) -> np.ndarray:
     r, step = np.asarray(known.r_TS_N), 1e-4
     columns = [(seen(r + step * e) - seen(r - step * e)) / (2.0 * step) for e in np.eye(3)]
-    return np.pad(np.stack(columns, axis=1), ((0, 0), (0, 10)))
+    return np.pad(np.stack(columns, axis=1), ((0, 0), (0, 13)))
 
 
 def test_rows_of_a_function_of_the_estimate_are_its_derivative(known: RelativeEstimate) -> None:

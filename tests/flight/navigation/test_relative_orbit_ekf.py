@@ -96,7 +96,7 @@ def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
 def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     flight = params.flight
-    sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015]])
+    sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015, 0.01, 0.01, 0.005]])
     q_KN = random_unit(rng, 4)
     R_KN = rotation_matrix(q_KN)
     r_TS_N = R_KN.T @ (rng.uniform(20.0, 60.0) * unit(np.array([*rng.uniform(-0.05, 0.05, 2), 1.0])))
@@ -127,8 +127,8 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         box_view(box, flight.vehicle.focal_px, jnp.asarray(q_KN)),
     )
     assert innovation.accepted
-    # The lasting error of burns is a thirteenth state, which boxes do not measure.
-    H = np.zeros((3, 13))
+    # Boxes do not measure the last four states: errors of burns, and what pushes the two apart.
+    H = np.zeros((3, 16))
     H[:, :3] = box_derivative(flight, q_KN, r_TS_N, box)
     H[2, 6:8] = 1.0
     H[0, 8] = H[1, 9] = 1.0
@@ -143,7 +143,9 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
         "size": x[6:8],
         "bearing_bias": x[8:10],
         "center_offset": x[10:12],
-        "burn_scale": x[12:],
+        "burn_scale": x[12:13],
+        "thrust_direction": x[13:15],
+        "ballistic": x[15:],
     }.items():
         change = after.slow[name] - before.slow[name]
         np.testing.assert_allclose(change, part, atol=TEXTBOOK * np.max(np.abs(x)), err_msg=name)
@@ -294,7 +296,7 @@ def test_repeated_rejections_inflate_the_covariance_until_the_target_is_accepted
         estimate, track, used = take(flight, estimate, q_KN, truth, track)
         assert not used
         grown = np.diag(np.asarray(estimate.covariance) - before)
-        expected = [0.0] * 13 if rejection < 6 else [(0.03 * 30.0) ** 2] * 3 + [0.005**2] * 3 + [0.0] * 7
+        expected = [0.0] * 16 if rejection < 6 else [(0.03 * 30.0) ** 2] * 3 + [0.005**2] * 3 + [0.0] * 10
         np.testing.assert_allclose(grown, expected, rtol=1e-9, atol=1e-15)
     assert track.rejections == 0.0
     estimate, track, used = take(flight, estimate, q_KN, truth, track)
@@ -374,7 +376,7 @@ def test_isolated_false_boxes_never_change_the_estimate(
 def test_attitude_drift_adds_to_the_variance_of_the_bearing_bias_alone(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     flight = params.flight
-    sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015]])
+    sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015, 0.01, 0.01, 0.005]])
     before = replace(rendezvous_scene.estimate(flight).relative, covariance=random_covariance(rng, sigma))
     drift = rng.uniform(0.1, 2.0) * 1e-6
     absent = replace(
