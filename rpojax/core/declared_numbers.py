@@ -1,7 +1,7 @@
 """Numbers of a scenario, each declared once as a field of the record that uses it.
 
-The declaration gives the key of the scenario, its form, bounds and default, its factor to SI, its meaning, and that it may be
-dispersed and differentiated.
+A declaration gives the key of the scenario, its form, bounds, default, unit and meaning, and says that it may be dispersed
+and differentiated.
 """
 
 import dataclasses

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import random_streams
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.detector_input import input_side
@@ -26,21 +27,13 @@ _FALSE_BOX_OVERLAP = 0.1
 
 @pytree
 class Imaging:
-    """Exposure of the camera and threshold of the detector.
+    """Exposure of the camera and threshold of the detector."""
 
-    Attributes:
-        exposure: 1 = white level of the field at full well [-]
-        full_well: electrons at saturation
-        read_noise: 1 sigma [electrons]
-        blur: sigma of the point spread [px]
-        score_threshold: boxes with a lower score are not accepted [-]
-    """
-
-    exposure: Array
-    full_well: Array
-    read_noise: Array
-    blur: Array
-    score_threshold: Array
+    exposure: Array = number("gain: 1 is the white level of the field at full well", above=0.0)
+    full_well: Array = number("electrons at saturation", above=0.0)
+    read_noise: Array = number("noise of reading in electrons, 1 sigma", at_least=0.0)
+    blur: Array = number("point spread function, 1 sigma", unit="px", at_least=0.0, at_most=1.0)
+    score_threshold: Array = number("boxes with a lower score are discarded", at_least=0.0, at_most=1.0)
 
 
 @pytree
