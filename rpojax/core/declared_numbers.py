@@ -1,7 +1,6 @@
 """Numbers of a scenario, each declared once as a field of the record that uses it.
 
-A declaration gives the key of the scenario, its form, bounds, default, unit and meaning, and says that it may be dispersed
-and differentiated.
+A declaration gives key, form, bounds, default, unit and meaning, and says that it may be dispersed and differentiated.
 """
 
 import dataclasses
@@ -23,6 +22,7 @@ class Number:
         unit: suffix of the key, empty for a dimensionless number
         default: value of a key that is left out, in the key's unit; MISSING if it must be given
         key: with its section, empty for the name of the field and the unit in the section of the record
+        varies: whether it may be dispersed and differentiated
     """
 
     meaning: str
@@ -30,6 +30,7 @@ class Number:
     unit: str
     default: Any
     key: str
+    varies: bool
 
 
 def number(
@@ -44,6 +45,7 @@ def number(
     at_most: float | None = None,
     default: Any = MISSING,
     key: str = "",
+    varies: bool = True,
 ) -> Any:
     """Field of a record that is a number of a scenario.
 
@@ -58,6 +60,7 @@ def number(
         at_most: limit of each number
         default: value of a key that is left out, in its unit; with None the field is None then
         key: with section and unit, if it is not that of the field in the section of the record
+        varies: whether it may be dispersed and differentiated
     """
     if form is float:
         form = Annotated[float, Field(gt=above, ge=at_least, lt=below, le=at_most, allow_inf_nan=False)]
@@ -65,7 +68,7 @@ def number(
         form = Annotated[list[form], Field(min_length=length, max_length=length)]
     if default is None:
         form = form | None
-    declared = Number(meaning, form, unit, default, key)
+    declared = Number(meaning, form, unit, default, key, varies)
     return dataclasses.field(default=None if default is None else MISSING, metadata={_NAME: declared})
 
 

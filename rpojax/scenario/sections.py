@@ -23,14 +23,14 @@ from rpojax.physics.radio_link import RadioLink
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
-from rpojax.scenario.number_sections import section_of
-from rpojax.scenario.start_and_limits import HandoverErrors, InitialRelativeState, Limits
+from rpojax.scenario.numbers.number_sections import section_of
+from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
 from rpojax.sensors.camera import Camera
 from rpojax.sensors.chamber_pressure import ChamberPressure
 from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.imaging import Imaging
 from rpojax.sensors.link_range import LinkRange
-from rpojax.sensors.rendered_camera import Imaging
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.value_types import (
     Covariance,

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import random_streams
-from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.detector_input import input_side
+from rpojax.sensors.imaging import Imaging
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
@@ -23,17 +23,6 @@ REFINED_PROPOSALS = 2
 """Number of proposals that the detector refines."""
 _FALSE_BOX_OVERLAP = 0.1
 """A box with less intersection over union with the true one is false."""
-
-
-@pytree
-class Imaging:
-    """Exposure of the camera and threshold of the detector."""
-
-    exposure: Array = number("gain: 1 is the white level of the field at full well", above=0.0)
-    full_well: Array = number("electrons at saturation", above=0.0)
-    read_noise: Array = number("noise of reading in electrons, 1 sigma", at_least=0.0)
-    blur: Array = number("point spread function, 1 sigma", unit="px", at_least=0.0, at_most=1.0)
-    score_threshold: Array = number("boxes with a lower score are discarded", at_least=0.0, at_most=1.0)
 
 
 @pytree

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field, create_model
 
 from rpojax.core.declared_numbers import Number, declared_numbers
-from rpojax.scenario import key_units
+from rpojax.scenario.numbers import key_units
 from rpojax.value_types import OptionalKeys, Section
 
 
@@ -24,14 +24,14 @@ class NumberSection(Section):
         def rank(key: str) -> int:
             return next((place for place, begin in enumerate(cls.first) if key.startswith(begin)), len(cls.first))
 
-        ordered = sorted(cls.model_fields.items(), key=lambda each: rank(each[0]))
-        cls.model_fields.clear()
-        cls.model_fields.update(ordered)
-        cls.model_rebuild(force=True)
+        ordered = {key: cls.model_fields[key] for key in sorted(cls.model_fields, key=rank)}
+        if list(ordered) != list(cls.model_fields):
+            cls.model_fields.clear()
+            cls.model_fields.update(ordered)
+            cls.model_rebuild(force=True)
 
     if TYPE_CHECKING:
 
-        def __init__(self, **keys: Any) -> None: ...
         def __getattr__(self, name: str) -> Any: ...
 
 
@@ -57,12 +57,12 @@ def section_of(
                 raise TypeError(f"{each.__name__}.{field}: found the unit {number.unit!r}, expected a known one")
             default = ... if number.default is MISSING else number.default
             fields[key] = (Annotated[number.form, number], Field(default, description=number.meaning))
-    bases = (NumberSection, OptionalKeys) if optional else NumberSection
-    made = create_model(f"{record.__name__}Numbers", __base__=bases, **fields)
+    bases: Any = (NumberSection, OptionalKeys) if optional else NumberSection
+    made: Any = create_model(f"{record.__name__}Numbers", __base__=bases, **fields)
     made.first = first
     return made
 
 
-def is_declared(section: type[Section], key: str) -> bool:
-    """Whether a key of a section is a declared number."""
-    return any(isinstance(each, Number) for each in section.model_fields[key].metadata)
+def is_variable(section: type[Section], key: str) -> bool:
+    """Whether a key of a section is a declared number that may be dispersed and differentiated."""
+    return any(isinstance(each, Number) and each.varies for each in section.model_fields[key].metadata)
