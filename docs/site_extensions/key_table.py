@@ -1,4 +1,4 @@
-"""Keys of a scenario: form and values from the schema, meaning from the page on scenario files, and their condition."""
+"""Keys of a scenario: form, values and meaning from the schema, else meaning from the page on scenario files."""
 
 import re
 import tomllib
@@ -71,7 +71,13 @@ def _table(
     )
     for name in names:
         key = f"{section}.{name}" if section else name
-        cells = _form(keys[name]), _value(values.get(name), keys[name]), _varies(file, key), meanings.get(name, "")
+        meaning = keys[name].get("description") or meanings.get(name, "")
+        cells = (
+            _form(keys[name]) + _default(keys[name]),
+            _value(values.get(name), keys[name]),
+            _varies(file, key),
+            meaning,
+        )
         yield f"| `{key}` | {' | '.join(cells)} | {_needed(key)} |"
     yield ""
 
@@ -95,6 +101,12 @@ def _value(value: Any, entry: dict[str, Any]) -> str:
         value = entry.get("default")
     text = "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
     return f"`{text}`" if 0 < len(text) <= 40 else "" if not text else f"`{text[:36]} ...`"
+
+
+def _default(entry: dict[str, Any]) -> str:
+    """What a number is that is left out."""
+    default = entry.get("default")
+    return f", default {default}" if isinstance(default, float | list) and default else ""
 
 
 def _form(entry: dict[str, Any]) -> str:

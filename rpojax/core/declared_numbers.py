@@ -5,7 +5,7 @@ A declaration gives key, form, bounds, default, unit and meaning, and says that 
 
 import dataclasses
 from dataclasses import MISSING, dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, get_args
 
 from pydantic import Field
 
@@ -22,7 +22,6 @@ class Number:
         unit: suffix of the key, empty for a dimensionless number
         default: value of a key that is left out, in the key's unit; MISSING if it must be given
         key: with its section, empty for the name of the field and the unit in the section of the record
-        varies: whether it may be dispersed and differentiated
     """
 
     meaning: str
@@ -30,7 +29,11 @@ class Number:
     unit: str
     default: Any
     key: str
-    varies: bool
+
+    @property
+    def varies(self) -> bool:
+        """Whether it may be dispersed and differentiated: all but whole numbers."""
+        return self.form is not int and get_args(self.form)[:1] != (int,)
 
 
 def number(
@@ -45,7 +48,6 @@ def number(
     at_most: float | None = None,
     default: Any = MISSING,
     key: str = "",
-    varies: bool = True,
 ) -> Any:
     """Field of a record that is a number of a scenario.
 
@@ -60,7 +62,6 @@ def number(
         at_most: limit of each number
         default: value of a key that is left out, in its unit; with None the field is None then
         key: with section and unit, if it is not that of the field in the section of the record
-        varies: whether it may be dispersed and differentiated
     """
     if form is float:
         form = Annotated[float, Field(gt=above, ge=at_least, lt=below, le=at_most, allow_inf_nan=False)]
@@ -68,7 +69,7 @@ def number(
         form = Annotated[list[form], Field(min_length=length, max_length=length)]
     if default is None:
         form = form | None
-    declared = Number(meaning, form, unit, default, key, varies)
+    declared = Number(meaning, form, unit, default, key)
     return dataclasses.field(default=None if default is None else MISSING, metadata={_NAME: declared})
 
 

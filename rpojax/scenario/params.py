@@ -4,6 +4,7 @@ import functools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import field, is_dataclass
+from types import UnionType
 from typing import Any, get_args, get_type_hints
 
 import jax
@@ -193,7 +194,7 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
     Raises:
         ScenarioError: the key names no number of a scenario.
     """
-    if key in (leaves := _leaves()):
+    if key in (leaves := declared_leaves(Params)):
         return leaves[key]
     section, _, name = key.rpartition(".")
     leaf, factor = key_units.split_unit(name)
@@ -208,14 +209,17 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
 
 
 @functools.cache
-def _leaves() -> dict[str, tuple[tuple[str, ...], float]]:
-    """Attribute path in `Params` and factor to SI of each declared number, by its key with and without the unit."""
+def declared_leaves(whole: type) -> dict[str, tuple[tuple[str, ...], float]]:
+    """Attribute path in a record of records, and factor to SI, of each number by its key with and without the unit.
+
+    The section of a number is named like the field that holds its record, unless its declaration names another one.
+    """
     found = {}
-    for path, cls in _records_below(Params):
+    for path, cls in _records_below(whole):
         for name, (key, _) in declared_numbers(cls).items():
-            whole = key if "." in key else f"{path[-1]}.{key}"
-            bare, factor = key_units.split_unit(whole)
-            found |= {bare: ((*path, name), 1.0), whole: ((*path, name), factor)}
+            full = key if "." in key else f"{path[-1]}.{key}"
+            bare, factor = key_units.split_unit(full)
+            found |= {bare: ((*path, name), 1.0), full: ((*path, name), factor)}
     return found
 
 
@@ -223,7 +227,7 @@ def _records_below(cls: type, path: tuple[str, ...] = ()) -> Iterator[tuple[tupl
     """A record and all that it holds, each with its attribute path."""
     yield path, cls
     for name, hint in get_type_hints(cls).items():
-        for each in (hint, *get_args(hint)):
+        for each in get_args(hint) if isinstance(hint, UnionType) else (hint,):
             if isinstance(each, type) and is_dataclass(each):
                 yield from _records_below(each, (*path, name))
 

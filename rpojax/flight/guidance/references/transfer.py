@@ -31,9 +31,7 @@ class Transfer:
 
     position: Array = number("where it ends, from the target, H", unit="m", length=3)
     duration: Array = number("duration of the transfer", unit="s", above=0.0)
-    pulses: Array = number(
-        "number of impulses, those at departure and arrival included", form=_Pulses, default=2, varies=False
-    )
+    pulses: Array = number("number of impulses, those at departure and arrival included", form=_Pulses, default=2)
     speed_ratio: Array = number(
         "speed along the glide slope at its end over that at its beginning", above=0.0, at_most=1.0, default=1.0
     )
