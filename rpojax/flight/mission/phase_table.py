@@ -52,12 +52,20 @@ class Phase:
 
     reference: Any
     position_weight: Array | None = number(
-        "as in `formation`, which is the default", length=3, at_least=0.0, default=None
+        "LQR weight of the squared position deviation, by default as in `formation`",
+        length=3,
+        at_least=0.0,
+        default=None,
     )
     velocity_weight: Array | None = number(
-        "as in `formation`, which is the default", length=3, at_least=0.0, default=None
+        "LQR weight of the squared velocity deviation, by default as in `formation`",
+        length=3,
+        at_least=0.0,
+        default=None,
     )
-    delta_v_weight: Array | None = number("as in `formation`, which is the default", length=3, above=0.0, default=None)
+    delta_v_weight: Array | None = number(
+        "LQR weight of the squared velocity change, by default as in `formation`", length=3, above=0.0, default=None
+    )
     until: Until
     timeout: Array = number(
         "longest duration, not less than `until.time_s`, `arrival_for_s` and `range_sigma_for_s`; by default none",
