@@ -46,20 +46,14 @@ class HealthTuning:
     """Thresholds of the health tests."""
 
     time_constant: Array = number("time constant of the fading means of normalised innovations", unit="s", above=0.0)
-    alarm_sigma: Array = number(
-        "quantile of the tests of mean and variance, as that of a normal distribution", above=0.0
-    )
-    contradiction_limit: Array = number(
-        "largest share of boxes that were rejected although others confirm them", above=0.0
-    )
+    alarm_sigma: Array = number("quantile of the tests of mean and variance, as of a normal distribution", above=0.0)
+    contradiction_limit: Array = number("largest share of boxes rejected although others confirm them", above=0.0)
     size_limit: Array = number(
         "largest mean of the estimated size error over the time constant, over the root sum of squares of "
         "`navigation.scale_sigma` and `target_size_sigma`",
         above=0.0,
     )
-    unseen_limit: Array = number(
-        "longest time without a box in which the target should have been seen", unit="s", above=0.0
-    )
+    unseen_limit: Array = number("longest time without box, while the target should be seen", unit="s", above=0.0)
     range_limit: Array = number("largest 1-sigma of the range over the range", above=0.0)
     regain: Array = number(
         "confidence returns when all statistics are below this fraction of their thresholds", above=0.0, at_most=1.0

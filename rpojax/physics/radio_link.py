@@ -22,10 +22,8 @@ class RadioLink:
         outage_end: (outages,) [s]
     """
 
-    loss: Array = number(
-        "probability that a message is lost outside of bursts of losses", at_least=0.0, at_most=1.0, default=0.0
-    )
-    burst_loss: Array = number("the same in a burst of losses", at_least=0.0, at_most=1.0, default=1.0)
+    loss: Array = number("probability that a message is lost outside of bursts", at_least=0.0, at_most=1.0, default=0.0)
+    burst_loss: Array = number("the same in a burst", at_least=0.0, at_most=1.0, default=1.0)
     burst_interval: Array = number(
         "mean time from the end of a burst to the next; so long by default that there are none",
         unit="s",

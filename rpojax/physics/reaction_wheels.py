@@ -23,9 +23,7 @@ class ReactionWheels:
     initial_speed: Array = number("speed at the start", unit="rad_s", length=3)
     viscous_friction: Array = number("bearing torque per speed", unit="n_m_s", length=3, at_least=0.0)
     coulomb_friction: Array = number("bearing torque of a turning wheel", unit="n_m", length=3, at_least=0.0)
-    stiction_speed: Array = number(
-        "below about this speed the Coulomb torque decreases to zero", unit="rad_s", above=0.0
-    )
+    stiction_speed: Array = number("below about this speed the Coulomb torque falls to zero", unit="rad_s", above=0.0)
     torque_step: Array = number("quantisation of the motor torque", unit="n_m", above=0.0)
 
 

@@ -29,12 +29,10 @@ class Thruster:
     fall_time: Array = number("from its closing to none", unit="s", at_least=0.0)
     position: Array = number("point of application of the force from the centre of mass, B", unit="m", length=3)
     direction: Array = number(
-        "direction of the force on the servicer (opposite the plume), B; any length but 0", form=Direction
+        "direction of the force on the servicer, opposite the plume, B; any length", form=Direction
     )
     misalignment: Array = number("constant small rotation of the force, B", unit="deg", length=3)
-    tank_position: Array = number(
-        "position of the propellant from the centre of mass of the full servicer, B", unit="m", length=3
-    )
+    tank_position: Array = number("propellant from the centre of mass of the full servicer, B", unit="m", length=3)
     magnitude_noise: Array = number("burn-to-burn relative error of the force, 1 sigma", at_least=0.0)
     direction_noise: Array = number("burn-to-burn rotation of the force per axis, 1 sigma", unit="deg", at_least=0.0)
 

@@ -17,16 +17,14 @@ class Camera:
     misalignment: Array = number("small rotation of the camera about its own axes", unit="deg", length=3)
     edge_noise: Array = number("error of each box edge, 1 sigma", unit="px", at_least=0.0)
     miss_probability: Array = number(
-        "fraction of frames without box of an observable target", at_least=0.0, at_most=1.0
+        "fraction of frames of an observable target without box", at_least=0.0, at_most=1.0
     )
     minimum_size: Array = number("targets with a smaller longer side have no box", unit="px", at_least=0.0)
-    outlier_probability: Array = number(
-        "fraction of frames with a false box, with or without target", at_least=0.0, at_most=1.0
-    )
+    outlier_probability: Array = number("fraction of frames with a false box, target or not", at_least=0.0, at_most=1.0)
     outlier_size_min: Array = number("smallest side of a false box, at most the next", unit="px", above=0.0)
     outlier_size_max: Array = number("largest side of a false box; sides are log-uniform", unit="px", above=0.0)
     phase_limit: Array = number(
-        "largest Sun-target-camera angle with a usable image", unit="deg", above=0.0, at_most=180.0
+        "largest Sun-target-camera angle of a usable image", unit="deg", above=0.0, at_most=180.0
     )
     sun_exclusion: Array = number("least angle between line of sight and Sun", unit="deg", at_least=0.0, below=180.0)
 

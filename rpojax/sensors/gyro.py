@@ -14,9 +14,7 @@ Vector = Float[Array, "3"]
 class Gyro:
     """Errors of the three-axis rate gyro."""
 
-    angle_random_walk: Array = number(
-        "white noise of the rate, as angle per root second", unit="deg_sqrt_s", at_least=0.0
-    )
+    angle_random_walk: Array = number("white noise of the rate: angle per root second", unit="deg_sqrt_s", at_least=0.0)
     initial_bias_sigma: Array = number("bias at the start of a run per axis, 1 sigma", unit="deg_s", at_least=0.0)
     bias_walk: Array = number("random walk of the bias, per root second", unit="deg_s_sqrt_s", at_least=0.0)
 

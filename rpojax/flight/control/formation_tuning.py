@@ -14,10 +14,10 @@ class FormationTuning:
         "desired position of the servicer from the target, H; outside of `limits.keep_out_m`", unit="m", length=3
     )
     position_weight: Array = number(
-        "LQR weight of the squared position deviation, per burn [1/m^2]", length=3, at_least=0.0
+        "LQR weight of the squared position error, per burn [1/m^2]", length=3, at_least=0.0
     )
     velocity_weight: Array = number(
-        "LQR weight of the squared velocity deviation, per burn [s^2/m^2]", length=3, at_least=0.0
+        "LQR weight of the squared velocity error, per burn [s^2/m^2]", length=3, at_least=0.0
     )
     delta_v_weight: Array = number("LQR weight of the squared velocity change, per burn [s^2/m^2]", length=3, above=0.0)
     lead: Array = number(

@@ -22,17 +22,13 @@ class PointingTuning:
         unit="s",
         above=0.0,
     )
-    search_after: Array = number(
-        "search starts after this time without box, outside of look-aways", unit="s", above=0.0
-    )
+    search_after: Array = number("search starts after this time without box, look-aways left out", unit="s", above=0.0)
     acquisition_wait: Array = number("the same before the first box of a run", unit="s", above=0.0)
     search_pitch: Array = number("distance between turns of the search spiral", unit="deg", above=0.0)
     search_acceleration: Array = number("centripetal acceleration along the spiral", unit="mrad_s2", above=0.0)
     search_sigmas: Array = number("the spiral restarts beyond this many sigma of projected uncertainty", above=0.0)
     search_radius_max: Array = number("largest radius of the spiral", unit="deg", above=0.0, below=180.0)
-    burn_attitude_limit: Array = number(
-        "no thrust while the attitude error is larger", unit="deg", above=0.0, below=180.0
-    )
+    burn_attitude_limit: Array = number("no thrust above this attitude error", unit="deg", above=0.0, below=180.0)
 
 
 @dataclass(frozen=True, eq=False)

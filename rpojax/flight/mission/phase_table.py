@@ -26,9 +26,7 @@ class Until:
     arrival_for: Array = number("time in that box", unit="s", at_least=0.0, default=None)
     range_sigma: Array = number("standard deviation of the estimated range", unit="m", above=0.0, default=None)
     range_sigma_for: Array = number("time below it", unit="s", at_least=0.0, default=None)
-    ground_go: Array = number(
-        "time of the go from the ground since the start of the run", unit="s", at_least=0.0, default=None
-    )
+    ground_go: Array = number("time of the go from the ground since the start", unit="s", at_least=0.0, default=None)
 
 
 @pytree

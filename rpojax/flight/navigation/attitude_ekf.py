@@ -22,9 +22,7 @@ class AttitudeFilterTuning:
     star_tracker_noise: Array = number(
         "noise of the star tracker about each body axis, 1 sigma", unit="deg", length=3, above=0.0
     )
-    angle_random_walk: Array = number(
-        "white noise of the gyro's rate, as angle per root second", unit="deg_sqrt_s", above=0.0
-    )
+    angle_random_walk: Array = number("white noise of the gyro: angle per root second", unit="deg_sqrt_s", above=0.0)
     bias_walk: Array = number("random walk of the gyro's bias, per root second", unit="deg_s_sqrt_s", at_least=0.0)
     initial_bias_sigma: Array = number("bias of the gyro at the start per axis, 1 sigma", unit="deg_s", above=0.0)
 

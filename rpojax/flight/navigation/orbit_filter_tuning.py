@@ -47,9 +47,7 @@ class OrbitFilterTuning:
         at_least=0.0,
         default=0.152,
     )
-    center_time_constant: Array = number(
-        "its correlation time: about a twelfth of a tumble period", unit="s", above=0.0
-    )
+    center_time_constant: Array = number("its correlation time, about a twelfth of a tumble", unit="s", above=0.0)
     target_size: Array = number("mean of the square root of width times height of the outline", unit="m", above=0.0)
     target_size_sigma: Array = number(
         "error of the log of that size, which stays; adds to the variance of the slow part below, 1 sigma",
@@ -80,9 +78,7 @@ class OrbitFilterTuning:
         length=2,
         above=0.0,
     )
-    bearing_bias_sigma: Array = number(
-        "constant bearing error per axis, 1 sigma; a filter state", unit="deg", above=0.0
-    )
+    bearing_bias_sigma: Array = number("constant bearing error per axis, 1 sigma; a state", unit="deg", above=0.0)
     attitude_sigma: Array = number("noise of the estimated camera attitude per axis, 1 sigma", unit="deg", at_least=0.0)
     acceleration_noise: Array = number("unmodelled acceleration of the servicer", unit="m_s2_sqrt_hz", at_least=0.0)
     relative_acceleration_noise: Array = number("unmodelled relative acceleration", unit="m_s2_sqrt_hz", at_least=0.0)
@@ -125,9 +121,7 @@ class OrbitFilterTuning:
     confirm_above: Array = number(
         "while the bearing is less certain than this many box sigmas, a box needs confirmation", above=0.0
     )
-    confirm_within: Array = number(
-        "longest time between the two boxes, or one frame if that is longer", unit="s", above=0.0
-    )
+    confirm_within: Array = number("longest time between the two boxes, at least a frame", unit="s", above=0.0)
     recovery_after: Array = number(
         "time of rejected boxes, each for at most a second, without an accepted one that inflates the covariance",
         unit="s",
@@ -138,12 +132,8 @@ class OrbitFilterTuning:
     initial_position_sigma: Array = number(
         "error of the servicer's position at the start per axis, 1 sigma", unit="m", above=0.0
     )
-    initial_velocity_sigma: Array = number(
-        "error of the servicer's velocity at the start per axis, 1 sigma", unit="m_s", above=0.0
-    )
+    initial_velocity_sigma: Array = number("the same of its velocity", unit="m_s", above=0.0)
     initial_relative_position_sigma: Array = number(
         "error of the relative position at the start per axis, 1 sigma", unit="m", above=0.0
     )
-    initial_relative_velocity_sigma: Array = number(
-        "error of the relative velocity at the start per axis, 1 sigma", unit="m_s", above=0.0
-    )
+    initial_relative_velocity_sigma: Array = number("the same of the relative velocity", unit="m_s", above=0.0)

@@ -42,9 +42,7 @@ class TeamTuning:
         at_most=90.0,
         default=70.0,
     )
-    view_memory: Array = number(
-        "time after which most of what was seen is worth seeing again", unit="s", above=0.0, default=6000.0
-    )
+    view_memory: Array = number("time after which most is worth seeing again", unit="s", above=0.0, default=6000.0)
     keeping_delta_v: Array = number(
         "what a servicer needs in a quarter of an orbit without a change of its phase",
         unit="m_s",

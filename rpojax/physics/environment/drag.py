@@ -19,9 +19,7 @@ class Atmosphere:
     density: Array = number("density at the reference altitude", unit="kg_m3", at_least=0.0)
     altitude: Array = number("reference altitude, above the equatorial radius", unit="m")
     scale_height: Array = number("height over which the density falls to 1/e", unit="m", above=0.0)
-    rotation: Array = number(
-        "rate of the atmosphere about the Earth's axis; 0 for an atmosphere at rest in N", unit="rad_s"
-    )
+    rotation: Array = number("rate of the atmosphere about the Earth's axis; 0 if it rests in N", unit="rad_s")
 
 
 def drag(atmosphere: Atmosphere, surface: Surface, earth_radius: Scalar | float, r_N: Vector, v_N: Vector) -> Vector:

@@ -12,7 +12,5 @@ class Surface:
 
     area: Array = number("mean cross-section", unit="m2", at_least=0.0)
     drag_coefficient: Array = number("coefficient of drag", at_least=0.0)
-    pressure_coefficient: Array = number(
-        "coefficient of solar radiation pressure: 1 absorption, 2 specular reflection", at_least=0.0
-    )
+    pressure_coefficient: Array = number("coefficient of radiation pressure: 1 absorption, 2 reflection", at_least=0.0)
     center_of_pressure: Array = number("from the centre of mass, B or T; gives the torque", unit="m", length=3)

@@ -49,7 +49,7 @@ class RelativeOrbit:
     )
     along_track: Array = number("offset along-track at the entry", unit="m", default=0.0)
     drift_per_orbit: Array = number(
-        "change of the offset in a period, by a difference of the semi-major axes", unit="m", default=0.0
+        "change of the offset in a period, by unequal semi-major axes", unit="m", default=0.0
     )
     join: Array = number(
         "time in which the servicer reaches the relative orbit from its motion at the entry",

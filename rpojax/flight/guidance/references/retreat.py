@@ -17,9 +17,7 @@ Vector = Float[Array, "3"]
 class Retreat:
     """Straight line away from the target, through the position at the entry."""
 
-    distance: Array = number(
-        "distance from the target at which it ends; a servicer farther away stays", unit="m", above=0.0
-    )
+    distance: Array = number("distance from the target at which it ends; a servicer beyond stays", unit="m", above=0.0)
     speed: Array = number("speed that is reached after some seconds", unit="m_s", above=0.0)
 
 
