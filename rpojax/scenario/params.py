@@ -212,14 +212,15 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
 def declared_leaves(whole: type) -> dict[str, tuple[tuple[str, ...], float]]:
     """Attribute path in a record of records, and factor to SI, of each number by its key with and without the unit.
 
-    The section of a number is named like the field that holds its record, unless its declaration names another one.
+    The section of a number is named like the field that holds its record, unless its declaration names another one. Of two
+    records under one name the first is that of the scenario; a later one is a copy, such as a belief.
     """
-    found = {}
+    found: dict[str, tuple[tuple[str, ...], float]] = {}
     for path, cls in _records_below(whole):
         for name, (key, _) in declared_numbers(cls).items():
             full = key if "." in key else f"{path[-1]}.{key}"
             bare, factor = key_units.split_unit(full)
-            found |= {bare: ((*path, name), 1.0), full: ((*path, name), factor)}
+            found = {bare: ((*path, name), 1.0), full: ((*path, name), factor)} | found
     return found
 
 

@@ -49,10 +49,18 @@ class BoomSection(section_of(Boom, first=("model", "tip"), optional=True)):
 
 
 @pytree
+class Belief:
+    """Record that holds a copy of another one."""
+
+    boom: Boom
+
+
+@pytree
 class Craft:
     """Record that holds another one."""
 
     boom: Boom
+    flight: Belief
 
 
 WithBoom: Any = create_model("WithBoom", __base__=ScenarioFile, boom=(BoomSection, ...))
