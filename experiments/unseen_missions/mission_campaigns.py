@@ -62,25 +62,34 @@ def campaign(tables: Tables, name: str, runs: int, histories: Sequence[int], opt
 
 @dataclass(frozen=True)
 class Variant:
-    """A mission: values in place of those of `inspection`, by key, for all runs."""
+    """A mission: values in place of those of `inspection`, by key, for all runs, or as `(rng, runs)` draws them.
+
+    Overrides change what is one value for a whole campaign: switches, rates, texts.
+    """
 
     changes: Mapping[str, Any] = field(default_factory=dict)
     epoch_utc: str | None = None
+    overrides: tuple[str, ...] = ()
 
 
 def variant_campaigns(
     variants: Mapping[str, Variant], options: Options, histories: int
 ) -> Iterator[tuple[str, Campaign, slice]]:
-    """Name of each variant, the campaign that holds it, and its runs there; one campaign for each epoch.
+    """Name of each variant, the campaign that holds it, and its runs there; one campaign for each epoch and overrides.
 
     The histories of the first runs of each variant are kept.
     """
-    for epoch in dict.fromkeys(variant.epoch_utc for variant in variants.values()):
-        here = {name: variant for name, variant in variants.items() if variant.epoch_utc == epoch}
+    for epoch, overrides in dict.fromkeys((variant.epoch_utc, variant.overrides) for variant in variants.values()):
+        here = {
+            name: variant
+            for name, variant in variants.items()
+            if (variant.epoch_utc, variant.overrides) == (epoch, overrides)
+        }
         first = np.arange(len(here)) * options.runs
         kept = (first[:, None] + np.arange(min(histories, options.runs))).ravel().tolist()
         tables = table_scenario(here, epoch, options.runs, options.seed)
-        result = campaign(tables, f"table_{epoch or 'packaged'}", len(here) * options.runs, kept, options)
+        name = "_".join(("table", epoch or "packaged", *overrides))
+        result = campaign(tables, name, len(here) * options.runs, kept, options)
         for place, name in enumerate(here):
             yield name, result, slice(place * options.runs, (place + 1) * options.runs)
 
@@ -90,7 +99,8 @@ def table_scenario(variants: Mapping[str, Variant], epoch_utc: str | None, runs:
 
     A variant without a change of a key that another one changes has its nominal value, or one drawn as declared.
     """
-    tables = rpojax.load("inspection").model_dump(mode="json")
+    overrides = next(iter(variants.values())).overrides
+    tables = rpojax.load("inspection", list(overrides)).model_dump(mode="json")
     tables["epoch_utc"] = epoch_utc or tables["epoch_utc"]
     keys = list(dict.fromkeys(key for variant in variants.values() for key in variant.changes))
     declared = {each["key"]: each for each in tables["dispersions"] if each["key"] in keys}
@@ -99,8 +109,10 @@ def table_scenario(variants: Mapping[str, Variant], epoch_utc: str | None, runs:
     columns: dict[str, list[float]] = {}
     for variant in variants.values():
         for key in keys:
-            if key in variant.changes:
-                values = np.repeat(np.asarray(variant.changes[key], dtype=float)[None], runs, axis=0)
+            if callable(change := variant.changes.get(key)):
+                values = change(rng, runs)
+            elif key in variant.changes:
+                values = np.repeat(np.asarray(change, dtype=float)[None], runs, axis=0)
             else:
                 values = _drawn(rng, np.asarray(_value(tables, key), dtype=float), declared.get(key), runs)
             for index in np.ndindex(values.shape[1:]):

@@ -29,5 +29,8 @@ RADIUS_SUN: Final = 6.957e8
 ASTRONOMICAL_UNIT: Final = 1.495978707e11
 """Distance at which the solar flux is given [m]."""
 
+SOLAR_FLUX: Final = 1361.0
+"""Solar flux at one astronomical unit (Kopp and Lean, 2011) [W/m^2]."""
+
 SPEED_OF_LIGHT: Final = 299792458.0
 """Speed of light in vacuum [m/s]."""

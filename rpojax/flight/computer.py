@@ -26,11 +26,20 @@ from rpojax.flight.guidance import (
     target_visibility,
 )
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick
-from rpojax.flight.navigation import attitude_ekf, relative_orbit_ekf, relative_state, thrust_estimator
+from rpojax.flight.navigation import (
+    attitude_ekf,
+    lasting_adaptation,
+    lasting_effects,
+    relative_orbit_ekf,
+    relative_state,
+    thrust_estimator,
+)
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.lasting_adaptation import LastingPriors
+from rpojax.flight.navigation.lasting_effects import LastingEffects
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation_health import HealthEvidence
@@ -114,6 +123,8 @@ def navigate(
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
+    relative, priors, ratio = lasting_adaptation.adapt(params.navigation, orbit.relative, memory.health.lasting, box)
+    orbit = replace(orbit, relative=relative)
     after = replace(
         memory,
         attitude=attitude,
@@ -123,7 +134,7 @@ def navigate(
         rejected_s=rejected_s,
         own=own,
     )
-    evidence = _health_evidence(memory, after, innovation, box.interval, time)
+    evidence = _health_evidence(memory, after, innovation, (priors, ratio), box.interval, time)
     health = navigation_health.update(params.health, params.navigation, memory.health, evidence)
     return replace(after, health=health), innovation
 
@@ -172,7 +183,12 @@ def camera_attitude(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Float[
 
 
 def _health_evidence(
-    memory: FlightMemory, after: FlightMemory, innovation: Innovation, interval: Scalar, time: Scalar
+    memory: FlightMemory,
+    after: FlightMemory,
+    innovation: Innovation,
+    lasting: tuple[LastingPriors, Scalar],
+    interval: Scalar,
+    time: Scalar,
 ) -> HealthEvidence:
     """Evidence by the update of the orbit filter at `time` [s], `interval` [s] after the one before it."""
     orbit, ignition, cutoff = after.orbit, memory.plan.ignition, memory.plan.cutoff
@@ -189,6 +205,8 @@ def _health_evidence(
         gate=after.gate,
         estimate=orbit.relative,
         effort=effort,
+        lasting=lasting[0],
+        lasting_ratio=lasting[1],
         unseen_time=memory.pointing.acquisition.unseen_time,
         range_sigma=line_of_sight_uncertainty.relative_range_sigma(orbit),
     )
@@ -275,12 +293,14 @@ class MotionOnBoard:
         thrust_ratio: () chamber pressure over its nominal value while the valve was open, None without a sensor: then
             the thrust is its nominal one
         third_body_acceleration_N: (3,) by Sun and Moon, zero where they are not modelled [m/s^2]
+        sun_N: (3,) of the Sun from the Earth [m]
     """
 
     q_BN_before: Array
     delta_v_N: Array
     thrust_ratio: Array | None
     third_body_acceleration_N: Array
+    sun_N: Array
 
 
 def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
@@ -301,6 +321,7 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
         burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
         third_body_acceleration_N=motion.third_body_acceleration_N,
+        lasting=_lasting_effects(params, memory, motion),
         time=end - dt,
         dt=dt,
     )
@@ -313,6 +334,17 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         orbit=orbit,
         own=own,
         attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, motion.q_BN_before, dt),
+    )
+
+
+def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> LastingEffects:
+    """Effect of lasting errors over a tick with that `motion`."""
+    servicer = memory.orbit.servicer
+    return LastingEffects(
+        thrust_axes_N=lasting_effects.thrust_axes(motion.q_BN_before, params.vehicle.thrust_direction),
+        ballistic_N=lasting_effects.ballistic_acceleration(
+            params.atmosphere, servicer.r_SN_N, servicer.v_SN_N, motion.sun_N
+        ),
     )
 
 

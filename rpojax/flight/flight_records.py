@@ -5,6 +5,7 @@ from typing import Any
 
 from jaxtyping import Array
 
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.pytree import pytree
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
@@ -27,7 +28,7 @@ from rpojax.flight.vehicle_model import VehicleModel
 
 @pytree
 class FlightParams:
-    """Tuning of all flight software, its vehicle model, and what it believes of additional sensors, by their names."""
+    """Tuning of all flight software, its models of vehicle and air, and what it believes of additional sensors."""
 
     vehicle: VehicleModel
     navigation: OrbitFilterTuning
@@ -37,6 +38,7 @@ class FlightParams:
     attitude_control: AttitudeControlTuning
     health: HealthTuning
     mission: MissionTuning
+    atmosphere: Atmosphere
     sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
 

@@ -15,10 +15,11 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight import control_effort
 from rpojax.flight.control_effort import ControlEffort
-from rpojax.flight.navigation import shape_errors
+from rpojax.flight.navigation import lasting_adaptation, shape_errors
 from rpojax.flight.navigation.box_measurement import detection_model
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
+from rpojax.flight.navigation.lasting_adaptation import LastingPriors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
@@ -34,11 +35,12 @@ TESTS: Final = (
     "unseen",
     "range",
     "control_effort",
+    "lasting",
 )
 """Tests by name: variance of the GPS innovations; variance and mean of those of the box; share of boxes that were
 rejected although others confirm them; size error that explains the difference of range by size and by the orbit;
 time in which the target should have been seen and was not; sigma of the range over the range; velocity that burns gave
-beyond the one that they were believed to give."""
+beyond the one that they were believed to give; measured error that lasts over its declared sigma."""
 
 
 @pytree
@@ -53,6 +55,7 @@ class HealthTuning:
         "`navigation.scale_sigma` and `target_size_sigma`",
         above=0.0,
     )
+    lasting_limit: Array = number("measured error that lasts over its declared sigma", above=0.0, default=3.7)
     unseen_limit: Array = number("longest time without box, while the target should be seen", unit="s", above=0.0)
     range_limit: Array = number("largest 1-sigma of the range over the range", above=0.0)
     regain: Array = number(
@@ -75,7 +78,8 @@ class NavigationHealth:
         contradicted: () fading share of boxes that were rejected although others confirm them [-]
         size_error: (2,) fading mean of the estimated size error: end-on, an outline may be far smaller for a while [-]
         effort: velocity corrections between burns
-        ratios: (8,) statistic over threshold of each of `TESTS` [-]
+        lasting: priors of errors that last
+        ratios: (9,) statistic over threshold of each of `TESTS` [-]
         confident: () bool, the tests of the relative estimate, all but that of GPS, have passed
         confident_range: () estimated range when they last had [m]
     """
@@ -84,6 +88,7 @@ class NavigationHealth:
     contradicted: Array
     size_error: Array
     effort: ControlEffort
+    lasting: LastingPriors
     ratios: Array
     confident: Array
     confident_range: Array
@@ -96,6 +101,7 @@ def initial(relative: RelativeEstimate) -> NavigationHealth:
         contradicted=jnp.zeros((), dtype=jnp.float64),
         size_error=jnp.zeros_like(relative.slow["size"]),
         effort=control_effort.initial(),
+        lasting=lasting_adaptation.initial(relative),
         ratios=jnp.zeros(len(TESTS), dtype=jnp.float64),
         confident=jnp.ones((), dtype=bool),
         confident_range=gradient_safe.norm(relative.r_TS_N),
@@ -112,6 +118,8 @@ class HealthEvidence:
         gate: state of the outlier gate after them
         estimate: of the target by them
         effort: control effort after them
+        lasting: priors of errors that last after them
+        lasting_ratio: () largest measured error that lasts over its declared sigma [-]
         unseen_time: () without a box in which the target should have been seen [s]
         range_sigma: () sigma of the range over the range [-]
     """
@@ -121,6 +129,8 @@ class HealthEvidence:
     gate: GateState
     estimate: RelativeEstimate
     effort: ControlEffort
+    lasting: LastingPriors
+    lasting_ratio: Array
     unseen_time: Array
     range_sigma: Array
 
@@ -154,6 +164,7 @@ def update(
             found.unseen_time / tuning.unseen_limit,
             found.range_sigma / tuning.range_limit,
             found.effort.ratio / effort_limit,
+            found.lasting_ratio / tuning.lasting_limit,
         ]
     )
     # The relative state does not depend on GPS.
@@ -164,6 +175,7 @@ def update(
         contradicted=contradicted,
         size_error=size_error,
         effort=found.effort,
+        lasting=found.lasting,
         ratios=ratios,
         confident=confident,
         confident_range=jnp.where(confident, gradient_safe.norm(estimate.r_TS_N), health.confident_range),

@@ -33,6 +33,7 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilt
 from rpojax.flight.navigation.believed_sensor import SensorRows
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.lasting_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import phase_assignment
@@ -139,6 +140,7 @@ class OrbitPrediction(Protocol):
         burn_delta_v: Scalar,
         burn_sigma_inflation: Scalar,
         third_body_acceleration_N: Vector,
+        lasting: LastingEffects,
         time: Scalar,
         dt: float,
     ) -> OrbitEstimate:
@@ -152,6 +154,7 @@ class OrbitPrediction(Protocol):
             burn_delta_v: () size of the whole burn that it is a part of [m/s]
             burn_sigma_inflation: () factor on the sigma of the burn's magnitude
             third_body_acceleration_N: (3,) of the servicer by Sun and Moon [m/s^2]
+            lasting: effect of errors of thrust and of drag that last
             time: () of the estimate since the start of the run [s]
             dt: length of the tick [s]
         """

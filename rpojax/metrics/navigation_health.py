@@ -34,6 +34,16 @@ METRICS: Final = (
         low_is_bad=True,
     ),
     Metric(
+        "confidence_withdrawn_s",
+        "s",
+        title="Confidence withdrawn",
+        meaning="Time at which the flight software first lost confidence in its navigation.",
+        of_events=True,
+        inputs=("nav_confident",),
+        value=lambda xp, confident: ~confident,
+        reduction=record_statistics.time_to_first,
+    ),
+    Metric(
         "health_false_alarm_fraction",
         "-",
         title="False alarms",

@@ -7,10 +7,10 @@ from rpojax.core import quaternion
 from rpojax.core.declared_numbers import number
 from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.orbits import keplerian_elements
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.orbits.zonal_gravity import GravityField
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
-from rpojax.physics.environment.drag import Atmosphere
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault

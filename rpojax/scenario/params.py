@@ -94,8 +94,9 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         vehicle=_nominal_vehicle(plant, rest["camera"], width_px, height_px),
         navigation=_navigation(tables),
         mission=phase_table.mission_tuning(tables),
+        atmosphere=plant.atmosphere,
         sensors=_sensor_numbers(tables, believed=True),
-        **_records(FlightParams, tables, without=("navigation", "mission")),
+        **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere")),
     )
     return Params(
         epoch=epoch_at(epoch_seconds(tables["epoch_utc"])),
@@ -212,8 +213,8 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
 def declared_leaves(whole: type) -> dict[str, tuple[tuple[str, ...], float]]:
     """Attribute path in a record of records, and factor to SI, of each number by its key with and without the unit.
 
-    The section of a number is named like the field that holds its record, unless its declaration names another one. Of two
-    records under one name the first is that of the scenario; a later one is a copy, such as a belief.
+    The section of a number is named like the field that holds its record, unless its declaration names another one. Of
+    two records under one name the first is that of the scenario; a later one is a copy, such as a belief.
     """
     found: dict[str, tuple[tuple[str, ...], float]] = {}
     for path, cls in _records_below(whole):

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
@@ -14,7 +15,6 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation_health import HealthTuning
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.metrics.passive_safety import STANDARD_HORIZONS, horizon_length
-from rpojax.physics.environment.drag import Atmosphere
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault

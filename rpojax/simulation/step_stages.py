@@ -230,6 +230,7 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
         delta_v_N=motion.delta_v_N,
         thrust_ratio=ratio,
         third_body_acceleration_N=_luni_solar_acceleration(scenario, tick.flight, tick.sky),
+        sun_N=tick.sky.sun_N,
     )
     memory = replace(tick.flight, attitude=motion.attitude)
     return computer.predict(loop.software, memory, on_board, tick.time + scenario.tick_s)

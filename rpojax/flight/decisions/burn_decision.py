@@ -207,7 +207,7 @@ def _others(software: FlightSoftware, decision: Decision, drift: Drift, team: Te
             time=decision.time,
             lead=software.params.formation.lead,
         ),
-        jnp.hypot(burn_execution_error.new_sigma(navigation), navigation.burn_direction_sigma),
+        jnp.hypot(burn_execution_error.new_sigma(navigation), burn_execution_error.new_direction_sigma(navigation)),
     )
     drifts = PeerDrifts(
         state_H=state_H,

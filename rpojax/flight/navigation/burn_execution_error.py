@@ -31,6 +31,17 @@ def lasting_sigma(tuning: OrbitFilterTuning) -> Scalar:
     return jnp.where(tuning.burn_scale_as_new > 0.0, 0.0, tuning.burn_scale_sigma)
 
 
+def lasting_direction_sigma(tuning: OrbitFilterTuning) -> Scalar:
+    """1 sigma of the lasting angle of the thrust that is a state of the filter [rad]; 0 where it counts as new."""
+    return jnp.where(tuning.burn_scale_as_new > 0.0, 0.0, tuning.thrust_direction_sigma)
+
+
+def new_direction_sigma(tuning: OrbitFilterTuning) -> Scalar:
+    """1 sigma per axis of the part of a burn's direction error that is new, or counts as new [rad]."""
+    as_new = tuning.burn_scale_as_new * tuning.thrust_direction_sigma
+    return gradient_safe.sqrt(tuning.burn_direction_sigma**2 + as_new**2)
+
+
 def new_sigma(tuning: OrbitFilterTuning) -> Scalar:
     """1 sigma of the part of a burn's relative magnitude error that is new, or counts as new [-]."""
     as_new = tuning.burn_scale_as_new * tuning.burn_scale_sigma

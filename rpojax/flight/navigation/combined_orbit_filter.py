@@ -27,6 +27,7 @@ from rpojax.flight.navigation import (
 from rpojax.flight.navigation.believed_sensor import SensorRows
 from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
+from rpojax.flight.navigation.lasting_effects import LastingEffects
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
@@ -86,17 +87,19 @@ def predict(
     burn_delta_v: Scalar,
     burn_sigma_inflation: Scalar,
     third_body_acceleration_N: Vector,
+    lasting: LastingEffects,
     dt: float,
 ) -> OrbitEstimate:
     """Estimate `dt` [s] later, with the known velocity change [m/s] spread over the step.
 
     `burn_delta_v` [m/s] is the size of the whole burn that `delta_v_N` is a part of, `burn_sigma_inflation` [-] a
     factor on the tuning's sigma of burn magnitude, `third_body_acceleration_N` [m/s^2] that of the servicer by Sun and
-    Moon.
+    Moon, `lasting` the effect of errors that last.
     """
     servicer, relative = estimate.servicer, estimate.relative
-    delta_v_N = relative_state.expected_delta_v(relative, delta_v_N)
+    delta_v_N = relative_state.expected_delta_v(relative, lasting, delta_v_N)
     acceleration = delta_v_N / dt
+    pushed_apart = relative_state.lasting_acceleration(relative, lasting) - acceleration
     reference = encke_reference.reference_orbit(
         EARTH_GRAVITY, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.orbit_low
     )
@@ -108,7 +111,7 @@ def predict(
             v,
             gravity.value + third_body_acceleration_N + acceleration,
             d_dot,
-            gravity.change - acceleration,
+            gravity.change + pushed_apart,
         )
 
     mean = (*reference.integration_start, relative.r_TS_N, relative.v_TS_N)
@@ -117,18 +120,26 @@ def predict(
     r, v, orbit_low = reference.final_state(dt, change_r, change_v)
     relative = replace(relative, r_TS_N=relative.r_TS_N + change_d, v_TS_N=relative.v_TS_N + change_d_dot)
     magnitude_sigma = burn_execution_error.new_magnitude_sigma(tuning, burn_sigma_inflation)
-    new = burn_execution_error.burn_covariance(delta_v_N, burn_delta_v, magnitude_sigma, tuning.burn_direction_sigma)
+    direction_sigma = burn_execution_error.new_direction_sigma(tuning)
+    new = burn_execution_error.burn_covariance(delta_v_N, burn_delta_v, magnitude_sigma, direction_sigma)
     # The servicer's own estimate, which GPS keeps, takes all of the error as new.
     whole = burn_execution_error.burn_covariance(
         delta_v_N,
         burn_delta_v,
         gradient_safe.sqrt(magnitude_sigma**2 + burn_execution_error.lasting_sigma(tuning) ** 2),
-        tuning.burn_direction_sigma,
+        gradient_safe.sqrt(direction_sigma**2 + burn_execution_error.lasting_direction_sigma(tuning) ** 2),
     )
-    step = OrbitStep(dt=dt, r_SN_N=servicer.r_SN_N, velocity_covariance=new, delta_v_N=delta_v_N)
+    step = OrbitStep(
+        dt=dt,
+        r_SN_N=servicer.r_SN_N,
+        velocity_covariance=new,
+        velocity_effects=relative_state.velocity_effects(relative.layout, lasting, delta_v_N, dt),
+    )
     servicer = replace(servicer, r_SN_N=r, v_SN_N=v, orbit_low=orbit_low)
     return OrbitEstimate(
-        servicer=servicer_orbit_ekf.predict(tuning, servicer, replace(step, velocity_covariance=whole)),
+        servicer=servicer_orbit_ekf.predict(
+            tuning, servicer, replace(step, velocity_covariance=whole, velocity_effects=None)
+        ),
         relative=relative_orbit_ekf.predict(tuning, relative, step),
     )
 

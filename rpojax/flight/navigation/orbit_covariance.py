@@ -1,7 +1,5 @@
 """Covariance propagation of an orbit's position and velocity with slow states."""
 
-from collections.abc import Sequence
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -19,14 +17,14 @@ class OrbitStep:
         dt: its length [s]
         r_SN_N: (3,) servicer at its beginning [m]
         velocity_covariance: (3, 3) of the velocity errors that are new in it [m^2/s^2]
-        delta_v_N: (3,) velocity change of the servicer whose lasting errors are states [m/s]; None where these are part
-            of `velocity_covariance`
+        velocity_effects: (3, k) velocity change in it by a unit of each of the last slow states [m/s]; None where
+            no slow state acts on the motion
     """
 
     dt: float
     r_SN_N: Array
     velocity_covariance: Array
-    delta_v_N: Array | None = None
+    velocity_effects: Array | None = None
 
     def with_acceleration_noise(self, noise: Float[Array, ""]) -> "OrbitStep":
         """The step with the errors of unmodelled accelerations of a density `noise` [m/s^2 per Hz^0.5], too."""
@@ -39,13 +37,10 @@ def propagate(
     step: OrbitStep,
     decay: Float[Array, " m"],
     slow_process_variance: Float[Array, " m"],
-    burns: Sequence[tuple[int, Float[Array, "3"]]] = (),
 ) -> Float[Array, "n n"]:
     """Covariance after a step of position, velocity and `m` slow states, in this order.
 
-    `decay` [-] is the factor on each slow state over the step, which has that process variance. `burns` are the slow
-    states that act on burns: the place of each in the vector, and the velocity change (3,) [m/s] of the step by a unit
-    of it.
+    `decay` [-] is the factor on each slow state over the step, which has that process variance.
     The transition is a kick followed by a drift, which together are symplectic; over one second they differ from the
     exact transition by parts in a million.
     """
@@ -61,17 +56,15 @@ def propagate(
     vs = (vs + product(kick, xs)) * decay[None, :]
     xs = xs * decay[None, :] + dt * vs
     ss = ss * (decay[:, None] * decay[None, :]) + jnp.diag(slow_process_variance)
-    for place, g_v in burns:
-        column = place - MOTION.size
-        g_x, variance = 0.5 * dt * g_v, ss[column, column]
-        u_x, u_v = xs[:, column] + 0.5 * variance * g_x, vs[:, column] + 0.5 * variance * g_v
-        xx = xx + (_outer(g_x, u_x) + _outer(u_x, g_x))
-        xv = xv + (_outer(g_x, u_v) + _outer(u_x, g_v))
-        vv = vv + (_outer(g_v, u_v) + _outer(u_v, g_v))
-        xs, vs = xs + _outer(g_x, ss[column]), vs + _outer(g_v, ss[column])
+    if step.velocity_effects is not None:
+        G, acting = step.velocity_effects, slice(ss.shape[0] - step.velocity_effects.shape[1], None)
+        added = product(G, ss[acting])
+        # Half of the effect before and after: the products are symmetric.
+        half_v, half_x = vs[:, acting] + 0.5 * added[:, acting], xs[:, acting] + 0.25 * dt * added[:, acting]
+        by_x, by_v = product(half_x, G.T), product(half_v, G.T)
+        xx = xx + 0.5 * dt * (by_x + by_x.T)
+        xv = xv + (by_x + 0.5 * dt * by_v.T)
+        vv = vv + (by_v + by_v.T)
+        xs, vs = xs + 0.5 * dt * added, vs + added
     blocks = [[xx, xv, xs], [xv.T, vv + step.velocity_covariance, vs], [xs.T, vs.T, ss]]
     return jnp.concatenate([jnp.concatenate(row, axis=1) for row in blocks], axis=0)
-
-
-def _outer(a: Float[Array, "3"], b: Float[Array, " k"]) -> Float[Array, "3 k"]:
-    return a[:, None] * b[None, :]

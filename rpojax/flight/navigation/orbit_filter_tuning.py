@@ -12,8 +12,8 @@ class OrbitFilterTuning:
 
     Attributes:
         detector_boxes: () 1 where a detector finds the boxes, so that they have that offset, else 0 [-]
-        burn_scale_as_new: () factor on `burn_scale_sigma` of what counts as new in each burn, where the filter
-            has no state for it; 0 where it has one [-]
+        burn_scale_as_new: () factor on `burn_scale_sigma` and `thrust_direction_sigma` of what counts as new in each
+            burn, where the filter has no state for it; 0 where it has one [-]
     """
 
     gps_noise: Array = number("white GPS noise per axis, 1 sigma", unit="m", above=0.0)
@@ -89,10 +89,23 @@ class OrbitFilterTuning:
         "the same, of the part that stays from burn to burn: of thrust and mass. The filter estimates it. With "
         "`sharing` the filters have no state for it: twice its sigma counts as new in every burn",
         at_least=0.0,
-        default=0.0,
+        default=0.05,
     )
     burn_scale_as_new: Array
-    burn_direction_sigma: Array = number("direction error of a burn per axis, 1 sigma", unit="deg", at_least=0.0)
+    burn_direction_sigma: Array = number(
+        "direction error of a burn per axis, new in every burn, 1 sigma", unit="deg", at_least=0.0
+    )
+    thrust_direction_sigma: Array = number(
+        "angle of the thrust per axis, lasting from burn to burn, 1 sigma", unit="deg", at_least=0.0, default=0.5
+    )
+    ballistic_sigma: Array = number(
+        "area over mass of the target less that of the servicer, 1 sigma", unit="m2_kg", at_least=0.0, default=0.005
+    )
+    adaptation_limit: Array = number(
+        "greatest factor on the declared sigma of an error that lasts, where measurements contradict it",
+        at_least=1.0,
+        default=6.0,
+    )
     thrust_sigma: Array = number(
         "relative error of the thrust before any measured pressure, 1 sigma: of one burn and lasting, as "
         "`thruster.magnitude_noise` and `force_scale` have it; mass has no part in it. Used with `chamber_pressure`",

@@ -141,13 +141,12 @@ def _iterated_position(
 def predict(tuning: OrbitFilterTuning, moved: RelativeEstimate, step: OrbitStep) -> RelativeEstimate:
     """Estimate after a step, of which position and velocity have `moved` already."""
     decay, slow_process_variance = relative_state.slow_process(tuning, moved, moved.r_TS_N, moved.v_TS_N, step.dt)
-    burns = [] if step.delta_v_N is None else relative_state.burn_effects(moved.layout, -step.delta_v_N)
     noisy = step.with_acceleration_noise(tuning.relative_acceleration_noise)
     factors = moved.layout.after("velocity").split(decay)
     return replace(
         moved,
         slow={name: factors[name] * value for name, value in moved.slow.items()},
-        covariance=orbit_covariance.propagate(moved.covariance, noisy, decay, slow_process_variance, burns),
+        covariance=orbit_covariance.propagate(moved.covariance, noisy, decay, slow_process_variance),
         outline=outline_correlation.elapse(moved.outline, step.dt),
     )
 

@@ -1,8 +1,8 @@
 """State of the relative orbit filter: the target's motion from the servicer, and slow states declared by name.
 
 A slow state is one that changes by itself and by nothing else: the target's apparent size, the bearing bias of the
-camera, the lasting error of burns. Each is declared here once, with its prior, its transition and process noise, and
-what a burn makes of it; filter, sharing, linear covariance and records find it by its name.
+camera, the lasting errors of burns, the difference of drag. Each is declared here once, with its prior, its transition
+and process noise, and how it acts on the motion; filter, sharing, linear covariance and records find it by its name.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,9 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.pytree import pytree, replace
+from rpojax.core.vectors import apply
 from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors
+from rpojax.flight.navigation.lasting_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.flight.navigation.shape_errors import ShapeErrors
@@ -36,6 +38,8 @@ class SlowState:
             errors that come from the target's shape
         burn_effect: (3, size) velocity change of the servicer that a unit of the state adds to a burn of a velocity
             change (3,) [m/s], linear in it; None for a state that burns do not show
+        acceleration: (3, size) of the target from the servicer by a unit of the state [m/s^2]; None without any
+        is_lasting: it stays as it was at hand-over, but for a slow walk, and so far as it was declared
     """
 
     name: str
@@ -43,7 +47,14 @@ class SlowState:
     unit: str
     prior_variance: Callable[[OrbitFilterTuning, Vector], Array]
     process: Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]
-    burn_effect: Callable[[Vector], Array] | None = None
+    burn_effect: Callable[[LastingEffects, Vector], Array] | None = None
+    acceleration: Callable[[LastingEffects], Array] | None = None
+    is_lasting: bool = False
+
+    @property
+    def acts_on_motion(self) -> bool:
+        """Whether the target's motion from the servicer shows it, and not only a measurement."""
+        return self.burn_effect is not None or self.acceleration is not None
 
 
 def _constant(size: int) -> Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]:
@@ -70,6 +81,12 @@ def _center_offset_process(tuning: OrbitFilterTuning, errors: ShapeErrors, dt: f
     return decay, errors.center_variance * one * (1.0 - decay**2)
 
 
+def _deflected(effects: LastingEffects, delta_v_N: Vector) -> Float[Array, "3 2"]:
+    """Velocity change across a burn of `delta_v_N` [m/s] by a unit of each angle of its direction."""
+    along, *across = effects.thrust_axes_N
+    return jnp.sum(along * delta_v_N, axis=0) * jnp.stack(across, axis=1)
+
+
 SLOW_STATES = (
     # Log of the apparent size over its expected value, in a slow and a fast part.
     SlowState("size", 2, "-", lambda tuning, r_TS_N: shape_errors.scale_variance(tuning), _size_process),
@@ -80,6 +97,7 @@ SLOW_STATES = (
         "rad",
         lambda tuning, r_TS_N: jnp.full(2, tuning.bearing_bias_sigma**2),
         _bearing_bias_process,
+        is_lasting=True,
     ),
     # Of the box centre from the centre of mass, image right and down; it wanders as the target tumbles.
     SlowState(
@@ -99,12 +117,33 @@ SLOW_STATES = (
         "-",
         lambda tuning, r_TS_N: burn_execution_error.lasting_sigma(tuning)[None] ** 2,
         _constant(1),
-        burn_effect=lambda delta_v_N: delta_v_N[:, None],
+        burn_effect=lambda effects, delta_v_N: delta_v_N[:, None],
+        is_lasting=True,
+    ),
+    # Angles of the thrust from its nominal direction, about which the thruster's mounting and plume are known.
+    SlowState(
+        "thrust_direction",
+        2,
+        "rad",
+        lambda tuning, r_TS_N: jnp.full(2, burn_execution_error.lasting_direction_sigma(tuning) ** 2),
+        _constant(2),
+        burn_effect=_deflected,
+        is_lasting=True,
+    ),
+    # Area over mass of the target less that of the servicer, by which air and sunlight push them apart.
+    SlowState(
+        "ballistic",
+        1,
+        "m^2/kg",
+        lambda tuning, r_TS_N: tuning.ballistic_sigma[None] ** 2,
+        _constant(1),
+        acceleration=lambda effects: effects.ballistic_N[:, None],
+        is_lasting=True,
     ),
 )
 """Slow states of the filter, in the order of its vector."""
 
-VIEW_STATES = tuple(state for state in SLOW_STATES if state.burn_effect is None)
+VIEW_STATES = tuple(state for state in SLOW_STATES if not state.acts_on_motion)
 """Those that a box shows: the states of filters that take the errors of burns as new in each burn."""
 
 
@@ -213,25 +252,34 @@ def slow_process(
     return jnp.concatenate([decay for decay, _ in pairs]), jnp.concatenate([variance for _, variance in pairs])
 
 
-def burn_effects(layout: StateLayout, delta_v_N: Vector) -> list[tuple[int, Vector]]:
-    """Places in the vector of the states that burns show, each with the velocity change of the servicer by a unit.
+def velocity_effects(
+    layout: StateLayout, effects: LastingEffects, delta_v_N: Vector, dt: float | Scalar
+) -> Float[Array, "3 m"] | None:
+    """Velocity change of the target from the servicer over `dt` [s] by a unit of each slow state that acts on it.
 
-    The burn has the velocity change `delta_v_N` [m/s].
+    They are the last ones of the layout; None without any. The servicer burns by `delta_v_N` [m/s] meanwhile.
     """
-    return [
-        (place, state.burn_effect(delta_v_N)[:, column])
-        for state in SLOW_STATES
-        if state.burn_effect is not None and state.name in layout
-        for column, place in enumerate(layout.places(state.name))
-    ]
+    columns = []
+    for state in SLOW_STATES:
+        if state.name in layout and state.burn_effect is not None:
+            columns.append(-state.burn_effect(effects, delta_v_N))
+        if state.name in layout and state.acceleration is not None:
+            columns.append(dt * state.acceleration(effects))
+    return jnp.concatenate(columns, axis=1) if columns else None
 
 
-def expected_delta_v(estimate: RelativeEstimate, delta_v_N: Vector) -> Vector:
+def expected_delta_v(estimate: RelativeEstimate, effects: LastingEffects, delta_v_N: Vector) -> Vector:
     """Velocity change (3,) [m/s] of a burn with the estimated errors that last from burn to burn."""
-    vector = estimate.vector
-    for place, effect in burn_effects(estimate.layout, delta_v_N):
-        delta_v_N = delta_v_N + vector[place] * effect
-    return delta_v_N
+    states = [state for state in SLOW_STATES if state.name in estimate.slow]
+    added = [apply(by(effects, delta_v_N), estimate.slow[each.name]) for each in states if (by := each.burn_effect)]
+    return sum(added, delta_v_N)
+
+
+def lasting_acceleration(estimate: RelativeEstimate, effects: LastingEffects) -> Vector:
+    """Estimated acceleration (3,) [m/s^2] of the target from the servicer by what pushes them apart."""
+    states = [state for state in SLOW_STATES if state.name in estimate.slow]
+    found = [apply(by(effects), estimate.slow[each.name]) for each in states if (by := each.acceleration)]
+    return sum(found, jnp.zeros_like(estimate.r_TS_N))
 
 
 def reopening_factor(reopened: Bool[Array, ""]) -> Scalar:

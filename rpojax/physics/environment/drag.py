@@ -1,25 +1,13 @@
-"""Aerodynamic drag in an exponential atmosphere."""
+"""Aerodynamic drag."""
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.declared_numbers import number
 from rpojax.core.numerics.gradient_safe import norm
-from rpojax.core.pytree import pytree
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere, density_and_flow
 from rpojax.physics.environment.spacecraft_surface import Surface
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
-
-
-@pytree
-class Atmosphere:
-    """Exponential atmosphere that rotates about the Earth's pole."""
-
-    density: Array = number("density at the reference altitude", unit="kg_m3", at_least=0.0)
-    altitude: Array = number("reference altitude, above the equatorial radius", unit="m")
-    scale_height: Array = number("height over which the density falls to 1/e", unit="m", above=0.0)
-    rotation: Array = number("rate of the atmosphere about the Earth's axis; 0 if it rests in N", unit="rad_s")
 
 
 def drag(atmosphere: Atmosphere, surface: Surface, earth_radius: Scalar | float, r_N: Vector, v_N: Vector) -> Vector:
@@ -27,8 +15,5 @@ def drag(atmosphere: Atmosphere, surface: Surface, earth_radius: Scalar | float,
 
     Vallado, Fundamentals of Astrodynamics and Applications, section 8.6.2.
     """
-    height = jnp.sqrt(jnp.sum(r_N * r_N, axis=0)) - earth_radius - atmosphere.altitude
-    density = atmosphere.density * jnp.exp(-height / atmosphere.scale_height)
-    wind = atmosphere.rotation * jnp.stack([-r_N[1], r_N[0], jnp.zeros_like(r_N[2])])
-    flow = v_N - wind
+    density, flow = density_and_flow(atmosphere, earth_radius, r_N, v_N)
     return -0.5 * density * surface.drag_coefficient * surface.area * norm(flow) * flow

@@ -13,6 +13,7 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
     "_m_s2_sqrt_hz": ("m/s2/sqrt(Hz)", 1.0),
     "_deg_h": ("deg/h", _DEGREE / 3600.0),
     "_deg_s": ("deg/s", _DEGREE),
+    "_m2_kg": ("m2/kg", 1.0),
     "_kg_m2": ("kg m2", 1.0),
     "_kg_m3": ("kg/m3", 1.0),
     "_n_m_s": ("N m s", 1.0),

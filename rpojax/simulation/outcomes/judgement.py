@@ -3,6 +3,7 @@
 It is evaluated after the simulation, so that the loop pays nothing. A flag is raised when a run is lost, diverged, off
 station or out of propellant, and cleared when it recovers; the outcome is that of the flags raised at the end. A run
 without any is unfinished if it missed the goal of its mission, and not judged if it ends before it must be on station.
+One that would be completed has diverged nevertheless if its filter was sure of itself and wrong for a tenth of it.
 """
 
 from collections.abc import Mapping
@@ -27,6 +28,9 @@ DIVERGED_NEES_PER_COMPONENT: Final = 25.0
 """Relative NEES over its 6 components above which a filter is on the way to be diverged: errors of 5 sigma."""
 DIVERGED_AFTER_S: Final = 600.0
 """Time above it without interruption after which the filter is diverged [s]."""
+LEAST_COVERAGE: Final = 0.9
+"""Fraction of seconds and Hill axes with a relative position error inside 3 sigma, below which no run is completed: of
+a consistent filter 0.9973 are, with independent errors."""
 _RELATIVE_COMPONENTS: Final = 6
 _TIME_TOLERANCE_S: Final = 1e-6
 """Covers rounding of multiples of a tick."""
@@ -36,6 +40,8 @@ REQUIRED_CHANNELS: Final = (
     "box_outlier",
     "observable",
     "nees_relative",
+    "relative_error_H",
+    "relative_sigma_H",
     "rho_H",
     "propellant_used_kg",
     "running",
@@ -104,7 +110,18 @@ def judge(
     if unfinished.any():
         since_s[unfinished] = mission_goal.entered_at_s(file, records)[unfinished]
     codes[(codes == Outcome.COMPLETED.code) & _is_too_short(file, varied, records)] = Outcome.NOT_JUDGED.code
+    outside_s = _outside_sigmas_since_s(records, tick_s)
+    diverged = (codes == Outcome.COMPLETED.code) & np.isfinite(outside_s)
+    codes[diverged], since_s[diverged] = Outcome.DIVERGED.code, outside_s[diverged]
     return JudgedRuns(codes, since_s, events)
+
+
+def _outside_sigmas_since_s(records: Records, tick_s: float) -> np.ndarray:
+    """Time (runs,) at which the seconds and axes outside of 3 sigma became more than a run may have; NaN if never."""
+    outside = np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
+    share = np.cumsum(outside.mean(axis=2), axis=1) / outside.shape[1]
+    too_many = share > 1.0 - LEAST_COVERAGE
+    return np.where(too_many.any(axis=1), tick_s * np.argmax(too_many, axis=1), np.nan)
 
 
 def _misses_goal(file: ScenarioFile, records: Records) -> Flags:

@@ -155,7 +155,7 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
             r_after_N=after.orbit.servicer.r_SN_N,
             delta_v_N=delta_v_N,
             burn_covariance=burn_execution_error.burn_covariance(
-                delta_v_N, planned, sigma, tuning.burn_direction_sigma
+                delta_v_N, planned, sigma, burn_execution_error.new_direction_sigma(tuning)
             ),
             reopened=tick.flight.reopened,
         )

@@ -15,7 +15,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter, relative_state
+from rpojax.flight.navigation import combined_orbit_filter, lasting_effects, relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -38,7 +38,7 @@ HEALTHY = equipment_faults.healthy()
 initial = jax.jit(combined_orbit_filter.initial)
 initial_truth = jax.jit(plant_state.initial_truth)
 step = jax.jit(plant.step, static_argnums=(0, 7))
-predict = jax.jit(combined_orbit_filter.predict, static_argnums=(1, 7))
+predict = jax.jit(combined_orbit_filter.predict, static_argnums=(1, 8))
 update = jax.jit(combined_orbit_filter.update, static_argnums=1)
 
 
@@ -63,6 +63,7 @@ def coast(
         np.float64(burn_delta_v),
         np.float64(burn_sigma_inflation),
         third_body_acceleration_N,
+        lasting_effects.none(),
         1.0,
     )
 
@@ -110,7 +111,7 @@ def transitions(tuning: OrbitFilterTuning, estimate: OrbitEstimate) -> tuple[jax
         )
         return means(
             combined_orbit_filter.predict(
-                tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0
+                tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
             )
         )
 

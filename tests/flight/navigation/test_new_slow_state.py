@@ -9,7 +9,7 @@ import rendezvous_scene
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import cross
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import believed_sensor, combined_orbit_filter, relative_state
+from rpojax.flight.navigation import believed_sensor, combined_orbit_filter, lasting_effects, relative_state
 from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_state import SLOW_STATES, SlowState
@@ -25,7 +25,7 @@ MISALIGNED_THRUST = SlowState(
     lambda tuning, r_TS_N: jnp.full(3, SIGMA**2),
     lambda tuning, errors, dt: (jnp.ones(3), jnp.zeros(3)),
     # A small rotation of the thrust about the axes of N.
-    burn_effect=lambda delta_v_N: jnp.stack([cross(axis, delta_v_N) for axis in jnp.eye(3)], axis=1),
+    burn_effect=lambda effects, delta_v_N: jnp.stack([cross(axis, delta_v_N) for axis in jnp.eye(3)], axis=1),
 )
 
 
@@ -53,7 +53,9 @@ def test_burns_teach_the_filter_the_misalignment_of_its_thrust(
         delta_v, normals = inputs
         size = jnp.sqrt(jnp.sum(delta_v**2))
         truth, known = (
-            combined_orbit_filter.predict(tuning, 2, each, delta_v, size, jnp.ones(()), jnp.zeros(3), 1.0)
+            combined_orbit_filter.predict(
+                tuning, 2, each, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+            )
             for each in carry
         )
         view = SensorView(relative=known.relative, q_BN=jnp.array([1.0, 0.0, 0.0, 0.0]), time=jnp.zeros(()))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy_reference import RADIUS
 
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.pytree import replace
-from rpojax.physics.environment.drag import Atmosphere, drag
+from rpojax.physics.environment.drag import drag
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.scenario.params import Params
 

@@ -1,5 +1,6 @@
 """Outcomes of hand-made records: thresholds, precedence, recovery, and each run by its own limits."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -30,6 +31,8 @@ def good_records(ticks: int, runs: int = 1) -> dict[str, np.ndarray]:
         "box_outlier": ~flag,
         "observable": flag.copy(),
         "nees_relative": scalar + np.float32(6.0),
+        "relative_error_H": np.zeros((runs, ticks, 3), np.float32),
+        "relative_sigma_H": np.ones((runs, ticks, 3), np.float32),
         "rho_H": np.zeros((runs, ticks, 3), np.float32) + np.array([0.0, -30.0, 0.0], np.float32),
         "propellant_used_kg": scalar.copy(),
         "running": flag.copy(),
@@ -52,6 +55,17 @@ def test_the_channels_of_a_good_run_are_all_that_is_read(mission: ScenarioFile) 
     found = judged(mission, good_records(6000))
     assert (found.codes.tolist(), found.failed.tolist(), found.events.count.tolist()) == ([0], [False], [0])
     assert np.isnan(found.since_s).all()
+
+
+@pytest.mark.parametrize(("outside_s", "expected"), [(1800, "completed"), (1801, "diverged")])
+def test_no_run_is_completed_whose_filter_is_wrong_for_a_tenth_of_it(
+    mission: ScenarioFile, outside_s: int, expected: str
+) -> None:
+    records = good_records(6000)
+    records["relative_error_H"][:, :outside_s, 1] = 3.1
+    assert outcome(mission, records) == expected
+    since_s = float(judged(mission, records).since_s[0])
+    assert math.isnan(since_s) if expected == "completed" else since_s == 1800.0
 
 
 @pytest.mark.parametrize(("unseen_s", "expected"), [(599, "completed"), (600, "lost")])
