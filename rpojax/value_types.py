@@ -26,13 +26,8 @@ from rpojax.time_scales import instant
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-Angle = Annotated[float, Field(gt=0.0, lt=180.0, allow_inf_nan=False)]
-NonNegativeAngle = Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
-PositiveVector = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 NonNegativeVector = Annotated[list[NonNegative], Field(min_length=3, max_length=3)]
-PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 
 
 _MIN_NORM = 1e-6

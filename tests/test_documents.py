@@ -29,8 +29,9 @@ from rpojax.flight.stages import Stages
 from rpojax.metrics import metric_catalogue
 from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric_label
-from rpojax.scenario import key_units, schema
+from rpojax.scenario import schema
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.numbers import key_units
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import StartSection
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
@@ -236,10 +237,11 @@ def test_the_scenario_page_lists_every_section_once() -> None:
 
 
 @pytest.mark.parametrize("name", sections_of_the_schema())
-def test_the_scenario_page_lists_every_key_of_a_section_and_no_other(name: str) -> None:
+def test_the_scenario_page_lists_every_key_of_a_section_that_is_no_declared_number_and_no_other(name: str) -> None:
     heading = next(heading for heading in headings_of_sections() if name in quoted(heading))
     listed = [key for cell in first_cells(section(SCENARIO_PAGE, heading)) for key in quoted(cell)]
-    assert sorted(listed) == sorted(sections_of_the_schema()[name].model_fields)
+    fields = sections_of_the_schema()[name].model_fields
+    assert sorted(listed) == sorted(key for key, field in fields.items() if not field.description)
 
 
 def test_the_scenario_page_names_every_kind_of_fault() -> None:
@@ -332,7 +334,7 @@ def test_keys_named_anywhere_in_the_pages_exist() -> None:
 
 def test_the_conventions_list_every_unit_suffix() -> None:
     rows = [line.split("|")[1] for line in section(CONVENTIONS_PAGE, "Units").splitlines() if line.startswith("| `")]
-    assert {suffix for row in rows for suffix in quoted(row)} == set(key_units.SI_FACTORS)
+    assert {suffix for row in rows for suffix in quoted(row)} == set(key_units.UNITS)
 
 
 def test_the_page_on_random_numbers_lists_every_random_stream() -> None:

@@ -1,4 +1,4 @@
-"""Keys of a scenario: form and values from the schema, meaning from the page on scenario files, and their condition."""
+"""Keys of a scenario: form, values and meaning from the schema, else meaning from the page on scenario files."""
 
 import re
 import tomllib
@@ -39,6 +39,19 @@ def lines() -> Iterator[str]:
         section = getattr(file, name, None)
         text = definition.get("description", "") if isinstance(section, Section) or section is None else ""
         yield from _table(f"`{name}`", text, list(keys), keys, values, meanings.get(name, {}), file, name)
+    yield from _phases(schema["$defs"], meanings["phases"], file)
+
+
+def _phases(definitions: dict[str, Any], meanings: dict[str, str], file: Any) -> Iterator[str]:
+    """Tables of the parts of a phase."""
+    references = definitions["PhaseSection"]["properties"]["reference"]["discriminator"]["mapping"]
+    parts = {"`phases`": "PhaseSection", "`phases.until`": "UntilSection", "`phases.corridor`": "CorridorSection"}
+    parts |= {f"`phases.reference` of kind `{kind}`": path.rpartition("/")[2] for kind, path in references.items()}
+    for heading, name in parts.items():
+        text, keys = definitions[name]["description"], definitions[name]["properties"]
+        section = heading.split("`")[1].replace("phases", "phases.NAME")
+        known = meanings | {"kind": "kind of the reference"}
+        yield from _table(heading, text, list(keys), keys, {}, known, file, section)
 
 
 def _definition(entry: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any] | None:
@@ -71,7 +84,13 @@ def _table(
     )
     for name in names:
         key = f"{section}.{name}" if section else name
-        cells = _form(keys[name]), _value(values.get(name), keys[name]), _varies(file, key), meanings.get(name, "")
+        meaning = keys[name].get("description") or meanings.get(name, "")
+        cells = (
+            _form(keys[name]) + _default(keys[name]),
+            _value(values.get(name), keys[name]),
+            _varies(file, key, keys[name]),
+            meaning,
+        )
         yield f"| `{key}` | {' | '.join(cells)} | {_needed(key)} |"
     yield ""
 
@@ -84,10 +103,11 @@ def _needed(key: str) -> str:
     return "; ".join(dict.fromkeys(found))
 
 
-def _varies(file: Any, key: str) -> str:
+def _varies(file: Any, key: str, entry: dict[str, Any]) -> str:
     from rpojax.scenario.parameter_keys import nominal_of_key
 
-    return "yes" if "." in key and nominal_of_key(file, key) is not None else ""
+    is_of_phase = key.startswith("phases.") and "description" in entry and entry.get("type") != "integer"
+    return "yes" if is_of_phase or ("." in key and nominal_of_key(file, key) is not None) else ""
 
 
 def _value(value: Any, entry: dict[str, Any]) -> str:
@@ -95,6 +115,12 @@ def _value(value: Any, entry: dict[str, Any]) -> str:
         value = entry.get("default")
     text = "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
     return f"`{text}`" if 0 < len(text) <= 40 else "" if not text else f"`{text[:36]} ...`"
+
+
+def _default(entry: dict[str, Any]) -> str:
+    """What a number is that is left out."""
+    default = entry.get("default")
+    return f", default {default}" if isinstance(default, float | list) and default else ""
 
 
 def _form(entry: dict[str, Any]) -> str:

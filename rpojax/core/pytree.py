@@ -9,13 +9,16 @@ import jax
 import numpy as np
 from jax.export import register_pytree_node_serialization
 
+from rpojax.core.declared_numbers import described, number
+
 T = TypeVar("T")
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True)
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(dataclasses.field, number))
 def pytree(cls: type[T]) -> type[T]:
     """Makes `cls` a frozen keyword-only dataclass whose every field is a pytree child."""
     frozen = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+    frozen.__doc__ = described(frozen)
     record = jax.tree_util.register_dataclass(frozen)
     # Exported functions of such records can then be serialised. A class that a notebook defines again keeps the first.
     with contextlib.suppress(ValueError):

@@ -1,11 +1,8 @@
 """What kinds of dispersion draw from, in one run."""
 
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
-if TYPE_CHECKING:
-    from jax import Array
-else:
-    Array = Any  # the schema, which the kinds are part of, is printed without JAX
+from jax import Array
 
 
 @runtime_checkable

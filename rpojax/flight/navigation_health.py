@@ -10,6 +10,7 @@ from typing import Final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight import control_effort
@@ -44,29 +45,28 @@ beyond the one that they were believed to give; measured error that lasts over i
 
 @pytree
 class HealthTuning:
-    """Thresholds of the health tests.
+    """Thresholds of the health tests."""
 
-    Attributes:
-        time_constant: () of the fading means [s]
-        alarm_sigma: () quantile of an innovation test, as that of a normal distribution [-]
-        contradiction_limit: () share of boxes that were rejected although others confirm them [-]
-        size_limit: () estimated log-size error over its sigma before any measurement [-]
-        lasting_limit: () measured error that lasts over its declared sigma [-]
-        unseen_limit: () time without a box in which the target should have been seen [s]
-        range_limit: () 1-sigma of the range over the range [-]
-        regain: () confidence returns when every test is below this fraction of its threshold [-]
-        clearance: () no burn is made towards the target nearer than this fraction of the station's distance [-]
-    """
-
-    time_constant: Array
-    alarm_sigma: Array
-    contradiction_limit: Array
-    size_limit: Array
-    lasting_limit: Array
-    unseen_limit: Array
-    range_limit: Array
-    regain: Array
-    clearance: Array
+    time_constant: Array = number("time constant of the fading means of normalised innovations", unit="s", above=0.0)
+    alarm_sigma: Array = number("quantile of the tests of mean and variance, as of a normal distribution", above=0.0)
+    contradiction_limit: Array = number("largest share of boxes rejected although others confirm them", above=0.0)
+    size_limit: Array = number(
+        "largest mean of the estimated size error over the time constant, over the root sum of squares of "
+        "`navigation.scale_sigma` and `target_size_sigma`",
+        above=0.0,
+    )
+    lasting_limit: Array = number("measured error that lasts over its declared sigma", above=0.0, default=3.7)
+    unseen_limit: Array = number("longest time without box, while the target should be seen", unit="s", above=0.0)
+    range_limit: Array = number("largest 1-sigma of the range over the range", above=0.0)
+    regain: Array = number(
+        "confidence returns when all statistics are below this fraction of their thresholds", above=0.0, at_most=1.0
+    )
+    clearance: Array = number(
+        "without phases: no burn is made after which free motion may come nearer, within three sigma of the estimate, "
+        "than this fraction of the station's distance",
+        at_least=0.0,
+        below=1.0,
+    )
 
 
 @pytree

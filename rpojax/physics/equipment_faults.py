@@ -1,10 +1,11 @@
 """Equipment faults of the servicer: one fault per run, of one kind, for some time."""
 
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree, replace
 from rpojax.physics.plant_options import FaultKind
 
@@ -25,21 +26,17 @@ SEIZURE_TIME_CONSTANT = 2.0
 
 @pytree
 class Fault:
-    """Fault of one piece of equipment.
+    """Fault of one piece of equipment."""
 
-    Attributes:
-        kind: () its code, the index in `KINDS`
-        start: () [s]
-        duration: () [s]
-        severity: () fraction of thrust that a weak thruster loses, or of the torque limit that friction takes [-]
-        wheel: () index of the wheel that a wheel fault affects
-    """
-
-    kind: Array
-    start: Array
-    duration: Array
-    severity: Array
-    wheel: Array
+    kind: Array = number("kind of fault", form=FaultKind)
+    start: Array = number("time of the fault", unit="s", at_least=0.0)
+    duration: Array = number("its duration", unit="s", at_least=0.0)
+    severity: Array = number(
+        "fraction of thrust that `thruster_weak` loses, or of the torque limit that `wheel_friction` takes",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    wheel: Array = number("index of the wheel of a wheel fault", form=Literal[0, 1, 2])
 
 
 @pytree

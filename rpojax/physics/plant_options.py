@@ -1,4 +1,4 @@
-"""Static options of the plant, free of JAX because a scenario holds them."""
+"""Static options of the plant, which a scenario holds."""
 
 from dataclasses import dataclass
 from typing import Literal

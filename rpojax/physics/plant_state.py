@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
+from rpojax.core.declared_numbers import number
 from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.orbits import keplerian_elements
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere
@@ -16,31 +17,27 @@ from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
+from rpojax.value_types import Direction, Hull, Inertia, Quaternion
 
 Vector = Float[Array, "3"]
 
 
 @pytree
 class Target:
-    """True properties of the target.
+    """True properties of the target."""
 
-    Attributes:
-        mass: () [kg]
-        inertia: (3, 3) [kg m^2]
-        hull: (n, 3) vertices that span its nominal outline, from its centre of mass in T [m]
-        scale: () true size of outline and radiance field over the nominal one
-        tumble_rate: () initial rate [rad/s]
-        tumble_axis: (3,) direction of the initial rate in T, any length
-        attitude: (4,) initial q_TN
-    """
-
-    mass: Array
-    inertia: Array
-    hull: Array
-    scale: Array
-    tumble_rate: Array
-    tumble_axis: Array
-    attitude: Array
+    mass: Array = number("mass", unit="kg", above=0.0)
+    inertia: Array = number("inertia about the centre of mass, T", unit="kg_m2", form=Inertia)
+    hull: Array = number("vertices that span the outline, from the centre of mass, T", unit="m", form=Hull)
+    scale: Array = number(
+        "true size of outline and radiance field over that of `hull_m` and `imaging.field`; the belief is "
+        "`navigation.target_size_m`, mass and surfaces keep their own keys",
+        above=0.0,
+        default=1.0,
+    )
+    tumble_rate: Array = number("rate of rotation at the start", unit="deg_s")
+    tumble_axis: Array = number("direction of that rate, T; any length", form=Direction)
+    attitude: Array = number("`q_TN` at the start; any length", form=Quaternion)
 
     @property
     def true_hull(self) -> Float[Array, "n 3"]:

@@ -7,6 +7,7 @@ Elliott, 1963); in outage windows nothing arrives.
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
@@ -17,18 +18,19 @@ class RadioLink:
     """Properties of all links.
 
     Attributes:
-        loss: () probability of losing a message outside of bursts [-]
-        burst_loss: () probability of losing a message in a burst [-]
-        burst_interval: () mean time from the end of a burst to the next one [s]
-        burst_duration: () mean duration of a burst [s]
         outage_start: (outages,) of windows without any message [s]
         outage_end: (outages,) [s]
     """
 
-    loss: Array
-    burst_loss: Array
-    burst_interval: Array
-    burst_duration: Array
+    loss: Array = number("probability that a message is lost outside of bursts", at_least=0.0, at_most=1.0, default=0.0)
+    burst_loss: Array = number("the same in a burst", at_least=0.0, at_most=1.0, default=1.0)
+    burst_interval: Array = number(
+        "mean time from the end of a burst to the next; so long by default that there are none",
+        unit="s",
+        above=0.0,
+        default=1e9,
+    )
+    burst_duration: Array = number("mean duration of a burst", unit="s", above=0.0, default=10.0)
     outage_start: Array
     outage_end: Array
 

@@ -4,7 +4,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
+from rpojax.value_types import Axes
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -12,29 +14,17 @@ Scalar = Float[Array, ""]
 
 @pytree
 class ReactionWheels:
-    """Three reaction wheels.
+    """Three reaction wheels."""
 
-    Attributes:
-        axes: (3, 3) spin axes in B, one a row
-        inertia: (3,) about the spin axis [kg m^2]
-        torque_limit: (3,) [N m]
-        speed_limit: (3,) relative to the body [rad/s]
-        initial_speed: (3,) [rad/s]
-        viscous_friction: (3,) torque per speed [N m s/rad]
-        coulomb_friction: (3,) torque of a turning wheel [N m]
-        stiction_speed: () below about this speed the Coulomb torque fades to zero [rad/s]
-        torque_step: () quantum of the drive torque [N m]
-    """
-
-    axes: Array
-    inertia: Array
-    torque_limit: Array
-    speed_limit: Array
-    initial_speed: Array
-    viscous_friction: Array
-    coulomb_friction: Array
-    stiction_speed: Array
-    torque_step: Array
+    axes: Array = number("spin axes, one a row, B", form=Axes)
+    inertia: Array = number("moment of inertia about the spin axis", unit="kg_m2", length=3, above=0.0)
+    torque_limit: Array = number("largest motor torque", unit="n_m", length=3, above=0.0)
+    speed_limit: Array = number("largest speed relative to the body", unit="rad_s", length=3, above=0.0)
+    initial_speed: Array = number("speed at the start", unit="rad_s", length=3)
+    viscous_friction: Array = number("bearing torque per speed", unit="n_m_s", length=3, at_least=0.0)
+    coulomb_friction: Array = number("bearing torque of a turning wheel", unit="n_m", length=3, at_least=0.0)
+    stiction_speed: Array = number("below about this speed the Coulomb torque falls to zero", unit="rad_s", above=0.0)
+    torque_step: Array = number("quantisation of the motor torque", unit="n_m", above=0.0)
 
 
 def quantise_torque(wheels: ReactionWheels, command: Vector) -> Vector:

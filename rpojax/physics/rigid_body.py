@@ -3,8 +3,10 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply, apply_transposed, cross
+from rpojax.value_types import Inertia
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -12,15 +14,10 @@ Matrix = Float[Array, "3 3"]
 
 @pytree
 class Body:
-    """Mass properties.
+    """Mass properties."""
 
-    Attributes:
-        mass: () [kg]
-        inertia: (3, 3) about the centre of mass, wheels locked [kg m^2]
-    """
-
-    mass: Array
-    inertia: Array
+    mass: Array = number("mass at the start", unit="kg", above=0.0)
+    inertia: Array = number("inertia about the centre of mass, wheels locked, B", unit="kg_m2", form=Inertia)
 
 
 def inverse_3x3(matrix: Matrix) -> Matrix:

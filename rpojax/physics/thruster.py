@@ -6,8 +6,10 @@ from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
 from rpojax.core.constants import STANDARD_GRAVITY
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.pytree import pytree
+from rpojax.value_types import Direction
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -15,35 +17,24 @@ Scalar = Float[Array, ""]
 
 @pytree
 class Thruster:
-    """Warm-gas thruster with its true values; flight software has a vehicle model of its own.
+    """Warm-gas thruster with its true values; flight software has a vehicle model of its own."""
 
-    Attributes:
-        force: () nominal force [N]
-        force_scale: () true over nominal force [-]
-        specific_impulse: () [s]
-        minimum_on_time: () shorter commands give nothing [s]
-        rise_time: () from the opening of the valve to full force [s]
-        fall_time: () from its closing to none [s]
-        position: (3,) lever arm from the centre of mass in B [m]
-        direction: (3,) force on the servicer in B, unit
-        misalignment: (3,) small rotation of the direction [rad]
-        tank_position: (3,) of the propellant, from the centre of mass of the full servicer in B [m]
-        magnitude_noise: () burn-to-burn error of the force, 1 sigma [-]
-        direction_noise: () burn-to-burn error of the direction, 1 sigma per axis [rad]
-    """
-
-    force: Array
-    force_scale: Array
-    specific_impulse: Array
-    minimum_on_time: Array
-    rise_time: Array
-    fall_time: Array
-    position: Array
-    direction: Array
-    misalignment: Array
-    tank_position: Array
-    magnitude_noise: Array
-    direction_noise: Array
+    force: Array = number("nominal force, used by the flight software", unit="n", above=0.0)
+    force_scale: Array = number("true over nominal force", above=0.0)
+    specific_impulse: Array = number("specific impulse", unit="s", above=0.0)
+    minimum_on_time: Array = number(
+        "shorter commands give no thrust, and the flight software plans none", unit="s", at_least=0.0
+    )
+    rise_time: Array = number("from the opening of the valve to full force", unit="s", at_least=0.0)
+    fall_time: Array = number("from its closing to none", unit="s", at_least=0.0)
+    position: Array = number("point of application of the force from the centre of mass, B", unit="m", length=3)
+    direction: Array = number(
+        "direction of the force on the servicer, opposite the plume, B; any length", form=Direction
+    )
+    misalignment: Array = number("constant small rotation of the force, B", unit="deg", length=3)
+    tank_position: Array = number("propellant from the centre of mass of the full servicer, B", unit="m", length=3)
+    magnitude_noise: Array = number("burn-to-burn relative error of the force, 1 sigma", at_least=0.0)
+    direction_noise: Array = number("burn-to-burn rotation of the force per axis, 1 sigma", unit="deg", at_least=0.0)
 
 
 @pytree

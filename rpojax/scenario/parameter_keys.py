@@ -3,23 +3,14 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
-from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.phases.phase_sections import MissionSection, PhaseSection
+from rpojax.physics.equipment_faults import kind_code
+from rpojax.scenario.numbers.number_sections import is_variable
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.sections import (
-    CoverageSection,
-    EffectsSection,
-    FaultSection,
-    HandoverSection,
-    LinkSection,
-    RatesSection,
-    SafetySection,
-    TuningSection,
-)
+from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.value_types import Section
 
 _COMPONENT = re.compile(r"(.+)\[([0-9]{1,3})\]")
@@ -80,22 +71,14 @@ def _inner_section(section: Any, part: str) -> Any:
 def nominal_of_key(file: ScenarioFile, key: str) -> Any:
     """Nominal value of a whole key; a fault kind as its code."""
     section, name = section_of_key(file, key)
-    if (
-        section is None
-        or isinstance(section, RatesSection | EffectsSection | SafetySection | CoverageSection | TuningSection)
-        or name not in type(section).model_fields
-        or (isinstance(section, HandoverSection) and name == "covariance")
-        or (isinstance(section, LinkSection) and name in ("period_s", "delay_s", "outages_s", "hears"))
-        or (isinstance(section, MissionSection) and (not file.phases or name == "decision_period_s"))
-        or (isinstance(section, PhaseSection) and name == "control_period_s")
-    ):
+    if section is None or name not in type(section).model_fields or (section is file.mission and not file.phases):
         return None
     value = getattr(section, name)
-    if isinstance(section, FaultSection) and name == "kind":
-        return float(get_args(FaultKind).index(value))
-    if isinstance(section, FaultSection) and name == "wheel":
-        return float(value)
-    return None if isinstance(value, str | int | bool | Section) else value
+    if isinstance(section, AdditionalSensor):
+        return None if isinstance(value, str | int | Section) else value
+    if not is_variable(type(section), name):
+        return None
+    return float(kind_code(value)) if isinstance(value, str | int) else value
 
 
 def expand_vectors(file: ScenarioFile, texts: Sequence[str]) -> list[ParameterKey]:

@@ -2,42 +2,34 @@
 
 import functools
 import math
-from collections.abc import Mapping
-from dataclasses import field, fields
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import field, is_dataclass
+from types import UnionType
+from typing import Any, get_args, get_type_hints
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.core.orbits.exponential_atmosphere import Atmosphere
+from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.core.orbits.sun_moon_ephemeris import Epoch, epoch_at
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
-from rpojax.flight.control.attitude_control import AttitudeControlTuning
-from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.guidance.pointing_tuning import PointingTuning
-from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation_health import HealthTuning
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
-from rpojax.physics import equipment_faults
-from rpojax.physics.environment.solar_radiation_pressure import Sunlight
-from rpojax.physics.environment.spacecraft_surface import Surface
-from rpojax.physics.equipment_faults import Fault
-from rpojax.physics.plant_state import PlantParams, Target
+from rpojax.physics.plant_state import PlantParams
 from rpojax.physics.radio_link import RadioLink
-from rpojax.physics.reaction_wheels import ReactionWheels
-from rpojax.physics.rigid_body import Body
-from rpojax.physics.thruster import Thruster
-from rpojax.scenario import key_units, phase_table
+from rpojax.scenario import phase_table
+from rpojax.scenario.numbers import key_units
+from rpojax.scenario.numbers.section_records import array, record_of, section_record
+from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.trained import fitted_camera, trained_files
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
@@ -45,65 +37,13 @@ from rpojax.sensors.camera import Camera
 from rpojax.sensors.chamber_pressure import ChamberPressure
 from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.imaging import Imaging
 from rpojax.sensors.link_range import LinkRange
-from rpojax.sensors.rendered_camera import Imaging, Networks
+from rpojax.sensors.rendered_camera import Networks
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.sensors.statistical_camera import CameraStatistics
 from rpojax.value_types import epoch_seconds
 from rpojax.vision import pinhole
-
-
-@pytree
-class InitialRelativeState:
-    """Initial state of the servicer relative to the target.
-
-    Attributes:
-        relative_position: (3,) rho_H [m]
-        relative_velocity: (3,) rho_dot_H [m/s]
-    """
-
-    relative_position: Array
-    relative_velocity: Array
-
-
-@pytree
-class HandoverErrors:
-    """True errors of the orbits at hand-over, of position and inertial velocity along the axes of H.
-
-    A group without a value has the sigma that the filter is told.
-
-    Attributes:
-        position_sigma: () or (3,) of the servicer [m]
-        velocity_sigma: () or (3,) of the servicer [m/s]
-        relative_position_sigma: () or (3,) of the servicer from the target [m]
-        relative_velocity_sigma: () or (3,) of the servicer from the target [m/s]
-        covariance_factor: (12, 12) root of the covariance of all four, in place of sigmas
-    """
-
-    position_sigma: Array | None = None
-    velocity_sigma: Array | None = None
-    relative_position_sigma: Array | None = None
-    relative_velocity_sigma: Array | None = None
-    covariance_factor: Array | None = None
-
-
-@pytree
-class Limits:
-    """Limits of which the outcome of a run depends.
-
-    Attributes:
-        keep_out: () radius of the sphere around the target that the servicer must not enter [m]
-        lost_after: () time without a box of the target, while it should be seen, after which it is lost [s]
-        off_station: () distance from the desired position beyond which the servicer is off station [m]
-        arrive_by: () time since the start from which that is judged [s]
-        propellant: () that the thruster may use [kg]
-    """
-
-    keep_out: Array
-    lost_after: Array
-    off_station: Array
-    arrive_by: Array
-    propellant: Array
 
 
 @pytree
@@ -137,48 +77,8 @@ class Params:
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
 
-_SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
-    "orbit": (("orbit",), KeplerianElements),
-    "initial": (("initial",), InitialRelativeState),
-    "servicer": (("plant", "servicer"), Body),
-    "target": (("plant", "target"), Target),
-    "thruster": (("plant", "thruster"), Thruster),
-    "wheels": (("plant", "wheels"), ReactionWheels),
-    "servicer_surface": (("plant", "servicer_surface"), Surface),
-    "target_surface": (("plant", "target_surface"), Surface),
-    "atmosphere": (("plant", "atmosphere"), Atmosphere),
-    "sunlight": (("plant", "sunlight"), Sunlight),
-    "fault": (("plant", "fault"), Fault),
-    "gps": (("gps",), Gps),
-    "star_tracker": (("star_tracker",), StarTracker),
-    "gyro": (("gyro",), Gyro),
-    "chamber_pressure": (("chamber_pressure",), ChamberPressure),
-    "camera": (("camera",), Camera),
-    "imaging": (("imaging",), Imaging),
-    "navigation": (("flight", "navigation"), OrbitFilterTuning),
-    "attitude_filter": (("flight", "attitude_filter"), AttitudeFilterTuning),
-    "formation": (("flight", "formation"), FormationTuning),
-    "pointing": (("flight", "pointing"), PointingTuning),
-    "attitude_control": (("flight", "attitude_control"), AttitudeControlTuning),
-    "health": (("flight", "health"), HealthTuning),
-    "limits": (("limits",), Limits),
-}
-"""Attribute path in `Params` and class of the record, by section of a scenario file."""
-_TEAM_SECTIONS: dict[str, type] = {
-    "link": RadioLink,
-    "team": TeamTuning,
-    "gps_differences": GpsDifferences,
-    "link_range": LinkRange,
-}
-"""Class of the record, by section of a team; its name is that of the field of `Params`."""
-_BELIEF_IN_DIFFERENCES = "navigation.difference_"
-"""Begin of the keys of what flight software believes of differences of GPS positions and of ranges over links."""
 _HANDOVER = "initial.handover"
 """Section that a scenario may leave out."""
-_DETECTOR_CENTER = "imaging.center_sigma"
-"""Key without unit of what flight software believes of a detector's boxes, declared beside the detector."""
-_NOT_KEYS = frozenset({"detector_center_sigma", "detector_boxes", "burn_scale_as_new"})
-"""Fields of the filter's tuning that are no keys of its section."""
 _BURNS_WITH_THE_SAME_ERROR = 2.0
 """Factor on the sigma of a lasting error that counts as new in each burn: errors of several burns in one direction add
 up, and do not average out."""
@@ -186,27 +86,18 @@ up, and do not average out."""
 
 def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Parameters from the sections of a scenario; the flight software is configured with the nominal vehicle."""
-    records = {
-        section: section_record(cls, tables[section])
-        for section, (_, cls) in _SECTIONS.items()
-        if section != "navigation"
-    }
-    records["navigation"] = _navigation(tables)
-    plant = PlantParams(
-        gravity=jax.tree.map(_array, EARTH_GRAVITY),
-        **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
-    )
+    plant = PlantParams(gravity=jax.tree.map(array, EARTH_GRAVITY), **_records(PlantParams, tables))
+    outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
+    starts, ends = map(array, np.array(outages).T)
+    rest = _records(Params, tables, without=("link",))
     flight = FlightParams(
-        vehicle=_nominal_vehicle(plant, records["camera"], width_px, height_px),
-        **{
-            name: records[name]
-            for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control", "health")
-        },
+        vehicle=_nominal_vehicle(plant, rest["camera"], width_px, height_px),
+        navigation=_navigation(tables),
         mission=phase_table.mission_tuning(tables),
         atmosphere=plant.atmosphere,
         sensors=_sensor_numbers(tables, believed=True),
+        **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere")),
     )
-    rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "chamber_pressure", "camera", "imaging", "limits")
     return Params(
         epoch=epoch_at(epoch_seconds(tables["epoch_utc"])),
         plant=plant,
@@ -214,55 +105,33 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         networks=trained_files.networks_for_model(tables),
         statistics=fitted_camera.statistics_for_model(tables),
         handover=_handover_errors(tables["initial"].get("handover")),
+        link=section_record(RadioLink, tables["link"], outage_start=starts, outage_end=ends),
         additional_sensors=_sensor_numbers(tables, believed=False),
-        **{name: records[name] for name in rest},
-        **_team_records(tables),
+        **rest,
     )
 
 
-def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Links, differences of GPS positions and ranges as the truth has them, and what flight software believes."""
-    outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
-    starts, ends = map(_array, np.array(outages).T)
-    prefix = _BELIEF_IN_DIFFERENCES.partition(".")[2]
-    belief = {key.removeprefix(prefix): value for key, value in tables["navigation"].items() if key.startswith(prefix)}
+def _records(parent: type, tables: Mapping[str, Any], without: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Fields of a record that are records of declared numbers, from the sections of their names."""
     return {
-        "link": RadioLink(outage_start=starts, outage_end=ends, **_fields(RadioLink, tables["link"])),
-        "gps_differences": section_record(GpsDifferences, tables["gps_differences"]),
-        "link_range": section_record(LinkRange, tables["link_range"]),
-        "baseline": section_record(BaselineTuning, belief),
-        "team": section_record(TeamTuning, tables["team"]),
+        name: record_of(cls, tables, name)
+        for name, cls in get_type_hints(parent).items()
+        if isinstance(cls, type) and is_dataclass(cls) and declared_numbers(cls) and name not in without
     }
-
-
-def section_record(cls: type, table: Mapping[str, Any]) -> Any:
-    """Record of one section; keys without a field are static settings and are skipped."""
-    return cls(**_fields(cls, table))
-
-
-def _fields(cls: type, table: Mapping[str, Any]) -> dict[str, Array]:
-    """Fields of a record that a section has, in SI and radians."""
-    names = {field.name for field in fields(cls)}
-    values = {}
-    for key, value in table.items():
-        name, factor = key_units.split_unit(key)
-        if name in names:
-            values[name] = _array(equipment_faults.kind_code(value), factor)
-    return values
 
 
 def _handover_errors(table: Mapping[str, Any] | None) -> HandoverErrors | None:
     if table is None:
         return None
     if "covariance" in table:
-        return HandoverErrors(covariance_factor=_array(cholesky_factor(np.array(table["covariance"]))))
-    return section_record(HandoverErrors, table)
+        return HandoverErrors(covariance_factor=array(cholesky_factor(np.array(table["covariance"]))))
+    return record_of(HandoverErrors, {_HANDOVER: table}, _HANDOVER)
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
     """Numbers of a section in SI and radians, by name without unit."""
     units = {key: key_units.split_unit(key) for key in table}
-    return {name: _array(table[key], factor) for key, (name, factor) in units.items()}
+    return {name: array(table[key], factor) for key, (name, factor) in units.items()}
 
 
 def _sensor_numbers(tables: Mapping[str, Any], believed: bool) -> dict[str, dict[str, Array]]:
@@ -276,22 +145,19 @@ def _sensor_numbers(tables: Mapping[str, Any], believed: bool) -> dict[str, dict
     return found
 
 
-def _array(value: Any, factor: float = 1.0) -> Array:
-    """A number or array in SI, without JAX, of which each operation would compile a program at the first start."""
-    return jax.device_put(np.asarray(value, dtype=np.float64) * factor)
-
-
 def _navigation(tables: Mapping[str, Any]) -> OrbitFilterTuning:
     """Filter tuning, with what it knows of detected boxes, and of burns where it has no state for their lasting error.
 
     What beliefs make together is worked out where they are used: each has a leaf of its own, which may be dispersed.
     """
-    others = {
-        "detector_center_sigma_m": tables["imaging"]["center_sigma_m"],
-        "detector_boxes": float(tables["camera"]["model"] != "geometric"),
-        "burn_scale_as_new": 0.0 if tables["navigation"]["sharing"] == "none" else _BURNS_WITH_THE_SAME_ERROR,
-    }
-    return section_record(OrbitFilterTuning, {**tables["navigation"], **others})
+    as_new = 0.0 if tables["navigation"]["sharing"] == "none" else _BURNS_WITH_THE_SAME_ERROR
+    return record_of(
+        OrbitFilterTuning,
+        tables,
+        "navigation",
+        detector_boxes=array(float(tables["camera"]["model"] != "geometric")),
+        burn_scale_as_new=array(as_new),
+    )
 
 
 @jax.jit
@@ -329,18 +195,10 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
     Raises:
         ScenarioError: the key names no number of a scenario.
     """
+    if key in (leaves := declared_leaves(Params)):
+        return leaves[key]
     section, _, name = key.rpartition(".")
     leaf, factor = key_units.split_unit(name)
-    if f"{section}.{leaf}" == _DETECTOR_CENTER:
-        return ("flight", "navigation", "detector_center_sigma"), factor
-    if section in _SECTIONS or section == _HANDOVER:
-        path, cls = _SECTIONS.get(section, (("handover",), HandoverErrors))
-        if leaf in {field.name for field in fields(cls)} - _NOT_KEYS:
-            return (*path, leaf), factor
-    if section in _TEAM_SECTIONS and leaf in {field.name for field in fields(_TEAM_SECTIONS[section])}:
-        return (section, leaf), factor
-    if key.startswith(_BELIEF_IN_DIFFERENCES):
-        return ("baseline", key_units.split_unit(key.removeprefix(_BELIEF_IN_DIFFERENCES))[0]), factor
     if key.split(".")[0] in ("phases", "mission"):
         return ("flight", "mission", *phase_table.leaf_path(key)), factor
     if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):
@@ -349,6 +207,31 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
             is_belief = leaf in params.flight.sensors.get(section, {})
         return (*(("flight", "sensors") if is_belief else ("additional_sensors",)), section, leaf), factor
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
+
+
+@functools.cache
+def declared_leaves(whole: type) -> dict[str, tuple[tuple[str, ...], float]]:
+    """Attribute path in a record of records, and factor to SI, of each number by its key with and without the unit.
+
+    The section of a number is named like the field that holds its record, unless its declaration names another one. Of
+    two records under one name the first is that of the scenario; a later one is a copy, such as a belief.
+    """
+    found: dict[str, tuple[tuple[str, ...], float]] = {}
+    for path, cls in _records_below(whole):
+        for name, (key, _) in declared_numbers(cls).items():
+            full = key if "." in key else f"{path[-1]}.{key}"
+            bare, factor = key_units.split_unit(full)
+            found = {bare: ((*path, name), 1.0), full: ((*path, name), factor)} | found
+    return found
+
+
+def _records_below(cls: type, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], type]]:
+    """A record and all that it holds, each with its attribute path."""
+    yield path, cls
+    for name, hint in get_type_hints(cls).items():
+        for each in get_args(hint) if isinstance(hint, UnionType) else (hint,):
+            if isinstance(each, type) and is_dataclass(each):
+                yield from _records_below(each, (*path, name))
 
 
 def get_leaf(record: Any, path: tuple[str, ...]) -> Any:

@@ -2,13 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any, Final
 
-import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array
 
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.flight.control import periodic_lqr_gain
@@ -20,7 +16,8 @@ from rpojax.flight.guidance.references.retreat import Retreat
 from rpojax.flight.guidance.references.transfer import Transfer
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
 from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings
-from rpojax.scenario import key_units
+from rpojax.scenario.numbers import key_units
+from rpojax.scenario.numbers.section_records import array, section_record
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import HoldSection
 from rpojax.scenario.schema import ScenarioFile
@@ -38,12 +35,12 @@ REFERENCES: Final[dict[str, type]] = {
 """Class of the reference by its kind."""
 
 _NO_CONDITION: Final[dict[str, Any]] = {
-    "time": 0.0,
-    "arrival_box": [math.inf] * 3,
-    "arrival_for": 0.0,
-    "range_sigma": math.inf,
-    "range_sigma_for": 0.0,
-    "ground_go": 0.0,
+    "time_s": 0.0,
+    "arrival_box_m": [math.inf] * 3,
+    "arrival_for_s": 0.0,
+    "range_sigma_m": math.inf,
+    "range_sigma_for_s": 0.0,
+    "ground_go_s": 0.0,
 }
 """Values of the conditions of `until` that always hold."""
 
@@ -55,8 +52,6 @@ _STATION: Final = "station"
 
 _WAITING: Final = ("hold", "approach", "retreat")
 """Kinds of references that depend on the place alone, so that a servicer can stop on the way."""
-
-_WEIGHTS: Final = ("position_weight", "velocity_weight", "delta_v_weight")
 
 
 def control_period_s(file: ScenarioFile, phase: PhaseSection) -> float:
@@ -77,7 +72,8 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
         return periodic_lqr_gain.burns_per_orbit(orbit_period, control_period)
 
     station = PhaseSection(
-        name=_STATION, reference=HoldSection(kind="hold", position_m=file.formation.desired_position_m)
+        name=_STATION,
+        reference=HoldSection.model_validate({"kind": "hold", "position_m": file.formation.desired_position_m}),
     )
     decision_period_s = file.mission.decision_period_s if file.phases else file.rates.formation_period_s
     return MissionSettings(
@@ -106,11 +102,11 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
 def mission_tuning(tables: Table) -> MissionTuning:
     """Parameters of the mission from the tables of a scenario."""
     sphere = [tables["limits"]["keep_out_m"]] * 3
-    numbers = _numbers(tables["mission"])
-    return MissionTuning(
+    return section_record(
+        MissionTuning,
+        tables["mission"],
         phases={phase["name"]: _phase(phase, sphere) for phase in tables["phases"] or [{"name": _STATION}]},
-        keep_out=_array(sphere),
-        **{field.name: numbers[field.name] for field in fields(MissionTuning) if field.name in numbers},
+        keep_out=array(sphere),
     )
 
 
@@ -122,28 +118,10 @@ def leaf_path(key: str) -> tuple[str, ...]:
 
 def _phase(table: Table, sphere: list[float]) -> Phase:
     until, corridor, reference = table.get("until") or {}, table.get("corridor"), table.get("reference")
-    weights = {name: table.get(name) for name in _WEIGHTS}
-    return Phase(
-        reference=None if reference is None else _reference(reference),
-        until=Until(**({name: _array(value) for name, value in _NO_CONDITION.items()} | _numbers(until))),
-        timeout=_array(table.get("timeout_s", math.inf)),
-        keep_out=_array(table.get("keep_out_m", sphere)),
-        corridor=None if corridor is None else Corridor(**_numbers(corridor)),
-        **{name: None if value is None else _array(value) for name, value in weights.items()},
+    return section_record(
+        Phase,
+        {"timeout_s": math.inf, "keep_out_m": sphere, **table},
+        reference=None if reference is None else section_record(REFERENCES[reference["kind"]], reference),
+        until=section_record(Until, _NO_CONDITION | until),
+        corridor=None if corridor is None else section_record(Corridor, corridor),
     )
-
-
-def _reference(table: Table) -> Any:
-    """Record of a reference trajectory."""
-    return REFERENCES[table["kind"]](**_numbers({name: value for name, value in table.items() if name != "kind"}))
-
-
-def _numbers(table: Table) -> dict[str, Array]:
-    """Numbers of a section in SI and radians, by name without unit."""
-    units = {key: key_units.split_unit(key) for key in table}
-    return {name: _array(table[key], factor) for key, (name, factor) in units.items()}
-
-
-def _array(value: Any, factor: float = 1.0) -> Array:
-    # Without operations of JAX, each of which would compile a program at the first start.
-    return jax.device_put(np.asarray(value, dtype=np.float64) * factor)

@@ -1,4 +1,4 @@
-"""Schema of a whole scenario file; free of JAX, so that validation is instant."""
+"""Schema of a whole scenario file: its sections, most of them of declared numbers."""
 
 import difflib
 import functools

@@ -4,26 +4,41 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from rpojax.core.orbits.exponential_atmosphere import Atmosphere
+from rpojax.core.orbits.keplerian_elements import KeplerianElements
+from rpojax.flight.control.attitude_control import AttitudeControlTuning
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.cooperation.team_settings import BaselineTuning
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation_health import HealthTuning
+from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.metrics.passive_safety import STANDARD_HORIZONS, horizon_length
-from rpojax.physics.plant_options import FaultKind
+from rpojax.physics.environment.solar_radiation_pressure import Sunlight
+from rpojax.physics.environment.spacecraft_surface import Surface
+from rpojax.physics.equipment_faults import Fault
+from rpojax.physics.plant_state import Target
+from rpojax.physics.radio_link import RadioLink
+from rpojax.physics.reaction_wheels import ReactionWheels
+from rpojax.physics.rigid_body import Body
+from rpojax.physics.thruster import Thruster
+from rpojax.scenario.numbers.number_sections import section_of
+from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
+from rpojax.sensors.camera import Camera
+from rpojax.sensors.chamber_pressure import ChamberPressure
+from rpojax.sensors.gps import Gps, GpsDifferences
+from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.imaging import Imaging
+from rpojax.sensors.link_range import LinkRange
+from rpojax.sensors.star_tracker import StarTracker
 from rpojax.value_types import (
-    Angle,
-    Axes,
     Covariance,
-    Direction,
     Epoch,
     Finite,
-    Hull,
-    Inertia,
     NonNegative,
-    NonNegativeAngle,
-    NonNegativeVector,
     OptionalKeys,
     Positive,
-    PositivePair,
-    PositiveVector,
-    Probability,
-    Quaternion,
     Section,
     Vector,
 )
@@ -48,15 +63,8 @@ class RatesSection(Section):
     formation_period_s: Positive
 
 
-class OrbitSection(Section):
+class OrbitSection(section_of(KeplerianElements)):
     """Osculating orbit of the target at the start."""
-
-    semi_major_axis_m: Annotated[float, Field(gt=6.5e6, lt=1e8, allow_inf_nan=False)]
-    eccentricity: Annotated[float, Field(ge=0.0, lt=0.9, allow_inf_nan=False)]
-    inclination_deg: Annotated[float, Field(ge=0.0, le=180.0, allow_inf_nan=False)]
-    raan_deg: Finite
-    argument_of_perigee_deg: Finite
-    true_anomaly_deg: Finite
 
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -85,13 +93,9 @@ class StartSection(OptionalKeys):
     servicer_interpolation_error_m: NonNegative | None = None
 
 
-class HandoverSection(OptionalKeys):
+class HandoverSection(section_of(HandoverErrors, name="initial.handover", optional=True)):
     """True errors of the orbits at hand-over in H, where they are not those that the filter is told."""
 
-    position_sigma_m: NonNegative | NonNegativeVector | None = None
-    velocity_sigma_m_s: NonNegative | NonNegativeVector | None = None
-    relative_position_sigma_m: NonNegative | NonNegativeVector | None = None
-    relative_velocity_sigma_m_s: NonNegative | NonNegativeVector | None = None
     covariance: Annotated[Covariance, Field(min_length=12, max_length=12)] | None = None
 
     @model_validator(mode="after")
@@ -101,11 +105,9 @@ class HandoverSection(OptionalKeys):
         return self
 
 
-class InitialSection(OptionalKeys):
+class InitialSection(section_of(InitialRelativeState, optional=True)):
     """State of the servicer relative to the target at the start, Hill frame, and errors of the hand-over."""
 
-    relative_position_m: Vector
-    relative_velocity_m_s: Vector
     handover: HandoverSection | None = None
 
 
@@ -129,277 +131,111 @@ class EffectsSection(Section):
     faults: bool
 
 
-class AtmosphereSection(Section):
+class AtmosphereSection(section_of(Atmosphere)):
     """Exponential atmosphere."""
 
-    density_kg_m3: NonNegative
-    altitude_m: Finite
-    scale_height_m: Positive
-    rotation_rad_s: Finite
 
-
-class SunlightSection(Section):
+class SunlightSection(section_of(Sunlight)):
     """Solar flux."""
 
-    flux_w_m2: NonNegative
 
-
-class SurfaceSection(Section):
+class SurfaceSection(section_of(Surface)):
     """Surface exposed to drag and solar radiation pressure."""
 
-    area_m2: NonNegative
-    drag_coefficient: NonNegative
-    pressure_coefficient: NonNegative
-    center_of_pressure_m: Vector
 
-
-class FaultSection(Section):
+class FaultSection(section_of(Fault)):
     """Fault of the servicer's equipment."""
 
-    kind: FaultKind
-    start_s: NonNegative
-    duration_s: NonNegative
-    severity: Probability
-    wheel: Literal[0, 1, 2]
 
-
-class ServicerSection(Section):
+class ServicerSection(section_of(Body)):
     """Mass properties of the servicer."""
 
-    mass_kg: Positive
-    inertia_kg_m2: Inertia
 
-
-class TargetSection(Section):
+class TargetSection(section_of(Target)):
     """Mass properties, outline and attitude motion of the target."""
 
-    mass_kg: Positive
-    inertia_kg_m2: Inertia
-    hull_m: Hull
-    scale: Positive = 1.0
-    tumble_rate_deg_s: Finite
-    tumble_axis: Direction
-    attitude: Quaternion
 
-
-class ThrusterSection(Section):
+class ThrusterSection(section_of(Thruster)):
     """Thruster of the servicer."""
 
-    force_n: Positive
-    force_scale: Positive
-    specific_impulse_s: Positive
-    minimum_on_time_s: NonNegative
-    rise_time_s: NonNegative
-    fall_time_s: NonNegative
-    position_m: Vector
-    direction: Direction
-    misalignment_deg: Vector
-    tank_position_m: Vector
-    magnitude_noise: NonNegative
-    direction_noise_deg: NonNegative
 
-
-class WheelsSection(Section):
+class WheelsSection(section_of(ReactionWheels)):
     """Reaction wheels of the servicer."""
 
-    axes: Axes
-    inertia_kg_m2: PositiveVector
-    torque_limit_n_m: PositiveVector
-    speed_limit_rad_s: PositiveVector
-    initial_speed_rad_s: Vector
-    viscous_friction_n_m_s: NonNegativeVector
-    coulomb_friction_n_m: NonNegativeVector
-    stiction_speed_rad_s: Positive
-    torque_step_n_m: Positive
 
-
-class CameraSection(Section):
+class CameraSection(section_of(Camera, first=("model", "width_px", "height_px"))):
     """Camera, and errors of the geometric bounding-box model."""
 
     model: Literal["geometric", "statistical", "rendered"]
     width_px: Annotated[int, Field(ge=16, le=4096)]
     height_px: Annotated[int, Field(ge=16, le=4096)]
-    field_of_view_deg: Angle
-    mounting: Quaternion
-    misalignment_deg: Vector
-    edge_noise_px: NonNegative
-    miss_probability: Probability
-    minimum_size_px: NonNegative
-    outlier_probability: Probability
-    outlier_size_min_px: Positive
-    outlier_size_max_px: Positive
-    phase_limit_deg: Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
-    sun_exclusion_deg: NonNegativeAngle
 
 
-class ImagingSection(Section):
+class ImagingSection(section_of(Imaging, OrbitFilterTuning, name="imaging", first=("field", "detector", "statistics"))):
     """Images and detector of the rendered and the statistical camera."""
 
     field: str
     detector: str
     statistics: str
-    exposure: Positive
-    full_well: Positive
-    read_noise: NonNegative
-    blur_px: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
-    score_threshold: Probability
-    center_sigma_m: NonNegative
     sky_seed: Annotated[int, Field(ge=0)]
 
 
-class GpsSection(Section):
+class GpsSection(section_of(Gps)):
     """GPS receiver."""
 
-    noise_m: NonNegative
-    bias_sigma_m: NonNegative
-    bias_time_constant_s: Positive
-    common_share: Probability = 0.9
 
-
-class StarTrackerSection(Section):
+class StarTrackerSection(section_of(StarTracker)):
     """Star tracker."""
 
-    noise_deg: NonNegativeVector
-    misalignment_deg: Vector
-    boresight: Direction
-    sun_exclusion_deg: NonNegativeAngle
 
-
-class GyroSection(Section):
+class GyroSection(section_of(Gyro)):
     """Rate gyro."""
 
-    angle_random_walk_deg_sqrt_s: NonNegative
-    initial_bias_sigma_deg_s: NonNegative
-    bias_walk_deg_s_sqrt_s: NonNegative
 
-
-class ChamberPressureSection(Section):
+class ChamberPressureSection(section_of(ChamberPressure, first=("enabled",))):
     """Pressure sensor in the thruster's chamber."""
 
     enabled: bool = False
-    noise: NonNegative = 0.03
 
 
-class NavigationSection(Section):
+class NavigationSection(
+    section_of(
+        OrbitFilterTuning,
+        BaselineTuning,
+        name="navigation",
+        first=("gating", "sharing", "zonal_degree", "luni_solar", "gps_", "difference_"),
+    )
+):
     """Orbit filter and measurement gate."""
 
     gating: Literal["covariance", "none"]
     sharing: Literal["none", "boxes", "estimates", "central", "naive"] = "none"
     zonal_degree: ZonalDegree
     luni_solar: bool
-    gps_noise_m: Positive
-    gps_error_sigma_m: Positive
-    gps_error_time_constant_s: Positive
-    difference_noise_m: Positive = 2.83
-    difference_error_sigma_m: Positive = 0.54
-    difference_error_time_constant_s: Positive = 700.0
-    difference_range_noise_m: Positive = 0.1
-    difference_range_bias_sigma_m: NonNegative = 0.05
-    edge_noise_px: Positive
-    minimum_size_px: Positive = 4.0
-    miss_probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)] = 0.1
-    center_sigma_m: NonNegative
-    center_perspective: NonNegative = 0.152
-    center_time_constant_s: Positive
-    target_size_m: Positive
-    target_size_sigma: NonNegative = 0.0
-    outline_time_constant_s: Positive = 33.0
-    largest_side_log: PositivePair = Field(default=[0.204, 0.124])
-    scale_sigma: PositivePair
-    scale_time_constant_s: PositivePair
-    bearing_bias_sigma_deg: Positive
-    attitude_sigma_deg: NonNegative
-    acceleration_noise_m_s2_sqrt_hz: NonNegative
-    relative_acceleration_noise_m_s2_sqrt_hz: NonNegative
-    burn_magnitude_sigma: NonNegative
-    burn_scale_sigma: NonNegative = 0.05
-    burn_direction_sigma_deg: NonNegative
-    thrust_direction_sigma_deg: NonNegative = 0.5
-    ballistic_sigma_m2_kg: NonNegative = 0.005
-    adaptation_limit: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 6.0
-    thrust_sigma: Positive = 0.015
-    thrust_walk_sqrt_s: Positive = 0.01
-    pressure_noise: Positive = 0.03
-    gate_sigma: Positive
-    confirm_tolerance_deg_s: Positive
-    confirm_above: Positive
-    confirm_within_s: Positive
-    recovery_after_s: Positive
-    recovery_position_sigma: NonNegative
-    recovery_velocity_sigma_m_s: NonNegative
-    initial_position_sigma_m: Positive
-    initial_velocity_sigma_m_s: Positive
-    initial_relative_position_sigma_m: Positive
-    initial_relative_velocity_sigma_m_s: Positive
 
 
-class AttitudeFilterSection(Section):
+class AttitudeFilterSection(section_of(AttitudeFilterTuning)):
     """Attitude estimator."""
 
-    star_tracker_noise_deg: PositiveVector
-    angle_random_walk_deg_sqrt_s: Positive
-    bias_walk_deg_s_sqrt_s: NonNegative
-    initial_bias_sigma_deg_s: Positive
 
-
-class FormationSection(Section):
+class FormationSection(section_of(FormationTuning)):
     """Formation-keeping LQR and its limits."""
 
-    desired_position_m: Vector
-    position_weight: NonNegativeVector
-    velocity_weight: NonNegativeVector
-    delta_v_weight: PositiveVector
-    lead_s: NonNegative
-    dead_band_mm_s: NonNegative
-    range_uncertainty_limit: Positive
-    thruster_retry_s: NonNegative
 
-
-class PointingSection(Section):
+class PointingSection(section_of(PointingTuning)):
     """Attitude guidance: slews, look-aways and search."""
 
-    slew_acceleration_mrad_s2: Positive
-    slew_minimum_time_s: Positive
-    settle_time_s: NonNegative
-    look_away_limit_s: Positive
-    search_after_s: Positive
-    acquisition_wait_s: Positive
-    search_pitch_deg: Positive
-    search_acceleration_mrad_s2: Positive
-    search_sigmas: Positive
-    search_radius_max_deg: Angle
-    burn_attitude_limit_deg: Angle
 
-
-class AttitudeControlSection(Section):
+class AttitudeControlSection(section_of(AttitudeControlTuning)):
     """Attitude controller."""
 
-    bandwidth_rad_s: Positive
-    damping: Positive
 
-
-class HealthSection(Section):
+class HealthSection(section_of(HealthTuning)):
     """Tests of the orbit filter on board, and what follows from a loss of confidence."""
 
-    time_constant_s: Positive
-    alarm_sigma: Positive
-    contradiction_limit: Positive
-    size_limit: Positive
-    lasting_limit: Positive = 3.7
-    unseen_limit_s: Positive
-    range_limit: Positive
-    regain: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
-    clearance: Annotated[float, Field(ge=0.0, lt=1.0, allow_inf_nan=False)]
 
-
-class LimitsSection(Section):
+class LimitsSection(section_of(Limits)):
     """Limits of which the outcome of a run depends; entering the keep-out sphere ends it."""
-
-    keep_out_m: NonNegative
-    lost_after_s: Positive = 600.0
-    off_station_m: Positive = 10.0
-    arrive_by_s: NonNegative = 3000.0
-    propellant_kg: Positive = 1e9
 
 
 class SafetySection(Section):
@@ -425,15 +261,11 @@ class CoverageSection(Section):
     spacing_s: Positive = 10.0
 
 
-class LinkSection(OptionalKeys):
+class LinkSection(section_of(RadioLink, first=("period_s", "delay_s"), optional=True)):
     """Radio links between the servicers of a team."""
 
     period_s: Positive = 1.0
     delay_s: Delay = 0.0
-    loss: Probability = 0.0
-    burst_loss: Probability = 1.0
-    burst_interval_s: Positive = 1e9
-    burst_duration_s: Positive = 10.0
     outages_s: list[NonNegativePair] = Field(default=[], max_length=16)
     hears: Annotated[list[NamePair], Field(max_length=56)] | None = None
 
@@ -445,34 +277,22 @@ class LinkSection(OptionalKeys):
         return self
 
 
-class TeamSection(Section):
+class TeamSection(section_of(TeamTuning, first=("keep_out_m", "phasing"))):
     """Guidance of a team: how the servicers keep clear of each other, and where on their relative orbit they are."""
 
-    keep_out_m: NonNegative = 0.0
     phasing: Literal["fixed", "spread", "viewpoints"] = "fixed"
-    lost_after_s: Positive = 60.0
-    phase_rate_deg_h: Positive = 60.0
-    view_incidence_deg: IncidenceLimit = 60.0
-    view_sun_incidence_deg: IncidenceLimit = 70.0
-    view_memory_s: Positive = 6000.0
-    keeping_delta_v_m_s: Positive = 0.005
 
 
-class GpsDifferencesSection(Section):
+class GpsDifferencesSection(section_of(GpsDifferences, first=("kind",))):
     """Differences of the GPS positions of two servicers, as the truth has them."""
 
     kind: Literal["code", "carrier"] = "code"
-    noise_m: NonNegative = 0.05
-    slow_error_m: NonNegative = 0.007
-    slow_error_time_constant_s: Positive = 700.0
 
 
-class LinkRangeSection(Section):
+class LinkRangeSection(section_of(LinkRange, first=("enabled",))):
     """Ranges that servicers measure to each other over their links, as the truth has them."""
 
     enabled: bool = False
-    noise_m: NonNegative = 0.1
-    bias_sigma_m: NonNegative = 0.05
 
 
 class TuningSection(OptionalKeys):

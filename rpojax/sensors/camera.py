@@ -2,39 +2,31 @@
 
 from jaxtyping import Array
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
+from rpojax.value_types import Quaternion
 from rpojax.vision.bounding_box import BoundingBox
 
 
 @pytree
 class Camera:
-    """True parameters of the camera and of its bounding-box detector.
+    """True parameters of the camera and of its bounding-box detector."""
 
-    Attributes:
-        field_of_view: () horizontal [rad]
-        mounting: (4,) nominal q_KB
-        misalignment: (3,) small rotation of the camera about its own axes [rad]
-        edge_noise: () error of each box edge, 1 sigma [px]
-        miss_probability: () fraction of observable frames without a box [-]
-        minimum_size: () smaller targets are not detected [px]
-        outlier_probability: () fraction of frames whose box is false [-]
-        outlier_size_min: () [px]
-        outlier_size_max: () [px]
-        phase_limit: () largest Sun-target-camera angle with a usable image [rad]
-        sun_exclusion: () least angle between line of sight and Sun [rad]
-    """
-
-    field_of_view: Array
-    mounting: Array
-    misalignment: Array
-    edge_noise: Array
-    miss_probability: Array
-    minimum_size: Array
-    outlier_probability: Array
-    outlier_size_min: Array
-    outlier_size_max: Array
-    phase_limit: Array
-    sun_exclusion: Array
+    field_of_view: Array = number("horizontal field of view; pixels are square", unit="deg", above=0.0, below=180.0)
+    mounting: Array = number("nominal `q_KB`; any length", form=Quaternion)
+    misalignment: Array = number("small rotation of the camera about its own axes", unit="deg", length=3)
+    edge_noise: Array = number("error of each box edge, 1 sigma", unit="px", at_least=0.0)
+    miss_probability: Array = number(
+        "fraction of frames of an observable target without box", at_least=0.0, at_most=1.0
+    )
+    minimum_size: Array = number("targets with a smaller longer side have no box", unit="px", at_least=0.0)
+    outlier_probability: Array = number("fraction of frames with a false box, target or not", at_least=0.0, at_most=1.0)
+    outlier_size_min: Array = number("smallest side of a false box, at most the next", unit="px", above=0.0)
+    outlier_size_max: Array = number("largest side of a false box; sides are log-uniform", unit="px", above=0.0)
+    phase_limit: Array = number(
+        "largest Sun-target-camera angle of a usable image", unit="deg", above=0.0, at_most=180.0
+    )
+    sun_exclusion: Array = number("least angle between line of sight and Sun", unit="deg", at_least=0.0, below=180.0)
 
 
 @pytree

@@ -2,6 +2,7 @@
 
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
@@ -9,13 +10,9 @@ Scalar = Float[Array, ""]
 
 @pytree
 class ChamberPressure:
-    """Errors of the pressure sensor.
+    """Errors of the pressure sensor."""
 
-    Attributes:
-        noise: () white noise, 1 sigma, as a fraction of the measured pressure [-]
-    """
-
-    noise: Array
+    noise: Array = number("white noise as a fraction of the pressure, 1 sigma", at_least=0.0, default=0.03)
 
 
 def measure(sensor: ChamberPressure, thrust_ratio: Scalar, normal: Scalar) -> Scalar:

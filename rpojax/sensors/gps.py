@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]
@@ -10,34 +11,29 @@ Vector = Float[Array, "3"]
 
 @pytree
 class Gps:
-    """Errors of the GPS receiver.
+    """Errors of the GPS receiver."""
 
-    Attributes:
-        noise: () white noise, 1 sigma per axis [m]
-        bias_sigma: () slowly varying error, 1 sigma per axis [m]
-        bias_time_constant: () its correlation time [s]
-        common_share: () part of its variance that receivers near each other have in common [-]
-    """
-
-    noise: Array
-    bias_sigma: Array
-    bias_time_constant: Array
-    common_share: Array
+    noise: Array = number("white noise per axis, 1 sigma", unit="m", at_least=0.0)
+    bias_sigma: Array = number("slowly varying error per axis, 1 sigma", unit="m", at_least=0.0)
+    bias_time_constant: Array = number("its correlation time", unit="s", above=0.0)
+    common_share: Array = number(
+        "part of its variance that the receivers of a team have in common and that cancels in differences "
+        "(ionosphere, ephemerides); the rest is each receiver's own",
+        at_least=0.0,
+        at_most=1.0,
+        default=0.9,
+    )
 
 
 @pytree
 class GpsDifferences:
-    """Errors of the difference of two receivers' positions by carrier phase.
+    """Errors of the difference of two receivers' positions by carrier phase."""
 
-    Attributes:
-        noise: () white noise, 1 sigma per axis [m]
-        slow_error: () slowly varying error, 1 sigma per axis [m]
-        slow_error_time_constant: () its correlation time [s]
-    """
-
-    noise: Array
-    slow_error: Array
-    slow_error_time_constant: Array
+    noise: Array = number(
+        "white noise per axis of a difference by carrier phase, 1 sigma", unit="m", at_least=0.0, default=0.05
+    )
+    slow_error: Array = number("its slowly varying error per axis, 1 sigma", unit="m", at_least=0.0, default=0.007)
+    slow_error_time_constant: Array = number("its correlation time", unit="s", above=0.0, default=700.0)
 
 
 def measure(gps: Gps, r_SN_N: Vector, bias_N: Vector, normals: Vector) -> Vector:

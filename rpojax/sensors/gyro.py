@@ -4,6 +4,7 @@ import math
 
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]
@@ -11,17 +12,11 @@ Vector = Float[Array, "3"]
 
 @pytree
 class Gyro:
-    """Errors of the three-axis rate gyro.
+    """Errors of the three-axis rate gyro."""
 
-    Attributes:
-        angle_random_walk: () [rad/s^0.5]
-        initial_bias_sigma: () bias at the start of a run, 1 sigma per axis [rad/s]
-        bias_walk: () growth of the bias [rad/s per s^0.5]
-    """
-
-    angle_random_walk: Array
-    initial_bias_sigma: Array
-    bias_walk: Array
+    angle_random_walk: Array = number("white noise of the rate: angle per root second", unit="deg_sqrt_s", at_least=0.0)
+    initial_bias_sigma: Array = number("bias at the start of a run per axis, 1 sigma", unit="deg_s", at_least=0.0)
+    bias_walk: Array = number("random walk of the bias, per root second", unit="deg_s_sqrt_s", at_least=0.0)
 
 
 def measure(gyro: Gyro, omega_BN_B: Vector, bias_B: Vector, normals: Vector, dt: float) -> Vector:

@@ -3,21 +3,19 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 
 
 @pytree
 class LinkRange:
-    """Errors of the range over a link.
+    """Errors of the range over a link."""
 
-    Attributes:
-        noise: () white noise, 1 sigma [m]
-        bias_sigma: () constant bias of each pair of servicers, 1 sigma over runs [m]
-    """
-
-    noise: Array
-    bias_sigma: Array
+    noise: Array = number("white noise of a range, 1 sigma", unit="m", at_least=0.0, default=0.1)
+    bias_sigma: Array = number(
+        "constant bias of each pair of servicers, 1 sigma over the runs", unit="m", at_least=0.0, default=0.05
+    )
 
 
 def bias(link_range: LinkRange, normals: Float[Array, "N N"]) -> Float[Array, "N N"]:

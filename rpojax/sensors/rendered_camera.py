@@ -8,6 +8,7 @@ from rpojax.core import random_streams
 from rpojax.core.pytree import pytree
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.detector_input import input_side
+from rpojax.sensors.imaging import Imaging
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
@@ -22,25 +23,6 @@ REFINED_PROPOSALS = 2
 """Number of proposals that the detector refines."""
 _FALSE_BOX_OVERLAP = 0.1
 """A box with less intersection over union with the true one is false."""
-
-
-@pytree
-class Imaging:
-    """Exposure of the camera and threshold of the detector.
-
-    Attributes:
-        exposure: 1 = white level of the field at full well [-]
-        full_well: electrons at saturation
-        read_noise: 1 sigma [electrons]
-        blur: sigma of the point spread [px]
-        score_threshold: boxes with a lower score are not accepted [-]
-    """
-
-    exposure: Array
-    full_well: Array
-    read_noise: Array
-    blur: Array
-    score_threshold: Array
 
 
 @pytree

@@ -4,26 +4,23 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
+from rpojax.value_types import Direction
 
 Vector = Float[Array, "3"]
 
 
 @pytree
 class StarTracker:
-    """Mounting and errors of the star tracker.
+    """Mounting and errors of the star tracker."""
 
-    Attributes:
-        noise: (3,) white noise about each body axis, 1 sigma [rad]
-        misalignment: (3,) small rotation of its axes [rad]
-        boresight: (3,) its direction in B, any length
-        sun_exclusion: () least angle between boresight and Sun [rad]
-    """
-
-    noise: Array
-    misalignment: Array
-    boresight: Array
-    sun_exclusion: Array
+    noise: Array = number("white noise about each body axis, 1 sigma", unit="deg", length=3, at_least=0.0)
+    misalignment: Array = number("constant small rotation of its axes", unit="deg", length=3)
+    boresight: Array = number("boresight, B; any length", form=Direction)
+    sun_exclusion: Array = number(
+        "not available while the Sun is nearer to the boresight", unit="deg", at_least=0.0, below=180.0
+    )
 
 
 def is_available(star_tracker: StarTracker, q_BN: Float[Array, "4"], r_sun_N: Vector) -> Bool[Array, ""]:

@@ -54,6 +54,9 @@ def test_the_table_of_keys_has_every_key_with_a_meaning() -> None:
     assert "4.0" in rows["navigation.gate_sigma"][3]
     assert rows["navigation.gate_sigma"][4].strip() == "yes"
     assert rows["effects.drag"][4].strip() == ""
+    assert rows["thruster.rise_time_s"][5].strip() == "from the opening of the valve to full force"
+    assert rows["phases.NAME.until.time_s"][5].strip() == "time since the phase began"
+    assert rows["limits.lost_after_s"][2].strip() == "number > 0, default 600.0"
 
 
 def test_every_module_of_metrics_has_a_heading_of_its_own() -> None:

@@ -8,7 +8,8 @@ from synthetic_camera_statistics import scene
 
 from rpojax.sensors import rendered_camera
 from rpojax.sensors.camera import CameraFrame
-from rpojax.sensors.rendered_camera import Imaging, Networks
+from rpojax.sensors.imaging import Imaging
+from rpojax.sensors.rendered_camera import Networks
 from rpojax.vision.detector.two_stage_detector import Detections
 from rpojax.vision.imaging.image_formation import ImageWindow
 from rpojax.vision.radiance_field.ray_budget import RaySampling

@@ -26,7 +26,8 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import fitted_camera, image_sampling, trained_files
 from rpojax.sensors import detector_input, rendered_camera, view_features
-from rpojax.sensors.rendered_camera import Imaging, Networks
+from rpojax.sensors.imaging import Imaging
+from rpojax.sensors.rendered_camera import Networks
 from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.detector.two_stage_detector import detect
 from rpojax.vision.imaging.image_formation import Scene

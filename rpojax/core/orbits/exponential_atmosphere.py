@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]
@@ -11,19 +12,12 @@ Scalar = Float[Array, ""]
 
 @pytree
 class Atmosphere:
-    """Exponential atmosphere that rotates about the Earth's pole.
+    """Exponential atmosphere that rotates about the Earth's pole."""
 
-    Attributes:
-        density: () at the reference altitude [kg/m^3]
-        altitude: () of reference, above the equatorial radius [m]
-        scale_height: () [m]
-        rotation: () of the air about the pole [rad/s]
-    """
-
-    density: Array
-    altitude: Array
-    scale_height: Array
-    rotation: Array
+    density: Array = number("density at the reference altitude", unit="kg_m3", at_least=0.0)
+    altitude: Array = number("reference altitude, above the equatorial radius", unit="m")
+    scale_height: Array = number("height over which the density falls to 1/e", unit="m", above=0.0)
+    rotation: Array = number("rate of the atmosphere about the Earth's axis; 0 if it rests in N", unit="rad_s")
 
 
 def density_and_flow(

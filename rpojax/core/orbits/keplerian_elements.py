@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.constants import MU_EARTH
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]
@@ -12,23 +13,14 @@ Scalar = Float[Array, ""]
 
 @pytree
 class KeplerianElements:
-    """Osculating orbital elements.
+    """Osculating orbital elements."""
 
-    Attributes:
-        semi_major_axis: () [m]
-        eccentricity: () [-]
-        inclination: () [rad]
-        raan: () right ascension of the ascending node [rad]
-        argument_of_perigee: () [rad]
-        true_anomaly: () [rad]
-    """
-
-    semi_major_axis: Array
-    eccentricity: Array
-    inclination: Array
-    raan: Array
-    argument_of_perigee: Array
-    true_anomaly: Array
+    semi_major_axis: Array = number("semi-major axis", unit="m", above=6.5e6, below=1e8)
+    eccentricity: Array = number("eccentricity; the perigee must be above 6470 km", at_least=0.0, below=0.9)
+    inclination: Array = number("inclination", unit="deg", at_least=0.0, at_most=180.0)
+    raan: Array = number("right ascension of the ascending node", unit="deg")
+    argument_of_perigee: Array = number("argument of perigee", unit="deg")
+    true_anomaly: Array = number("true anomaly", unit="deg")
 
 
 def state_from_elements(elements: KeplerianElements) -> tuple[Vector, Vector]:

@@ -1,6 +1,6 @@
 """All kinds of dispersion.
 
-The schema is printed without JAX: kinds import it where they compute. The parts of SciPy are loaded at their first use.
+The parts of SciPy are loaded at their first use.
 """
 
 from collections.abc import Mapping

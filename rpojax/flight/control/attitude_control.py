@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply, apply_transposed, cross
@@ -16,15 +17,10 @@ Vector = Float[Array, "3"]
 
 @pytree
 class AttitudeControlTuning:
-    """Gains of the attitude controller.
+    """Gains of the attitude controller."""
 
-    Attributes:
-        bandwidth: () natural frequency of the closed loop [rad/s]
-        damping: () damping ratio [-]
-    """
-
-    bandwidth: Array
-    damping: Array
+    bandwidth: Array = number("natural frequency of the closed loop", unit="rad_s", above=0.0)
+    damping: Array = number("damping ratio", above=0.0)
 
 
 @pytree

@@ -2,29 +2,30 @@
 
 from jaxtyping import Array
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 
 @pytree
 class FormationTuning:
-    """Desired position, LQR weights and conditions for a burn.
+    """Desired position, LQR weights and conditions for a burn."""
 
-    Attributes:
-        desired_position: (3,) servicer from target in H [m]
-        position_weight: (3,) weight of the squared position deviation per burn [1/m^2]
-        velocity_weight: (3,) weight of the squared velocity deviation per burn [s^2/m^2]
-        delta_v_weight: (3,) weight of the squared velocity change per burn [s^2/m^2]
-        lead: () from the decision to the middle of the burn [s]
-        dead_band: () smaller velocity changes are not made [m/s]
-        range_uncertainty_limit: () no burn above this ratio of 1-sigma range error to range [-]
-        thruster_retry: () waiting time after a burn that gave no thrust [s]
-    """
-
-    desired_position: Array
-    position_weight: Array
-    velocity_weight: Array
-    delta_v_weight: Array
-    lead: Array
-    dead_band: Array
-    range_uncertainty_limit: Array
-    thruster_retry: Array
+    desired_position: Array = number(
+        "desired position of the servicer from the target, H; outside of `limits.keep_out_m`", unit="m", length=3
+    )
+    position_weight: Array = number(
+        "LQR weight of the squared position error, per burn [1/m^2]", length=3, at_least=0.0
+    )
+    velocity_weight: Array = number(
+        "LQR weight of the squared velocity error, per burn [s^2/m^2]", length=3, at_least=0.0
+    )
+    delta_v_weight: Array = number("LQR weight of the squared velocity change, per burn [s^2/m^2]", length=3, above=0.0)
+    lead: Array = number(
+        "from the decision to the middle of the burn; at least half of `pointing.look_away_limit_s`, and at most "
+        "`rates.formation_period_s` less that half",
+        unit="s",
+        at_least=0.0,
+    )
+    dead_band: Array = number("smaller velocity changes are not executed", unit="mm_s", at_least=0.0)
+    range_uncertainty_limit: Array = number("no burn above this ratio of 1-sigma range error to range", above=0.0)
+    thruster_retry: Array = number("waiting time after a burn without thrust", unit="s", at_least=0.0)

@@ -5,6 +5,7 @@ from typing import Literal
 
 from jaxtyping import Array
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
@@ -65,21 +66,30 @@ class TeamSettings:
 
 @pytree
 class BaselineTuning:
-    """Belief of flight software in differences of two servicers' GPS positions, and in their range over the link.
+    """Belief of flight software in differences of two servicers' GPS positions, and in their range over the link."""
 
-    Attributes:
-        noise: () white noise per axis, 1 sigma [m]
-        error_sigma: () slowly varying error per axis, 1 sigma [m]
-        error_time_constant: () its correlation time [s]
-        range_noise: () white noise of a range over the link, 1 sigma [m]
-        range_bias_sigma: () its constant bias, 1 sigma [m]
-    """
-
-    noise: Array
-    error_sigma: Array
-    error_time_constant: Array
-    range_noise: Array
-    range_bias_sigma: Array
+    noise: Array = number(
+        "white noise per axis of the difference of two servicers' GPS positions in a team, 1 sigma; by default that "
+        "by code in `inspection`",
+        key="navigation.difference_noise_m",
+        above=0.0,
+        default=2.83,
+    )
+    error_sigma: Array = number(
+        "its slowly varying error per axis, 1 sigma", key="navigation.difference_error_sigma_m", above=0.0, default=0.54
+    )
+    error_time_constant: Array = number(
+        "its correlation time", key="navigation.difference_error_time_constant_s", above=0.0, default=700.0
+    )
+    range_noise: Array = number(
+        "white noise of the range over the link between two servicers, 1 sigma",
+        key="navigation.difference_range_noise_m",
+        above=0.0,
+        default=0.1,
+    )
+    range_bias_sigma: Array = number(
+        "its constant bias, 1 sigma", key="navigation.difference_range_bias_sigma_m", at_least=0.0, default=0.05
+    )
 
 
 @pytree

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from jaxtyping import Array
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.vehicle_model import VehicleModel
@@ -11,33 +12,23 @@ from rpojax.flight.vehicle_model import VehicleModel
 
 @pytree
 class PointingTuning:
-    """Slew and search parameters.
+    """Slew and search parameters."""
 
-    Attributes:
-        slew_acceleration: () peak angular acceleration of a planned slew [rad/s^2]
-        slew_minimum_time: () [s]
-        settle_time: () between the end of a slew and the burn [s]
-        look_away_limit: () from the start of the turn to the end of the turn back [s]
-        search_after: () time without an accepted box after which a search begins, look-aways left out [s]
-        acquisition_wait: () the same before the target is acquired [s]
-        search_pitch: () distance between turns of the search spiral [rad]
-        search_acceleration: () centripetal acceleration along the spiral [rad/s^2]
-        search_sigmas: () the spiral restarts beyond this many sigma of projected uncertainty [-]
-        search_radius_max: () largest radius of the spiral [rad]
-        burn_attitude_limit: () no thrust while the attitude is further from the burn's [rad]
-    """
-
-    slew_acceleration: Array
-    slew_minimum_time: Array
-    settle_time: Array
-    look_away_limit: Array
-    search_after: Array
-    acquisition_wait: Array
-    search_pitch: Array
-    search_acceleration: Array
-    search_sigmas: Array
-    search_radius_max: Array
-    burn_attitude_limit: Array
+    slew_acceleration: Array = number("peak angular acceleration of a planned slew", unit="mrad_s2", above=0.0)
+    slew_minimum_time: Array = number("shortest slew", unit="s", above=0.0)
+    settle_time: Array = number("between the end of a slew and the burn", unit="s", at_least=0.0)
+    look_away_limit: Array = number(
+        "from the start of the turn to the end of the turn back; at most `rates.formation_period_s`",
+        unit="s",
+        above=0.0,
+    )
+    search_after: Array = number("search starts after this time without box, look-aways left out", unit="s", above=0.0)
+    acquisition_wait: Array = number("the same before the first box of a run", unit="s", above=0.0)
+    search_pitch: Array = number("distance between turns of the search spiral", unit="deg", above=0.0)
+    search_acceleration: Array = number("centripetal acceleration along the spiral", unit="mrad_s2", above=0.0)
+    search_sigmas: Array = number("the spiral restarts beyond this many sigma of projected uncertainty", above=0.0)
+    search_radius_max: Array = number("largest radius of the spiral", unit="deg", above=0.0, below=180.0)
+    burn_attitude_limit: Array = number("no thrust above this attitude error", unit="deg", above=0.0, below=180.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,47 +6,36 @@ from typing import Any, TypeVar
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.guidance.references.hold import Hold
+from rpojax.value_types import Direction
 
 T = TypeVar("T")
 
 
 @pytree
 class Until:
-    """Conditions that end a phase when all of them hold; one that is not given always holds.
+    """Conditions that end a phase when all of them hold; one that is not given always holds."""
 
-    Attributes:
-        time: () since the phase began [s]
-        arrival_box: (3,) half sides in H of the box around the end of the reference [m]
-        arrival_for: () time in the box [s]
-        range_sigma: () of the estimate [m]
-        range_sigma_for: () time below it [s]
-        ground_go: () time of the go from the ground since the start of the run [s]
-    """
-
-    time: Array
-    arrival_box: Array
-    arrival_for: Array
-    range_sigma: Array
-    range_sigma_for: Array
-    ground_go: Array
+    time: Array = number("time since the phase began", unit="s", above=0.0, default=None)
+    arrival_box: Array = number(
+        "half sides of a box around the end of the reference, H", unit="m", length=3, above=0.0, default=None
+    )
+    arrival_for: Array = number("time in that box", unit="s", at_least=0.0, default=None)
+    range_sigma: Array = number("standard deviation of the estimated range", unit="m", above=0.0, default=None)
+    range_sigma_for: Array = number("time below it", unit="s", at_least=0.0, default=None)
+    ground_go: Array = number("time of the go from the ground since the start", unit="s", at_least=0.0, default=None)
 
 
 @pytree
 class Corridor:
-    """Approach corridor: a cone that opens away from the target.
+    """Approach corridor: a cone that opens away from the target."""
 
-    Attributes:
-        axis: (3,) direction from the target in H, of any length
-        half_angle: () [rad]
-        width: () radius of the corridor at the target [m]
-    """
-
-    axis: Array
-    half_angle: Array
-    width: Array
+    axis: Array = number("direction from the target, H; any length", form=Direction)
+    half_angle: Array = number("half angle of the cone", unit="deg", above=0.0, below=180.0)
+    width: Array = number("radius of the corridor at the target", unit="m", at_least=0.0)
 
 
 @pytree
@@ -55,22 +44,40 @@ class Phase:
 
     Attributes:
         reference: record of its reference trajectory, None for the formation's desired position
-        position_weight: (3,) of the LQR, None for that of the formation [1/m^2]
-        velocity_weight: (3,) of the LQR, None for that of the formation [s^2/m^2]
-        delta_v_weight: (3,) of the LQR, None for that of the formation [s^2/m^2]
         until: conditions that end it
-        timeout: () since the phase began [s]
-        keep_out: (3,) semi-axes in H of the ellipsoid around the target that the servicer must not enter [m]
         corridor: that it must not leave, None without one
     """
 
     reference: Any
-    position_weight: Array | None
-    velocity_weight: Array | None
-    delta_v_weight: Array | None
+    position_weight: Array | None = number(
+        "LQR weight of the squared position deviation, by default as in `formation`",
+        length=3,
+        at_least=0.0,
+        default=None,
+    )
+    velocity_weight: Array | None = number(
+        "LQR weight of the squared velocity deviation, by default as in `formation`",
+        length=3,
+        at_least=0.0,
+        default=None,
+    )
+    delta_v_weight: Array | None = number(
+        "LQR weight of the squared velocity change, by default as in `formation`", length=3, above=0.0, default=None
+    )
     until: Until
-    timeout: Array
-    keep_out: Array
+    timeout: Array = number(
+        "longest duration, not less than `until.time_s`, `arrival_for_s` and `range_sigma_for_s`; by default none",
+        unit="s",
+        above=0.0,
+        default=None,
+    )
+    keep_out: Array = number(
+        "semi-axes in H of the keep-out ellipsoid, none less than `limits.keep_out_m`, which is the default",
+        unit="m",
+        length=3,
+        above=0.0,
+        default=None,
+    )
     corridor: Corridor | None
 
     def trajectory(self, formation: FormationTuning) -> Any:
@@ -91,29 +98,29 @@ class MissionTuning:
     Attributes:
         phases: by name
         keep_out: (3,) semi-axes of the keep-out ellipsoid while the servicer holds its place or has aborted [m]
-        hold_at: () time of the command to hold [s]
-        resume_at: () time of the command to resume [s]
-        abort_at: () time of the command to abort [s]
-        abort_horizon: () free drift that must stay outside of the keep-out zone [s]
-        abort_sigmas: () uncertainty of the estimate that is covered, in sigmas [-]
-        abort_margin: () added to the semi-axes of the keep-out zone [m]
     """
 
     phases: dict[str, Phase]
     keep_out: Array
-    hold_at: Array
-    resume_at: Array
-    abort_at: Array
-    abort_horizon: Array
-    abort_sigmas: Array
-    abort_margin: Array
+    hold_at: Array = number(
+        "time of the command to hold the present place, by default never", unit="s", at_least=0.0, default=1e9
+    )
+    resume_at: Array = number(
+        "time of the command to resume the phase that was held, by default never", unit="s", at_least=0.0, default=1e9
+    )
+    abort_at: Array = number("time of the command to abort, by default never", unit="s", at_least=0.0, default=1e9)
+    abort_horizon: Array = number(
+        "free drift that must stay outside of the keep-out zone, by default a day", unit="s", above=0.0, default=86400.0
+    )
+    abort_sigmas: Array = number("uncertainty of the estimate that is covered, in sigmas", at_least=0.0, default=3.0)
+    abort_margin: Array = number("added to the semi-axes of the keep-out zone", unit="m", at_least=0.0, default=2.0)
 
 
 def of_phase(phase: Int[Array, ""], rows: Sequence[T]) -> T:
     """The record or array of the present `phase` out of those of all rows."""
     chosen = rows[0]
-    for number in range(1, len(rows)):
-        chosen = select(phase == number, rows[number], chosen)
+    for index in range(1, len(rows)):
+        chosen = select(phase == index, rows[index], chosen)
     return chosen
 
 

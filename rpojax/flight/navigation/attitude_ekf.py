@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update, quaternion
+from rpojax.core.declared_numbers import number
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import pytree, replace
 
@@ -16,19 +17,14 @@ Vector = Float[Array, "3"]
 
 @pytree
 class AttitudeFilterTuning:
-    """Noise model of the attitude filter.
+    """Noise model of the attitude filter."""
 
-    Attributes:
-        star_tracker_noise: (3,) 1 sigma [rad]
-        angle_random_walk: () of the gyro [rad/s^0.5]
-        bias_walk: () of the gyro [rad/s per s^0.5]
-        initial_bias_sigma: () [rad/s]
-    """
-
-    star_tracker_noise: Array
-    angle_random_walk: Array
-    bias_walk: Array
-    initial_bias_sigma: Array
+    star_tracker_noise: Array = number(
+        "noise of the star tracker about each body axis, 1 sigma", unit="deg", length=3, above=0.0
+    )
+    angle_random_walk: Array = number("white noise of the gyro: angle per root second", unit="deg_sqrt_s", above=0.0)
+    bias_walk: Array = number("random walk of the gyro's bias, per root second", unit="deg_s_sqrt_s", at_least=0.0)
+    initial_bias_sigma: Array = number("bias of the gyro at the start per axis, 1 sigma", unit="deg_s", above=0.0)
 
 
 @pytree

@@ -2,6 +2,7 @@
 
 from jaxtyping import Array
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 
@@ -10,93 +11,142 @@ class OrbitFilterTuning:
     """Noise model of the orbit filter, and thresholds of its gate.
 
     Attributes:
-        gps_noise: () white noise per axis, 1 sigma [m]
-        gps_error_sigma: () slowly varying error per axis, 1 sigma [m]
-        gps_error_time_constant: () [s]
-        edge_noise: () of a box edge, 1 sigma [px]
-        minimum_size: () largest side of a target below which the camera finds no box [px]
-        miss_probability: () of a frame without a box of a larger target [-]
-        center_sigma: () offset of the box centre from the centre of mass, per axis, 1 sigma [m]
-        detector_center_sigma: () offset of a detector's box centre from that of the outline, as attitude and light
-            change, per axis, 1 sigma [m]
         detector_boxes: () 1 where a detector finds the boxes, so that they have that offset, else 0 [-]
-        center_perspective: () offset of the centre by perspective, times the range and over the square of the size, per
-            axis, 1 sigma [-]
-        center_time_constant: () of that offset: a sixth of a tumble [s]
-        target_size: () expected sqrt(width height) of the target's outline [m]
-        target_size_sigma: () error of its log, 1 sigma [-]
-        outline_time_constant: () correlation time of the log aspect ratio at which the other time constants hold [s]
-        largest_side_log: (2,) log of the outline's largest side over sqrt(width height), mean and 1 sigma [-]
-        scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
-        scale_time_constant: (2,) [s]
-        bearing_bias_sigma: () per axis, 1 sigma [rad]
-        attitude_sigma: () camera attitude noise per axis, 1 sigma [rad]
-        acceleration_noise: () unmodelled absolute acceleration [m/s^2 per Hz^0.5]
-        relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
-        burn_magnitude_sigma: () fraction of a burn's velocity change along it, new in each burn, 1 sigma [-]
-        burn_scale_sigma: () the same, lasting from burn to burn: thrust and mass, 1 sigma [-]
         burn_scale_as_new: () factor on `burn_scale_sigma` and `thrust_direction_sigma` of what counts as new in each
             burn, where the filter has no state for it; 0 where it has one [-]
-        burn_direction_sigma: () fraction across it, per axis, new in each burn, 1 sigma [rad]
-        thrust_direction_sigma: () angle of the thrust, lasting from burn to burn, per axis, 1 sigma [rad]
-        ballistic_sigma: () area over mass of the target less that of the servicer, 1 sigma [m^2/kg]
-        adaptation_limit: () greatest factor on the declared sigma of an error that lasts, where measurements
-            contradict it [-]
-        thrust_sigma: () relative error of the thrust before any pressure is measured, new and lasting, 1 sigma [-]
-        thrust_walk: () random walk of the relative thrust while burning [1/s^0.5]
-        pressure_noise: () of the chamber pressure, as a fraction of the nominal one, 1 sigma [-]
-        gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
-        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [rad/s]
-        confirm_above: () confirmation is required when bearing is less certain than this many box sigmas [-]
-        confirm_within: () longest time between two boxes that confirm each other, or one frame if that is longer [s]
-        recovery_after: () of rejected boxes, a box for at most a second, that triggers covariance inflation [s]
-        recovery_position_sigma: () position sigma added then, as a fraction of the range [-]
-        recovery_velocity_sigma: () velocity sigma added then [m/s]
-        initial_position_sigma: () servicer, per axis [m]
-        initial_velocity_sigma: () servicer, per axis [m/s]
-        initial_relative_position_sigma: () per axis [m]
-        initial_relative_velocity_sigma: () per axis [m/s]
     """
 
-    gps_noise: Array
-    gps_error_sigma: Array
-    gps_error_time_constant: Array
-    edge_noise: Array
-    minimum_size: Array
-    miss_probability: Array
-    center_sigma: Array
-    detector_center_sigma: Array
+    gps_noise: Array = number("white GPS noise per axis, 1 sigma", unit="m", above=0.0)
+    gps_error_sigma: Array = number("slowly varying GPS error per axis, 1 sigma; a filter state", unit="m", above=0.0)
+    gps_error_time_constant: Array = number("its correlation time", unit="s", above=0.0)
+    edge_noise: Array = number("noise of a box edge, 1 sigma", unit="px", above=0.0)
+    minimum_size: Array = number(
+        "largest side of a target below which the camera finds no box; a frame without one then tells of the size",
+        unit="px",
+        above=0.0,
+        default=4.0,
+    )
+    miss_probability: Array = number(
+        "probability of a frame without a box of a larger target, false boxes in its place included",
+        above=0.0,
+        below=1.0,
+        default=0.1,
+    )
+    center_sigma: Array = number(
+        "offset of the box centre from the centre of mass per axis, 1 sigma; a filter state", unit="m", at_least=0.0
+    )
+    detector_center_sigma: Array = number(
+        "what the filter believes of the offset between the centres of box and outline, varying with attitude and "
+        "light, 1 sigma; it adds its variance to that of `navigation.center_sigma_m`. No image is changed by it",
+        key="imaging.center_sigma_m",
+        at_least=0.0,
+    )
     detector_boxes: Array
-    center_perspective: Array
-    center_time_constant: Array
-    target_size: Array
-    target_size_sigma: Array
-    outline_time_constant: Array
-    largest_side_log: Array
-    scale_sigma: Array
-    scale_time_constant: Array
-    bearing_bias_sigma: Array
-    attitude_sigma: Array
-    acceleration_noise: Array
-    relative_acceleration_noise: Array
-    burn_magnitude_sigma: Array
-    burn_scale_sigma: Array
+    center_perspective: Array = number(
+        "the same because nearer parts look greater, 1 sigma at a range of `target_size_m`, over that size",
+        at_least=0.0,
+        default=0.152,
+    )
+    center_time_constant: Array = number("its correlation time, about a twelfth of a tumble", unit="s", above=0.0)
+    target_size: Array = number("mean of the square root of width times height of the outline", unit="m", above=0.0)
+    target_size_sigma: Array = number(
+        "error of the log of that size, which stays; adds to the variance of the slow part below, 1 sigma",
+        at_least=0.0,
+        default=0.0,
+    )
+    outline_time_constant: Array = number(
+        "correlation time of the log of width over height for which `center_time_constant_s` and the second of "
+        "`scale_time_constant_s` hold; the filter estimates it from the boxes and changes these in proportion",
+        unit="s",
+        above=0.0,
+        default=33.0,
+    )
+    largest_side_log: Array = number(
+        "log of the largest side of the outline over the square root of width times height: mean and 1 sigma over "
+        "attitude. With `minimum_size_px` it says from which size on a target is found",
+        length=2,
+        above=0.0,
+        default=[0.204, 0.124],
+    )
+    scale_sigma: Array = number(
+        "error of the log of that size over attitude, slow and fast part, 1 sigma; filter states", length=2, above=0.0
+    )
+    scale_time_constant: Array = number(
+        "their correlation times; the first at a line of sight that turns once in 95 minutes: the filter changes it "
+        "in inverse proportion to the rate at which the estimated one turns, between a quarter and 40 times",
+        unit="s",
+        length=2,
+        above=0.0,
+    )
+    bearing_bias_sigma: Array = number("constant bearing error per axis, 1 sigma; a state", unit="deg", above=0.0)
+    attitude_sigma: Array = number("noise of the estimated camera attitude per axis, 1 sigma", unit="deg", at_least=0.0)
+    acceleration_noise: Array = number("unmodelled acceleration of the servicer", unit="m_s2_sqrt_hz", at_least=0.0)
+    relative_acceleration_noise: Array = number("unmodelled relative acceleration", unit="m_s2_sqrt_hz", at_least=0.0)
+    burn_magnitude_sigma: Array = number(
+        "relative error of the velocity change of a burn, 1 sigma, that is new in every burn", at_least=0.0
+    )
+    burn_scale_sigma: Array = number(
+        "the same, of the part that stays from burn to burn: of thrust and mass. The filter estimates it. With "
+        "`sharing` the filters have no state for it: twice its sigma counts as new in every burn",
+        at_least=0.0,
+        default=0.05,
+    )
     burn_scale_as_new: Array
-    burn_direction_sigma: Array
-    thrust_direction_sigma: Array
-    ballistic_sigma: Array
-    adaptation_limit: Array
-    thrust_sigma: Array
-    thrust_walk: Array
-    pressure_noise: Array
-    gate_sigma: Array
-    confirm_tolerance: Array
-    confirm_above: Array
-    confirm_within: Array
-    recovery_after: Array
-    recovery_position_sigma: Array
-    recovery_velocity_sigma: Array
-    initial_position_sigma: Array
-    initial_velocity_sigma: Array
-    initial_relative_position_sigma: Array
-    initial_relative_velocity_sigma: Array
+    burn_direction_sigma: Array = number(
+        "direction error of a burn per axis, new in every burn, 1 sigma", unit="deg", at_least=0.0
+    )
+    thrust_direction_sigma: Array = number(
+        "angle of the thrust per axis, lasting from burn to burn, 1 sigma", unit="deg", at_least=0.0, default=0.5
+    )
+    ballistic_sigma: Array = number(
+        "area over mass of the target less that of the servicer, 1 sigma", unit="m2_kg", at_least=0.0, default=0.005
+    )
+    adaptation_limit: Array = number(
+        "greatest factor on the declared sigma of an error that lasts, where measurements contradict it",
+        at_least=1.0,
+        default=6.0,
+    )
+    thrust_sigma: Array = number(
+        "relative error of the thrust before any measured pressure, 1 sigma: of one burn and lasting, as "
+        "`thruster.magnitude_noise` and `force_scale` have it; mass has no part in it. Used with `chamber_pressure`",
+        above=0.0,
+        default=0.015,
+    )
+    thrust_walk: Array = number(
+        "random walk of the relative thrust while the thruster burns, by which the pressure of a new burn outweighs "
+        "those of earlier ones. Used with `chamber_pressure`",
+        unit="sqrt_s",
+        above=0.0,
+        default=0.01,
+    )
+    pressure_noise: Array = number(
+        "noise of the chamber pressure as a fraction of the nominal one, 1 sigma. Used with `chamber_pressure`",
+        above=0.0,
+        default=0.03,
+    )
+    gate_sigma: Array = number("boxes beyond this many sigma in bearing or log size are rejected", above=0.0)
+    confirm_tolerance: Array = number(
+        "a box whose direction is this close to that of an earlier one, per second in between (at least one), "
+        "confirms it. An angle: another focal length or image size does not change what it allows",
+        unit="deg_s",
+        above=0.0,
+    )
+    confirm_above: Array = number(
+        "while the bearing is less certain than this many box sigmas, a box needs confirmation", above=0.0
+    )
+    confirm_within: Array = number("longest time between the two boxes, at least a frame", unit="s", above=0.0)
+    recovery_after: Array = number(
+        "time of rejected boxes, each for at most a second, without an accepted one that inflates the covariance",
+        unit="s",
+        above=0.0,
+    )
+    recovery_position_sigma: Array = number("inflation of the position sigma, as a fraction of the range", at_least=0.0)
+    recovery_velocity_sigma: Array = number("inflation of the velocity sigma per axis", unit="m_s", at_least=0.0)
+    initial_position_sigma: Array = number(
+        "error of the servicer's position at the start per axis, 1 sigma", unit="m", above=0.0
+    )
+    initial_velocity_sigma: Array = number("the same of its velocity", unit="m_s", above=0.0)
+    initial_relative_position_sigma: Array = number(
+        "error of the relative position at the start per axis, 1 sigma", unit="m", above=0.0
+    )
+    initial_relative_velocity_sigma: Array = number("the same of the relative velocity", unit="m_s", above=0.0)

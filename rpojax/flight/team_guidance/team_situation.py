@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.trigonometric_series import arctan2
 from rpojax.core.pytree import pytree
@@ -14,25 +15,40 @@ Angles = Float[Array, "*shape"]
 
 @pytree
 class TeamTuning:
-    """Numbers of the guidance of a team, the same for all servicers.
+    """Numbers of the guidance of a team, the same for all servicers."""
 
-    Attributes:
-        keep_out: () radius around another servicer's free drift that no burn may lead into [m]
-        lost_after: () age of the latest message of a servicer after which it is left out [s]
-        phase_rate: () at which relative orbits shift [rad/s]
-        view_incidence: () greatest angle at which a side of the target counts as seen [rad]
-        view_sun_incidence: () the same for sunlight [rad]
-        view_memory: () time after which most of what was seen is worth seeing again [s]
-        keeping_delta_v: () what a servicer needs without a shift, in the time for which viewpoints are chosen [m/s]
-    """
-
-    keep_out: Array
-    lost_after: Array
-    phase_rate: Array
-    view_incidence: Array
-    view_sun_incidence: Array
-    view_memory: Array
-    keeping_delta_v: Array
+    keep_out: Array = number(
+        "radius around the free drift of another servicer that no burn may lead into; needs phases, and "
+        "`navigation.sharing`; 0 for none",
+        unit="m",
+        at_least=0.0,
+        default=0.0,
+    )
+    lost_after: Array = number(
+        "age of the latest message of a servicer after which it is left out", unit="s", above=0.0, default=60.0
+    )
+    phase_rate: Array = number("rate at which phases change", unit="deg_h", above=0.0, default=60.0)
+    view_incidence: Array = number(
+        "greatest angle at which a side of the target counts as seen, for `viewpoints`",
+        unit="deg",
+        above=0.0,
+        at_most=90.0,
+        default=60.0,
+    )
+    view_sun_incidence: Array = number(
+        "greatest angle at which sunlight on a side of the target counts as light, for `viewpoints`",
+        unit="deg",
+        above=0.0,
+        at_most=90.0,
+        default=70.0,
+    )
+    view_memory: Array = number("time after which most is worth seeing again", unit="s", above=0.0, default=6000.0)
+    keeping_delta_v: Array = number(
+        "what a servicer needs in a quarter of an orbit without a change of its phase",
+        unit="m_s",
+        above=0.0,
+        default=0.005,
+    )
 
 
 @pytree

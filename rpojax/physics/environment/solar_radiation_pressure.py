@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, RADIUS_SUN, SPEED_OF_LIGHT
+from rpojax.core.declared_numbers import number
 from rpojax.core.orbits.eclipse import illumination
 from rpojax.core.pytree import pytree
 from rpojax.physics.environment.spacecraft_surface import Surface
@@ -17,13 +18,12 @@ class Sunlight:
     """Solar flux and the radii that determine the shadow.
 
     Attributes:
-        flux: () at one astronomical unit [W/m^2]
         shadow_radius: () of the Earth as it casts its shadow [m]
         sun_radius: () [m]
         astronomical_unit: () distance at which the flux is stated [m]
     """
 
-    flux: Array
+    flux: Array = number("solar flux at one astronomical unit", unit="w_m2", at_least=0.0)
     shadow_radius: Array | float = RADIUS_EARTH
     sun_radius: Array | float = RADIUS_SUN
     astronomical_unit: Array | float = ASTRONOMICAL_UNIT

@@ -2,21 +2,15 @@
 
 from jaxtyping import Array
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
 
 @pytree
 class Surface:
-    """Surface of a vehicle for drag and solar radiation pressure: a sphere about the centre of pressure.
+    """Surface of a vehicle for drag and solar radiation pressure: a sphere about the centre of pressure."""
 
-    Attributes:
-        area: () [m^2]
-        drag_coefficient: () [-]
-        pressure_coefficient: () of sunlight, 1 absorbs, 2 reflects all [-]
-        center_of_pressure: (3,) from the centre of mass, body axes [m]
-    """
-
-    area: Array
-    drag_coefficient: Array
-    pressure_coefficient: Array
-    center_of_pressure: Array
+    area: Array = number("mean cross-section", unit="m2", at_least=0.0)
+    drag_coefficient: Array = number("coefficient of drag", at_least=0.0)
+    pressure_coefficient: Array = number("coefficient of radiation pressure: 1 absorption, 2 reflection", at_least=0.0)
+    center_of_pressure: Array = number("from the centre of mass, B or T; gives the torque", unit="m", length=3)

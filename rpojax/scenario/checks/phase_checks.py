@@ -13,7 +13,7 @@ from rpojax.flight.guidance.references import relative_orbit
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
-from rpojax.scenario.params import section_record
+from rpojax.scenario.numbers.section_records import section_record
 from rpojax.scenario.phases import reference_sections as kinds
 from rpojax.scenario.phases.phase_sections import NO_GOAL, CorridorSection, PhaseSection
 from rpojax.scenario.schema import ScenarioFile

@@ -1,4 +1,4 @@
-"""Keys of a scenario that vary from run to run, and the order in which their values are computed; free of JAX."""
+"""Keys of a scenario that vary from run to run, and the order in which their values are computed."""
 
 from collections.abc import Sequence
 from typing import Any, Final

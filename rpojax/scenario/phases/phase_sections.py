@@ -4,56 +4,36 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
+from rpojax.scenario.numbers.number_sections import section_of
 from rpojax.scenario.phases.reference_sections import ReferenceSection
-from rpojax.value_types import (
-    Angle,
-    Direction,
-    NonNegative,
-    NonNegativeVector,
-    OptionalKeys,
-    Positive,
-    PositiveVector,
-    Section,
-)
+from rpojax.value_types import OptionalKeys, Positive
 
 NO_GOAL: Final = "none"
 """Phase of a goal that demands nothing."""
 PhaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
-class UntilSection(OptionalKeys):
+class UntilSection(section_of(Until, optional=True)):
     """Conditions that end a phase once all of those that are given hold."""
 
-    time_s: Positive | None = None
-    arrival_box_m: PositiveVector | None = None
-    arrival_for_s: NonNegative | None = None
-    range_sigma_m: Positive | None = None
-    range_sigma_for_s: NonNegative | None = None
-    ground_go_s: NonNegative | None = None
 
-
-class CorridorSection(Section):
+class CorridorSection(section_of(Corridor)):
     """Approach corridor: a cone that opens away from the target along an axis in H."""
 
-    axis: Direction
-    half_angle_deg: Angle
-    width_m: NonNegative
+
+_FIRST = ("name", "reference", "pointing", "control_period_s", "position_", "velocity_", "delta_v_", "until", "timeout")
 
 
-class PhaseSection(OptionalKeys):
+class PhaseSection(section_of(Phase, first=(*_FIRST, "on_timeout", "keep_out_m"), optional=True)):
     """One phase of a mission: what it follows, where it points, and when it ends."""
 
     name: PhaseName
     reference: ReferenceSection
     pointing: Literal["target", "sun_safe", "velocity"] = "target"
     control_period_s: Positive | None = None
-    position_weight: NonNegativeVector | None = None
-    velocity_weight: NonNegativeVector | None = None
-    delta_v_weight: PositiveVector | None = None
     until: UntilSection | None = None
-    timeout_s: Positive | None = None
     on_timeout: Literal["next", "hold", "abort"] = "hold"
-    keep_out_m: PositiveVector | None = None
     corridor: CorridorSection | None = None
     passively_safe: bool = False
 
@@ -65,13 +45,7 @@ class GoalSection(OptionalKeys):
     at: Literal["begin", "end"] | None = None
 
 
-class MissionSection(Section):
+class MissionSection(section_of(MissionTuning, first=("decision_period_s",))):
     """Decisions of the mission manager, commands from the ground, and aborts."""
 
     decision_period_s: Positive = 20.0
-    hold_at_s: NonNegative = 1e9
-    resume_at_s: NonNegative = 1e9
-    abort_at_s: NonNegative = 1e9
-    abort_horizon_s: Positive = 86400.0
-    abort_sigmas: NonNegative = 3.0
-    abort_margin_m: NonNegative = 2.0

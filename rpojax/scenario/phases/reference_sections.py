@@ -4,66 +4,49 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rpojax.value_types import Direction, Finite, NonNegative, OptionalKeys, Positive, Section, Vector
+from rpojax.flight.guidance.references.approach import Approach
+from rpojax.flight.guidance.references.fly_around import FlyAround
+from rpojax.flight.guidance.references.hold import Hold
+from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
+from rpojax.flight.guidance.references.retreat import Retreat
+from rpojax.flight.guidance.references.transfer import Transfer
+from rpojax.scenario.numbers.number_sections import section_of
 
 
-class HoldSection(Section):
+class HoldSection(section_of(Hold, first=("kind",))):
     """Fixed position in H."""
 
     kind: Literal["hold"]
-    position_m: Vector
 
 
-class RelativeOrbitSection(Section):
+class RelativeOrbitSection(section_of(RelativeOrbit, first=("kind",))):
     """Free relative orbit: safety ellipse, walking ellipse, or co-elliptic drift."""
 
     kind: Literal["relative_orbit"]
-    radial_m: NonNegative = 0.0
-    radial_phase_deg: Finite = 0.0
-    cross_track_m: NonNegative = 0.0
-    cross_track_phase_deg: Finite = 0.0
-    along_track_m: Finite = 0.0
-    drift_per_orbit_m: Finite = 0.0
-    join_s: NonNegative = 0.0
 
 
-class TransferSection(Section):
+class TransferSection(section_of(Transfer, first=("kind",))):
     """Transfer to a position with two impulses or, with more, along a glide slope."""
 
     kind: Literal["transfer"]
-    position_m: Vector
-    duration_s: Positive
-    pulses: Annotated[int, Field(ge=2, le=64)] = 2
-    speed_ratio: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)] = 1.0
 
 
-class FlyAroundSection(OptionalKeys):
+class FlyAroundSection(section_of(FlyAround, first=("kind",), optional=True)):
     """Forced circle around the target."""
 
     kind: Literal["fly_around"]
-    radius_m: Positive
-    axis: Direction
-    rate_deg_h: Finite
-    join_s: NonNegative = 0.0
-    start_deg: Finite | None = None
 
 
-class ApproachSection(Section):
+class ApproachSection(section_of(Approach, first=("kind",))):
     """Straight line to a position with a speed that falls with the remaining distance."""
 
     kind: Literal["approach"]
-    end_position_m: Vector
-    max_speed_m_s: Positive
-    time_constant_s: Positive
-    final_speed_m_s: Positive
 
 
-class RetreatSection(Section):
+class RetreatSection(section_of(Retreat, first=("kind",))):
     """Straight line away from the target."""
 
     kind: Literal["retreat"]
-    distance_m: Positive
-    speed_m_s: Positive
 
 
 ReferenceSection = Annotated[

@@ -14,7 +14,7 @@ from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.metrics import filter_consistency, metric_catalogue
 from rpojax.metrics.metric_definition import Metric
-from rpojax.scenario import key_units
+from rpojax.scenario.numbers import key_units
 from rpojax.scenario.plugins import custom_metrics, function_digests
 from rpojax.scenario.plugins.custom_metrics import MetricFunction
 from rpojax.scenario.schema import ScenarioFile

@@ -11,7 +11,7 @@ from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.flight.guidance.burn_schedule import longest_on_time
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
-from rpojax.scenario.params import section_record
+from rpojax.scenario.numbers.section_records import section_record
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.nominal_motion import mean_motion, transition_matrices

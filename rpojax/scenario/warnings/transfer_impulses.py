@@ -14,7 +14,7 @@ from rpojax.core.orbits.two_impulse_transfer import state_on_arc
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, transition_matrix
 from rpojax.flight.guidance.references import transfer as transfers
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
-from rpojax.scenario.params import section_record
+from rpojax.scenario.numbers.section_records import section_record
 from rpojax.scenario.phases.reference_sections import TransferSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.nominal_motion import at_latitudes, latitudes_after, mean_motion, orbit_from

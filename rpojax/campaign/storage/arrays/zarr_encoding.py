@@ -14,7 +14,7 @@ import zarr
 from zarr.storage import MemoryStore
 
 from rpojax.metrics import metric_catalogue
-from rpojax.scenario import key_units
+from rpojax.scenario.numbers import key_units
 from rpojax.simulation.metrics import phase_records, trace_channels
 
 _MAX_CHUNK_RUNS = 64

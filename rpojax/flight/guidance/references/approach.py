@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
@@ -14,19 +15,12 @@ Vector = Float[Array, "3"]
 
 @pytree
 class Approach:
-    """Straight line from the position at the entry.
+    """Straight line from the position at the entry."""
 
-    Attributes:
-        end_position: (3,) at which it ends, in H [m]
-        max_speed: () far from the end [m/s]
-        time_constant: () remaining distance over the speed nearer to it [s]
-        final_speed: () least speed on the way, at most `max_speed` [m/s]
-    """
-
-    end_position: Array
-    max_speed: Array
-    time_constant: Array
-    final_speed: Array
+    end_position: Array = number("where it ends, from the target, H", unit="m", length=3)
+    max_speed: Array = number("speed far from the end", unit="m_s", above=0.0)
+    time_constant: Array = number("remaining distance over the speed nearer to the end", unit="s", above=0.0)
+    final_speed: Array = number("least speed on the way, at most the greatest", unit="m_s", above=0.0)
 
 
 def state(reference: Approach, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:

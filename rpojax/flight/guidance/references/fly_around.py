@@ -5,12 +5,14 @@ from typing import Final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.trigonometric_series import arctan2, cos_sin
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import cross
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry, from_entry, slowing_down, smooth_step
+from rpojax.value_types import Direction
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -18,23 +20,21 @@ Vector = Float[Array, "3"]
 
 @pytree
 class FlyAround:
-    """Circle around the target in the Hill frame.
+    """Circle around the target in the Hill frame."""
 
-    Attributes:
-        radius: () [m]
-        axis: (3,) normal of the circle's plane in H, of any length [-]
-        rate: () of the angle about the axis, right-handed [rad/s]
-        join: () time in which the servicer reaches the circle from its place at the entry [s]
-        start: () angle at the entry, from the along-track direction projected into the plane or, where the axis is
-            along-track, from the radial one [rad]; None for that of the servicer's position at the entry or, where that
-            is nearer to the axis than a twentieth of the radius and noise decides on its angle, for 0
-    """
-
-    radius: Array
-    axis: Array
-    rate: Array
-    join: Array
-    start: Array | None = None
+    radius: Array = number("radius of the circle", unit="m", above=0.0)
+    axis: Array = number("normal of the circle's plane, H; any length", form=Direction)
+    rate: Array = number("rate of the angle about the axis, right-handed", unit="deg_h")
+    join: Array = number(
+        "time in which the servicer reaches the circle from its place at the entry", unit="s", at_least=0.0, default=0.0
+    )
+    start: Array | None = number(
+        "angle at the entry, from the along-track direction projected into the plane or, where the axis is along-track "
+        "itself, the radial one; by default that of the position or, where that is nearer to the axis than a twentieth "
+        "of the radius and noise decides on its angle, 0",
+        unit="deg",
+        default=None,
+    )
 
 
 def state(reference: FlyAround, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:

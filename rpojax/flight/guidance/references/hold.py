@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
@@ -12,13 +13,9 @@ Scalar = Float[Array, ""]
 
 @pytree
 class Hold:
-    """Fixed position.
+    """Fixed position."""
 
-    Attributes:
-        position: (3,) servicer from target in H [m]
-    """
-
-    position: Array
+    position: Array = number("position of the servicer from the target, H", unit="m", length=3)
 
 
 def state(reference: Hold, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:

@@ -12,6 +12,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, constants_of_motion, free_motion, unit_rate
 from rpojax.core.pytree import pytree, select
@@ -28,24 +29,34 @@ class RelativeOrbit:
     `z = cross_track sin(u - cross_track_phase)`. On an elliptic orbit these are the amplitudes 90 deg from perigee:
     that of `x` is constant, `z` and the offset vary as the target's distance r from the Earth, the oscillation of `y`
     as 1 + r/p with the semi-latus rectum p.
-
-    Attributes:
-        radial: () amplitude of the radial oscillation, semi-major axis times relative eccentricity [m]
-        radial_phase: () argument of latitude of the lowest point [rad]
-        cross_track: () amplitude across the orbit plane, semi-major axis times relative inclination [m]
-        cross_track_phase: () argument of latitude of the upward passage through the target's orbit plane [rad]
-        along_track: () offset along-track at the entry [m]
-        drift_per_orbit: () change of the offset in a period, by a difference of the semi-major axes [m]
-        join: () time in which the servicer reaches the relative orbit from its motion at the entry [s]
     """
 
-    radial: Array
-    radial_phase: Array
-    cross_track: Array
-    cross_track_phase: Array
-    along_track: Array
-    drift_per_orbit: Array
-    join: Array
+    radial: Array = number(
+        "amplitude of the radial oscillation, semi-major axis times relative eccentricity",
+        unit="m",
+        at_least=0.0,
+        default=0.0,
+    )
+    radial_phase: Array = number("argument of latitude of the lowest point", unit="deg", default=0.0)
+    cross_track: Array = number(
+        "amplitude across the orbit plane, semi-major axis times relative inclination",
+        unit="m",
+        at_least=0.0,
+        default=0.0,
+    )
+    cross_track_phase: Array = number(
+        "argument of latitude of the upward passage through the target's orbit plane", unit="deg", default=0.0
+    )
+    along_track: Array = number("offset along-track at the entry", unit="m", default=0.0)
+    drift_per_orbit: Array = number(
+        "change of the offset in a period, by unequal semi-major axes", unit="m", default=0.0
+    )
+    join: Array = number(
+        "time in which the servicer reaches the relative orbit from its motion at the entry",
+        unit="s",
+        at_least=0.0,
+        default=0.0,
+    )
 
 
 def state(reference: RelativeOrbit, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
@@ -14,15 +15,10 @@ Vector = Float[Array, "3"]
 
 @pytree
 class Retreat:
-    """Straight line away from the target, through the position at the entry.
+    """Straight line away from the target, through the position at the entry."""
 
-    Attributes:
-        distance: () from the target at which it ends; a servicer farther away stays [m]
-        speed: () that is reached after some seconds [m/s]
-    """
-
-    distance: Array
-    speed: Array
+    distance: Array = number("distance from the target at which it ends; a servicer beyond stays", unit="m", above=0.0)
+    speed: Array = number("speed that is reached after some seconds", unit="m_s", above=0.0)
 
 
 def state(reference: Retreat, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:

@@ -6,9 +6,13 @@ circular orbit", 2002). Between the impulses the motion is free. Where the time 
 admits no free motion, such as half an orbit across the track or a whole one, there is another impulse on the way.
 """
 
+from typing import Annotated
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from pydantic import Field
 
+from rpojax.core.declared_numbers import number
 from rpojax.core.orbits.two_impulse_transfer import TransferArc, state_on_arc, transfer_arc
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
 from rpojax.core.pytree import pytree
@@ -18,21 +22,19 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
+_Pulses = Annotated[int, Field(ge=2, le=64)]
+
+
 @pytree
 class Transfer:
-    """Transfer from the position at the entry.
+    """Transfer from the position at the entry."""
 
-    Attributes:
-        position: (3,) at which it ends, in H [m]
-        duration: () [s]
-        pulses: () number of impulses, those at departure and arrival included, at least 2 [-]
-        speed_ratio: () speed along the glide slope at its end over that at its beginning [-]
-    """
-
-    position: Array
-    duration: Array
-    pulses: Array
-    speed_ratio: Array
+    position: Array = number("where it ends, from the target, H", unit="m", length=3)
+    duration: Array = number("duration of the transfer", unit="s", above=0.0)
+    pulses: Array = number("number of impulses, those at departure and arrival included", form=_Pulses, default=2)
+    speed_ratio: Array = number(
+        "speed along the glide slope at its end over that at its beginning", above=0.0, at_most=1.0, default=1.0
+    )
 
 
 def state(reference: Transfer, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:

@@ -1,0 +1,17 @@
+"""Numbers of the images of the rendered camera and of its detector."""
+
+from jaxtyping import Array
+
+from rpojax.core.declared_numbers import number
+from rpojax.core.pytree import pytree
+
+
+@pytree
+class Imaging:
+    """Exposure of the camera and threshold of the detector."""
+
+    exposure: Array = number("gain: 1 is the white level of the field at full well", above=0.0)
+    full_well: Array = number("electrons at saturation", above=0.0)
+    read_noise: Array = number("noise of reading in electrons, 1 sigma", at_least=0.0)
+    blur: Array = number("point spread function, 1 sigma", unit="px", at_least=0.0, at_most=1.0)
+    score_threshold: Array = number("boxes with a lower score are discarded", at_least=0.0, at_most=1.0)
