@@ -1,4 +1,4 @@
-"""Physical constants in SI units (of the Earth: EGM-96 and WGS-84, as in Basilisk and most flight software)."""
+"""Physical constants in SI units (of the Earth: EGM-96 and WGS-84, as in Basilisk and others), and rounding."""
 
 from typing import Final
 
@@ -34,3 +34,6 @@ SOLAR_FLUX: Final = 1361.0
 
 SPEED_OF_LIGHT: Final = 299792458.0
 """Speed of light in vacuum [m/s]."""
+
+TIME_ROUNDING_S: Final = 1e-6
+"""More than the rounding of a multiple of a tick (1e-10 s after ten days), and less than any tick [s]."""

@@ -366,4 +366,5 @@ def command_camera(software: FlightSoftware, memory: FlightMemory, time: Scalar)
 
 
 _FAILED_THRUST_RATIO = 0.3
-"""Ratio of thrust to its nominal value below which the thruster counts as failed."""
+"""Ratio of thrust to its nominal value below which the thruster counts as failed. A choice: one of half its force flies
+on, and no thrust is ten sigma of the chamber pressure of `inspection` away."""

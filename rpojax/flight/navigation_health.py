@@ -191,7 +191,8 @@ def _faded(moments: Float[Array, "2 m"], innovation: SensorInnovation, evidence:
 
 
 _NOISE_TOLERANCE = 1.5
-"""Noise over the believed one up to which the estimate is less accurate than it might be, but not wrong [-]."""
+"""Noise over the believed one up to which the estimate is less accurate than it might be, but not wrong [-]. A choice:
+with 1.33 times the coverage is still 99.8 % (experiments/unseen_missions)."""
 
 
 def _chi_square_over_dof(sigma: Scalar, dof: Scalar | float) -> Scalar:

@@ -7,10 +7,9 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rpojax.core.constants import TIME_ROUNDING_S
 from rpojax.metrics.metric_definition import Metric, Window
 
-_TOLERANCE_S: Final = 1e-6
-"""Covers rounding of multiples of a tick."""
 _PHASE: Final = re.compile(r"([a-z][a-z0-9_]*)(?:\.(begin|end))?")
 _TIMES: Final = re.compile(r"([0-9.e+-]+?)-([0-9.e+]+|end)")
 
@@ -58,8 +57,8 @@ class MetricWindow:
     def between_times(self, count: int, tick_s: float) -> NDArray[np.bool_]:
         """Flags (ticks,) of `count` ticks of `tick_s` [s] that are between the two times, both included."""
         time_s = np.arange(count) * tick_s
-        begin = -np.inf if self.from_s is None else self.from_s - _TOLERANCE_S
-        end = np.inf if self.to_s is None else self.to_s + _TOLERANCE_S
+        begin = -np.inf if self.from_s is None else self.from_s - TIME_ROUNDING_S
+        end = np.inf if self.to_s is None else self.to_s + TIME_ROUNDING_S
         return (time_s >= begin) & (time_s <= end)
 
     def within(self, in_phase: NDArray[np.bool_], in_table: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -21,7 +21,7 @@ def kind_code(kind: object) -> Any:
 
 
 SEIZURE_TIME_CONSTANT = 2.0
-"""Time constant with which a stuck wheel stops [s]."""
+"""Time constant with which a stuck wheel stops [s]. A choice: ten steps of the plant at 5 Hz, which resolve it."""
 
 
 @pytree

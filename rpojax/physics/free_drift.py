@@ -34,11 +34,13 @@ Vector = Float[Array, "3"]
 Affine = Float[Array, "6 8"]
 
 STEP_S: Final = 240.0
-"""Step of the propagation [s]."""
+"""Step of the propagation [s]: least ranges over a day of `inspection_full` are 0.5 mm off, with half of it 0.01 mm,
+with twice 46 mm; against the plant in experiments/passive_safety."""
 _SHORTEST_S = 1e-30
-"""Stands for the length of an empty interval [s]."""
+"""Stands for the length of an empty interval, as it is divided by [s]."""
 _SHADOW_SAMPLES = 48
-"""Samples of the sunlit fraction in a step."""
+"""Samples of the sunlit fraction in a step: least ranges over a day of `inspection_eclipse` are 0.07 mm off, with half
+as many 0.35 mm."""
 
 
 @pytree

@@ -96,8 +96,7 @@ def thrust_over_step(
     """
     rotation = quaternion.exp(thruster.misalignment + command.burn_error.direction)
     magnitude = thruster.force * thruster.force_scale * (1.0 + command.burn_error.magnitude)
-    # The tolerance covers rounding: both times are relative to a step that moves along.
-    valid = command.cutoff - command.ignition >= thruster.minimum_on_time - 1e-9
+    valid = command.cutoff - command.ignition >= thruster.minimum_on_time - _ON_TIME_ROUNDING
     return StepThrust(
         force_B=magnitude * quaternion.rotate(rotation, quaternion.normalize(thruster.direction)),
         position_B=thruster.position,
@@ -139,7 +138,9 @@ def _node_factors(
 
 
 _SHORTEST_RAMP = 1e-9
-"""Shortest ramp, as a fraction of a step."""
+"""Shortest ramp, as a fraction of a step, as it is divided by."""
+_ON_TIME_ROUNDING = 1e-9
+"""Rounding of the on-time [s], whose ends are relative to a step that moves along: 1e-10 after ten days."""
 
 
 def _step_moments(begin: Scalar, count: int) -> Float[Array, " moments"]:

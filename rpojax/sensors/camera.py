@@ -7,6 +7,9 @@ from rpojax.core.pytree import pytree
 from rpojax.value_types import Quaternion
 from rpojax.vision.bounding_box import BoundingBox
 
+NEAREST_DEPTH = 0.1
+"""Depth of the nearest vertex of a target in front of the camera [m]: projections are divided by it."""
+
 
 @pytree
 class Camera:

@@ -8,7 +8,7 @@ from rpojax.vision.imaging.image_formation import ImageWindow, image_window
 from rpojax.vision.pinhole import Intrinsics
 
 MAX_INPUT_PX = 128
-"""Side of the image that the detector gets from larger frames."""
+"""Side of the image that the detector gets from larger frames [px]: that of experiments/detector, with its speed."""
 
 
 def input_side(width_px: int, height_px: int) -> int:

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.sensors.camera import Camera, CameraFrame
+from rpojax.sensors.camera import NEAREST_DEPTH, Camera, CameraFrame
 from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.bounding_box import BoundingBox
 
@@ -24,7 +24,7 @@ def measure(
     """
     intrinsics = pinhole.pinhole_intrinsics(camera.field_of_view, width_px, height_px)
     true_edges = box_projection.projected_box(intrinsics, hull_K)
-    in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
+    in_front = jnp.min(hull_K[:, 2], axis=0) > NEAREST_DEPTH
     center = bounding_box.box_center(true_edges)
     frame_size = jnp.array([width_px, height_px], dtype=hull_K.dtype)
     inside = jnp.all((center > 0.0) & (center < frame_size), axis=0)

@@ -19,16 +19,28 @@ from rpojax.vision.imaging.image_formation import Scene
 from rpojax.vision.multilayer_perceptron import Layers, apply_layers
 
 OUTPUT_COUNT = 12
+"""Outputs of the network: two logits, bias and log sigma of four edges, and mean and log sigma of the score."""
 NORMALS_PER_FRAME = 5
-"""Standard normal numbers that one frame needs."""
+"""Standard normal numbers of a frame: of four edges and the score."""
 UNIFORMS_PER_FRAME = 7
-"""Uniform numbers that one frame needs."""
+"""Uniform numbers of a frame: kind, width and four of a false box; the seventh is not used."""
 _LOG_SIGMA_RANGE = (-5.5, 0.0)
-"""Range of the log of an edge's 1 sigma over the target's size; edges are never better known than to a 250th of it."""
+"""Range of the log of an edge's 1 sigma over the target's size; edges are never better known than to a 245th of it."""
+_LOG_SIGMA_START = 3.0
+"""Minus the log of that sigma where the network gives zero: 5 % of the size, from where a fit begins."""
+_BIAS_SCALE = 0.1
+"""Bias of an edge over the target's size where the network gives one: a fit begins with small ones."""
+_NO_BOX_LOGIT = -30.0
+"""Logit of a box without a target in the frame: a probability of 1e-13."""
+_SCORE_START = 2.0
+"""Logit of the score where the network gives zero, 0.88, and the greatest log of its sigma either way."""
+_LEAST_UNIFORM = 1e-12
+"""Least uniform number whose logarithm is taken: 7.4 sigma."""
 _FEATURE_CLIP_SIGMA = 4.0
-"""Features are clipped to this many sigma of the views of the fit."""
+"""Features are clipped to this many sigma of the views of the fit: one of 16,000 normal ones is beyond."""
 WIDE_SIGMA_FACTOR = 3.0
-"""Ratio of the sigmas of the two normal distributions whose mixture the edge errors are."""
+"""Ratio of the sigmas of the two normal distributions whose mixture the edge errors are. A choice: the share of the
+wide one is fitted."""
 
 
 @pytree
@@ -87,20 +99,20 @@ def frame_distribution(
         (view_features - statistics.mean) / statistics.spread, -_FEATURE_CLIP_SIGMA, _FEATURE_CLIP_SIGMA
     )
     raw = apply_layers(statistics.layers, standard)
-    logits = jnp.stack([jnp.zeros((), jnp.float32), jnp.where(in_frame, raw[0], -30.0), raw[1]])
+    logits = jnp.stack([jnp.zeros((), jnp.float32), jnp.where(in_frame, raw[0], _NO_BOX_LOGIT), raw[1]])
     none, true, false = jax.nn.log_softmax(logits)
     return FrameDistribution(
         log_none=none,
         log_true=true,
         log_false=false,
-        bias=0.1 * raw[2:6],
-        log_sigma=_soft_clip(raw[6:10] - 3.0, *_LOG_SIGMA_RANGE),
-        score=jnp.stack([2.0 + raw[10], _soft_clip(raw[11], -2.0, 2.0)]),
+        bias=_BIAS_SCALE * raw[2:6],
+        log_sigma=_soft_clip(raw[6:10] - _LOG_SIGMA_START, *_LOG_SIGMA_RANGE),
+        score=jnp.stack([_SCORE_START + raw[10], _soft_clip(raw[11], -_SCORE_START, _SCORE_START)]),
     )
 
 
 def _soft_clip(value: Array, low: float, high: float) -> Array:
-    """Value between two bounds by a sigmoid."""
+    """Value between two bounds by a sigmoid, with a slope of one in the middle."""
     return low + (high - low) * jax.nn.sigmoid(4.0 * (value - 0.5 * (low + high)) / (high - low))
 
 
@@ -193,7 +205,7 @@ def _false_box(statistics: CameraStatistics, size_px: tuple[int, int], uniforms:
     """False box: centre uniform over the frame, sides log-normal."""
     center = jnp.array(size_px, jnp.float32) * uniforms[:2]
     # Normal numbers from uniform ones (Box and Muller).
-    radius = jnp.sqrt(-2.0 * jnp.log(jnp.maximum(uniforms[2], 1e-12)))
+    radius = jnp.sqrt(-2.0 * jnp.log(jnp.maximum(uniforms[2], _LEAST_UNIFORM)))
     pair = radius * jnp.stack([jnp.cos(2.0 * jnp.pi * uniforms[3]), jnp.sin(2.0 * jnp.pi * uniforms[3])])
     half = 0.5 * jnp.exp(statistics.false_log_side[0] + statistics.false_log_side[1] * pair)
     return jnp.concatenate([center - half, center + half])

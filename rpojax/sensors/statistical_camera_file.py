@@ -21,7 +21,7 @@ from rpojax.vision.weight_files import (
 )
 
 LAYER_WIDTHS = (FEATURE_COUNT, 32, 32, OUTPUT_COUNT)
-"""Widths of the network between features and the parameters of the distribution."""
+"""Widths of the network between features and the parameters of the distribution. A choice."""
 _FILE_KIND = "rpojax camera 3"
 _SHAPES = {
     "mean": (FEATURE_COUNT,),

@@ -8,8 +8,15 @@ from rpojax.vision import bounding_box
 from rpojax.vision.imaging.image_formation import Scene
 
 FEATURE_COUNT = 20
+"""Numbers of `features`."""
 MIN_OUTLINE_PX = 2.0
-"""Smallest size of the visible outline, which scales the edge errors [px]."""
+"""Smallest size of the visible outline, which scales the edge errors [px]. A choice: half of what is detected."""
+_LEAST_SQUARE = 1e-12
+"""Added to the square of a distance that is divided by [m^2]."""
+_LEAST_AREA = 1e-6
+"""Area of the outline that is divided by, at least [px^2]."""
+_AREA_IN_FRAME = 1.0
+"""Area of the outline in the frame above which a box may be one of the target [px^2]: a pixel."""
 
 
 def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int]) -> Float[Array, " features"]:
@@ -18,13 +25,13 @@ def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int])
     Attitude: directions of camera, Sun and image in target axes. Light: phase angle, direction of the Sun in the
     image. Size and place in the frame. Background: whether the Earth is behind, and how bright its light is there.
     """
-    away_T = scene.r_KT_T * jax.lax.rsqrt(jnp.sum(scene.r_KT_T**2) + 1e-12)
+    away_T = scene.r_KT_T * jax.lax.rsqrt(jnp.sum(scene.r_KT_T**2) + _LEAST_SQUARE)
     right_T, down_T = scene.R_KT[0], scene.R_KT[1]
     visible, size = visible_outline(outline, size_px)
     middle = bounding_box.box_center(visible)
     half = 0.5 * jnp.array(size_px, jnp.float32)
     behind, light = _earth_background(scene, away_T)
-    visible_fraction = _area(visible) / jnp.maximum(_area(outline), 1e-6)
+    visible_fraction = _area(visible) / jnp.maximum(_area(outline), _LEAST_AREA)
     return jnp.concatenate(
         [
             away_T,
@@ -57,7 +64,7 @@ def visible_outline(outline: Float[Array, "4"], size_px: tuple[int, int]) -> tup
 def is_in_frame(outline: Float[Array, "4"], size_px: tuple[int, int]) -> Bool[Array, ""]:
     """Whether enough of the outline is in the frame for a box to be one of the target."""
     visible, _ = bounding_box.clip_to_frame(outline, *size_px)
-    return _area(visible) > 1.0
+    return _area(visible) > _AREA_IN_FRAME
 
 
 def _area(edges: Array) -> Array:

@@ -15,7 +15,7 @@ from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import camera_pose, detector_input, geometric_camera, rendered_camera, statistical_camera
-from rpojax.sensors.camera import CameraFrame
+from rpojax.sensors.camera import NEAREST_DEPTH, CameraFrame
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import elapsed_time
 from rpojax.vision import box_projection, pinhole
@@ -60,7 +60,7 @@ def expose(
     if scenario.camera_model == "geometric":
         lit = (observable, health.camera)
         return geometric_camera.measure(camera, *size, hull_K, *lit, normals[:4], uniforms[:6]), None
-    in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
+    in_front = jnp.min(hull_K[:, 2], axis=0) > NEAREST_DEPTH
     outline = jnp.where(in_front, box_projection.projected_box(_lens(scenario, params), hull_K), 0.0)
     scene = _scene(scenario, params, truth, sky, tick)
     light_and_health = (observable, health.camera)

@@ -16,8 +16,8 @@ from rpojax.core.random_streams import Stream
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import statistical_camera
 
-_INITIAL_TICK = 0x7FFFFFFF
-"""Tick number of the random numbers of the initial state."""
+INITIAL_TICK = 0x7FFFFFFF
+"""Tick number of the random numbers of the initial state: the greatest of 31 bits, which no run reaches."""
 
 
 @pytree
@@ -90,7 +90,7 @@ def camera_key(keys: Array, tick: Array) -> Array:
 def draw_initial_noise(scenario: Scenario, keys: Array) -> InitialNoise:
     """Random numbers of the initial state, from the (streams, 2) keys of a run."""
     correlated = scenario.camera_model == "statistical"
-    ticks = jnp.array([_INITIAL_TICK, _INITIAL_TICK, _INITIAL_TICK - 1], dtype=jnp.uint32)
+    ticks = jnp.array([INITIAL_TICK, INITIAL_TICK, INITIAL_TICK - 1], dtype=jnp.uint32)
     streams = [Stream.STAR_TRACKER, Stream.SENSOR_BIAS, Stream.SENSOR_BIAS]
     stream_keys = random_streams.fold_in_per_key(random_streams.select_keys(keys, streams), ticks)
     counts = [6, 6, 4 if correlated else 0]

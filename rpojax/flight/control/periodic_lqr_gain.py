@@ -77,8 +77,10 @@ def _motions_between_burns(orbit: TargetOrbit, burns: int) -> Float[Array, "n 6 
 
 
 _FEWEST_BURNS = 8
-"""Fewest burns per orbit of a table [-]."""
+"""Fewest burns per orbit of a table [-]: between two places gains are off by 0.3 % at e = 0.4, with half as many by 20
+%; at e = 0.7 by 70 %, with twice as many by 1 %."""
 
 
 _SETTLING_BURNS = 150
-"""Burns after which the recursion has forgotten its beginning [-]."""
+"""Burns after which the recursion has forgotten its beginning [-]: to 1e-14 up to e = 0.7 with a `delta_v_weight` up to
+a hundred times that of `inspection`, to 1e-8 with three thousand times; half as many leave 2e-5 there."""

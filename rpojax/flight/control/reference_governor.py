@@ -23,11 +23,11 @@ def govern(gain: Float[Array, "3 6"], deviation: Float[Array, "6"], offset: Vect
     along = -gain[:, 1] * deviation[1]
     rest = offset - jnp.sum(gain * deviation[None, :], axis=1) - along
     a, b, c = jnp.sum(along**2, axis=0), jnp.sum(along * rest, axis=0), jnp.sum(rest**2, axis=0) - limit**2
-    some = a > _LEAST_SQUARE
+    some = a > LEAST_DELTA_V**2
     share = (gradient_safe.sqrt(jnp.maximum(b * b - a * c, 0.0)) - b) / jnp.where(some, a, 1.0)
     share = jnp.where(some, jnp.clip(share, 0.0, 1.0), 1.0)
     return jnp.concatenate([deviation[:1], share * deviation[1:2], deviation[2:]])
 
 
-_LEAST_SQUARE = 1e-24
-"""Square of a velocity change that is no motion [m^2/s^2]."""
+LEAST_DELTA_V = 1e-12
+"""Velocity change that is none [m/s]: a billionth of the smallest burns, which are of mm/s."""

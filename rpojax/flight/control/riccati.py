@@ -6,6 +6,8 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 _DOUBLINGS = 24
+"""Doublings of the time, to 2^24 steps: a mode that loses 2e-6 of its amplitude in a step is below 1e-14 then [-]. With
+the weights of `inspection` 6 are enough, with 3000 times that of the velocity change 10."""
 
 
 def solve_lyapunov(F: Float[Array, "n n"], S: Float[Array, "n n"]) -> Float[Array, "n n"]:

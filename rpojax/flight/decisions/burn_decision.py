@@ -270,7 +270,8 @@ def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag,
 
 
 _NO_NEARER: Final = 0.999
-"""Part of the present distance to which free motion may come that comes no nearer, but for rounding [-]."""
+"""Part of the present distance to which free motion may come that comes no nearer, but for rounding [-]: 1e-7 in single
+precision, so that a thousandth is ample, and less than what is known of the place."""
 
 
 def _zone_of_station(software: FlightSoftware, decision: Decision) -> Vector:

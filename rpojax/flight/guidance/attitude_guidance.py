@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.constants import TIME_ROUNDING_S
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
@@ -99,7 +100,8 @@ def guide(guidance: GuidanceSoftware, state: PointingState, tick: GuidanceTick) 
     visible = tick.visible | tick.target_seen
     if other is not None:
         visible = visible & ~other.is_wanted
-    to_burn = (tick.time >= plan.turn_start - _TIME_TOLERANCE) & (tick.time < plan.cutoff)
+    # Rounding must not delay by a tick the turn to a burn of the longest duration, which begins on a whole tick.
+    to_burn = (tick.time >= plan.turn_start - TIME_ROUNDING_S) & (tick.time < plan.cutoff)
     looking_away = to_burn | (state.burn_attitude_commanded | _is_slewing_back(state)) & ~tick.target_seen
     acquisition = target_acquisition.update_acquisition(
         guidance, state.acquisition, tick.target_seen, visible, looking_away
@@ -129,10 +131,6 @@ def guide(guidance: GuidanceSoftware, state: PointingState, tick: GuidanceTick) 
         search_failed=ends & search_spiral.covers_uncertainty(pointing, tick.estimate),
     )
     return after, _pointing_mode(pointing, tick, reference, to_burn, searching)
-
-
-_TIME_TOLERANCE = 1e-6
-"""Rounding must not delay by a tick the turn to a burn of the longest duration, which begins on a whole tick [s]."""
 
 
 def _is_slewing_back(state: PointingState) -> Flag:

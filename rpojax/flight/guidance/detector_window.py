@@ -15,9 +15,12 @@ from rpojax.flight.vehicle_model import VehicleModel
 Scalar = Float[Array, ""]
 
 _TRACKING_TIMEOUT_S = 5.0
-"""Time since the last accepted box [s] up to which the detector gets the window around the predicted target."""
+"""Time since the last accepted box [s] up to which the detector gets the window around the predicted target. A choice:
+five frames at 1 Hz, after which it looks for the target in the whole frame."""
 TARGET_FRACTION = 0.4
-"""Fraction of the window's side that a tracked target is expected to fill."""
+"""Fraction of the window's side that a tracked target is expected to fill: it may be off by 0.75 of its size."""
+_LEAST_DEPTH = 1e-3
+"""Least depth that is divided by [m], far below any range."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ def select_window(
     """Window around the predicted target of `target_size` [m] while it is tracked, else the whole frame."""
     q_KN = quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), attitude.q_BN)
     r_TK_K = quaternion.rotate(q_KN, orbit.relative.r_TS_N)
-    depth = jnp.maximum(r_TK_K[2], 1e-3)
+    depth = jnp.maximum(r_TK_K[2], _LEAST_DEPTH)
     center_px = jnp.array([0.5 * camera.width_px, 0.5 * camera.height_px], dtype=depth.dtype)
     expected_px = center_px + vehicle.focal_px * r_TK_K[:2] / depth
     acquisition = pointing.acquisition

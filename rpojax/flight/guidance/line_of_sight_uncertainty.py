@@ -51,4 +51,4 @@ def is_within_frame(estimate: OrbitEstimate, sigmas: Scalar, half_frame_tangent:
 
 
 _LEAST_OUTSIDE = 1e-4
-"""Bound of a squared cosine that is zero where the cone opens to a half-space [-]."""
+"""Bound of a squared cosine that is zero where the cone opens to a half-space [-]: that of 100 bearing sigmas."""

@@ -87,4 +87,5 @@ def retarget(
 
 
 _RESTART_ANGLE = math.radians(5.0)
-"""Step of the end attitude within one tick above which a new slew starts [rad]."""
+"""Step of the end attitude within one tick above which a new slew starts [rad]. A choice: attitude control settles less
+than that in 7 s (3 / (damping bandwidth)), and a new slew lasts as long."""

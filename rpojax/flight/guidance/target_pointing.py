@@ -49,11 +49,12 @@ def look_attitude(
 
 
 _NEAR_NORMAL = math.cos(math.radians(10.0))
-"""Cosine of the angle from the orbit normal within which it does not tell the camera's x axis."""
+"""Cosine of the angle from the orbit normal within which it does not tell the camera's x axis: there an error of the
+bearing is six times (1 / sin 10 deg) as large in the roll."""
 
 
 _ALONG_NORMAL = 1.0 - 1e-12
-"""Cosine of that angle within which the direction of the x axis is lost in rounding."""
+"""Cosine of that angle within which the direction of the x axis is lost in rounding: 1.4e-6 rad."""
 
 
 def _nearest_look_attitude(

@@ -43,4 +43,5 @@ def is_visible_after(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vect
 
 
 VISIBILITY_TOLERANCE = math.radians(10.0)
-"""Widening of the camera's light limits within which a box is accepted [rad]: the largest plausible bearing error."""
+"""Widening of the camera's light limits within which a box is accepted [rad]: the largest plausible bearing error,
+three sigma of a hand-over by 1.5 m at 30 m being 8.6 deg."""

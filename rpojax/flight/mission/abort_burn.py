@@ -19,7 +19,7 @@ Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]
 
 MOST_BURNS: Final = 3
-"""Burns after an abort, at most [-]."""
+"""Burns after an abort, at most [-]. A choice: one for each `AbortBurnReason`."""
 
 
 class AbortBurnReason(enum.IntEnum):
@@ -103,4 +103,4 @@ def _is_due_again(burns: AbortBurns, was_made: Flag) -> Flag:
 
 
 _MADE_SHARE = 0.5
-"""Share of its velocity change from which a burn counts as made [-]."""
+"""Share of its velocity change from which a burn counts as made [-]. A choice: less is missing than was given."""

@@ -12,14 +12,16 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 SHARE_OF_CHANGE: Final = 0.5
-"""Part of the change to a hold that is made in doubt: converges if the range is believed thrice too large [-]."""
+"""Part of the change to a hold that is made in doubt: with a range believed k times too large 1 - k / 2 of it is left,
+half at k = 3, and it diverges from k = 4 on [-]."""
 
 _NEAR_STATION_AXIS: Final = 0.7
-"""Cosine of the angle between servicer and station above which a hold leads to the line through the station [-]."""
+"""Cosine of the angle between servicer and station above which a hold leads to the line through the station [-]. A
+choice: 45 deg."""
 
 _MARGIN: Final = 0.1
 """A hold is farther than the range at which the confidence was lost by this fraction of it, so that no error of a burn
-comes nearer [-]."""
+comes nearer [-]. A choice, flown in experiments/unseen_missions."""
 
 
 def change_to_stop(state_H: Float[Array, "6"], orbit: TargetOrbit) -> Vector:

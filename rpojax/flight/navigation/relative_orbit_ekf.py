@@ -78,10 +78,10 @@ def _size_row(
 
 
 _PART_SIZE_SIGMA = 0.5
-"""Sigma of the log-size of the target by the box of a part of it [-]."""
+"""Sigma of the log-size of the target by the box of a part of it [-]. A choice: a part is 0.6 to 1.6 of the target."""
 
 _LEAST_PRECISION = 1e-6
-"""Precision below which a frame tells nothing of the size."""
+"""Precision below which a frame tells nothing of the size: a sigma of 1000 of its log."""
 
 
 def _jacobian(layout: StateLayout, model: LinearisedBox) -> Float[Array, "3 n"]:
@@ -225,4 +225,5 @@ def _updated_outline(
 
 
 _ASPECT_NOISE_FACTOR = 4.5
-"""Variance of the log aspect ratio over that of an edge in units of the size: 4 for a square, more for other shapes."""
+"""Variance of the log aspect ratio over that of an edge in units of the size: 4 for a square, and 2 (w / h + h / w) for
+others: 4.47 is the mean over attitudes of the packaged hull."""

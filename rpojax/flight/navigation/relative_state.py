@@ -296,4 +296,5 @@ def reopen(estimate: RelativeEstimate, reopened: Bool[Array, ""]) -> RelativeEst
 
 
 _WIDENING = 2.0
-"""Factor on the variance of position and velocity after a search of all directions that they allow."""
+"""Factor on the variance of position and velocity after a search of all directions that they allow. A choice: the sigma
+doubles with every second search."""

@@ -12,13 +12,14 @@ Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
 
 _CONSTANT_CENTER_SHARE = 0.33
-"""Part of the offset by perspective that a tumble does not average out; 0.4 of compact bodies, less what the bearing
-bias covers."""
+"""Part of the offset by perspective that a tumble does not average out; 0.4 of compact bodies (0.44 of the packaged
+hull that spins about any axis), less what the bearing bias covers."""
 _NOMINAL_TURN_RATE = 1.1e-3
 """Rate of a line of sight that turns once in 95 minutes [rad/s]: that at which `navigation.scale_time_constant_s` is
 declared, whatever the true orbit. The rate itself is that of the estimate."""
 _TURN_TIMES = (0.25, 40.0)
-"""Limits of the correlation time of the slow part of the size, by that at the nominal rate."""
+"""Limits of the correlation time of the slow part of the size, by that at the nominal rate: a line of sight that turns
+four times as fast as in a low orbit, and one that turns more than twice as slowly as in the geostationary one (15)."""
 
 
 @pytree

@@ -18,7 +18,7 @@ Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
 
 COUNT: Final = 100
-"""Number of directions."""
+"""Number of directions. A choice: neighbours are 18 to 20 deg apart."""
 
 
 def _fibonacci_sphere(count: int) -> np.ndarray:

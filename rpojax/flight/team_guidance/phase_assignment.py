@@ -20,11 +20,12 @@ from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning
 Scalar = Float[Array, ""]
 
 _STEPS = 24
-"""Turns of the pattern that are tried, over a whole one."""
+"""Turns of the pattern that are tried, over a whole one. A choice: one in 15 deg, which leads servicers 0.3 deg farther
+(rms) than the best in the mean, half as many 1.0, twice 0.15."""
 _BLOCKED = 1e3
-"""Cost of going past a servicer that is left out, or near to it [rad^2]."""
+"""Cost of going past a servicer that is left out, or near to it [rad^2]: more than all ways of 100 servicers."""
 _CLEAR = 2.0
-"""Angle to one that is left out over the least one: its motion is known less and less."""
+"""Angle to one that is left out over the least one: its motion is known less and less. A choice."""
 
 
 def assign(settings: MissionSettings, tuning: TeamTuning, team: TeamSituation) -> Scalar:

@@ -20,14 +20,16 @@ from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning
 Scalar = Float[Array, ""]
 
 _STEPS: Final = np.deg2rad(np.array([0.0, -30.0, 30.0, -60.0, 60.0, -90.0, 90.0]))
-"""Changes of the phase that are tried [rad]."""
+"""Changes of the phase that are tried [rad]. A choice: as far as the horizon, in thirds."""
 _SAMPLES: Final = 6
+"""Places in the horizon at which sides count [-]. A choice: one in 15 deg, less than between directions of the map."""
 _HORIZON: Final = 0.5 * math.pi
-"""Argument of latitude over which viewpoints are chosen, and the number of places in it [rad]."""
+"""Argument of latitude over which viewpoints are chosen [rad]. A choice: the Sun turns by as much in H."""
 _ARRIVED: Final = 1e-6
-"""Part of a shift still to come at which it is over [rad]."""
+"""Part of a shift still to come at which it is over [rad]: 0.03 mm at 30 m."""
 _LEAST_SPACING: Final = math.radians(45.0)
-"""Difference in phase below which the bearings of two servicers hardly measure the range [rad]."""
+"""Difference in phase below which the bearings of two servicers hardly measure the range [rad]. A choice: bearings that
+cross at 45 deg have 1.4 (1 / sin 45 deg) times its sigma of those at right angles."""
 
 
 def assign(tuning: TeamTuning, team: TeamSituation) -> Scalar:

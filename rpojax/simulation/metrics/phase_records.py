@@ -15,7 +15,7 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import mission_goal
 
 MAX_TRANSITIONS: Final = 32
-"""Most beginnings of phases that are stored of a run: the first ones."""
+"""Most beginnings of phases that are stored of a run: the first ones. A choice: their count is stored, too."""
 UNITS: Final = {
     "duration_s": "s",
     "delta_v_m_s": "m/s",

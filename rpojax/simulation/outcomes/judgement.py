@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from rpojax.core.constants import TIME_ROUNDING_S
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.schema import ScenarioFile
@@ -27,13 +28,13 @@ Records = Mapping[str, np.ndarray]
 DIVERGED_NEES_PER_COMPONENT: Final = 25.0
 """Relative NEES over its 6 components above which a filter is on the way to be diverged: errors of 5 sigma."""
 DIVERGED_AFTER_S: Final = 600.0
-"""Time above it without interruption after which the filter is diverged [s]."""
+"""Time above it without interruption after which the filter is diverged [s]. A choice: three burn periods of
+`inspection`, as `limits.lost_after_s`."""
 LEAST_COVERAGE: Final = 0.9
 """Fraction of seconds and Hill axes with a relative position error inside 3 sigma, below which no run is completed: of
-a consistent filter 0.9973 are, with independent errors."""
+a consistent filter 0.9973 are, and a run has few independent errors."""
 _RELATIVE_COMPONENTS: Final = 6
-_TIME_TOLERANCE_S: Final = 1e-6
-"""Covers rounding of multiples of a tick."""
+"""Components of the relative NEES: position and velocity."""
 
 REQUIRED_CHANNELS: Final = (
     "box_accepted",
@@ -138,7 +139,7 @@ def _is_too_short(file: ScenarioFile, varied: Mapping[str, np.ndarray], records:
     if file.goal.phase == NO_GOAL or (goal is not None and not goal.is_start):
         return np.zeros(runs, dtype=bool)
     end_s = ticks / file.rates.camera_hz
-    return np.broadcast_to(end_s < _column(file, varied, "limits.arrive_by_s")[:, 0] - _TIME_TOLERANCE_S, runs)
+    return np.broadcast_to(end_s < _column(file, varied, "limits.arrive_by_s")[:, 0] - TIME_ROUNDING_S, runs)
 
 
 def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: Records) -> dict[Outcome, Flags]:
@@ -158,11 +159,11 @@ def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: 
         # Single precision, as the channel is, so that a run that used exactly the limit counts.
         Outcome.OUT_OF_PROPELLANT: records["propellant_used_kg"] >= limits["propellant_kg"].astype(np.float32),
         Outcome.LOST: tick_s * _count_since(true_box, records["observable"])
-        >= limits["lost_after_s"] - _TIME_TOLERANCE_S,
+        >= limits["lost_after_s"] - TIME_ROUNDING_S,
         Outcome.DIVERGED: tick_s * _count_since(consistent, np.ones_like(consistent))
-        >= DIVERGED_AFTER_S - _TIME_TOLERANCE_S,
+        >= DIVERGED_AFTER_S - TIME_ROUNDING_S,
         Outcome.ABORTED: aborted,
-        Outcome.OFF_STATION: (time_s >= limits["arrive_by_s"] - _TIME_TOLERANCE_S) & (off > limits["off_station_m"]),
+        Outcome.OFF_STATION: (time_s >= limits["arrive_by_s"] - TIME_ROUNDING_S) & (off > limits["off_station_m"]),
     }
     goal = mission_goal.mission_goal(file)
     if goal is not None and goal.row == len(file.phase_names) - 1:

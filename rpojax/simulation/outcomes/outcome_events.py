@@ -9,7 +9,7 @@ import numpy as np
 from rpojax.simulation.outcomes.outcome_kinds import RECOVERABLE, Outcome
 
 MAX_EVENTS: Final = 16
-"""Most events that are stored of a run: the first ones."""
+"""Most events that are stored of a run: the first ones. A choice of storage: the report tells how many there were."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from rpojax.scenario.params import Params
 from rpojax.sensors import gps
 from rpojax.sensors import link_range as link_range_sensor
 from rpojax.sensors.gps import Gps
+from rpojax.simulation.noise import INITIAL_TICK
 from rpojax.simulation.state import State
 from rpojax.simulation.team.member_axes import TeamParams
 from rpojax.simulation.team.team_loop import TeamLoop
@@ -35,16 +36,13 @@ from rpojax.simulation.team.team_state import LinkState, TeamState
 from rpojax.simulation.tick import Loop, Motion, Tick, tick_axes
 from rpojax.simulation.tick_measurements import measure_position
 
-_INITIAL_TICK = 0x7FFFFFFF
-"""Tick number of the random numbers of the initial state."""
-
 
 def initial(loop: TeamLoop, servicers: State) -> TeamState:
     """State of a team whose servicers have just been handed over."""
     if loop.settings.link.sharing == "none":
         return TeamState(servicers=servicers)
     count = loop.settings.servicers
-    normals = loop.params.each(lambda _, keys: _carrier_normals(keys, jnp.int32(_INITIAL_TICK)))(servicers.keys)
+    normals = loop.params.each(lambda _, keys: _carrier_normals(keys, jnp.int32(INITIAL_TICK)))(servicers.keys)
     error = _carrier_receiver(loop.params.member(0)).bias_sigma * normals[:3]
     zero = jnp.zeros(count, dtype=servicers.truth.r_ST_N.dtype)
     records = TeamRecords(
@@ -226,7 +224,7 @@ def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkS
 def _range_biases(loop: TeamLoop, servicers: State) -> Array:
     """Biases (N, N) of the ranges over the links [m]."""
     link_range = loop.params.member(0).link_range
-    return link_range_sensor.bias(link_range, _range_normals(servicers.keys, jnp.int32(_INITIAL_TICK)))
+    return link_range_sensor.bias(link_range, _range_normals(servicers.keys, jnp.int32(INITIAL_TICK)))
 
 
 def _ranges(loop: TeamLoop, links: LinkState, ticks: Tick) -> Array | None:

@@ -66,4 +66,4 @@ def slowing_down(velocity: Vector, elapsed: Scalar, duration: Scalar, longest: S
 
 
 _FARTHEST: Final = 4.0 / 27.0
-"""Greatest value of x (1 - x)^2 between 0 and 1 [-]."""
+"""Greatest value of x (1 - x)^2 between 0 and 1, at 1/3 [-]."""

@@ -117,4 +117,5 @@ def _constants(reference: RelativeOrbit, orbit: TargetOrbit) -> Float[Array, "6"
 
 
 _SHAPE_SHARE = 0.5
-"""Share of the join in which the shape is reached [-]."""
+"""Share of the join in which the shape is reached [-]. A choice: the separation across the track is there before the
+offset, and the shape has an orbit of its own to change in where the join takes two."""

@@ -89,4 +89,4 @@ def _waypoint(reference: Transfer, entry: PhaseEntry, share: Scalar) -> Vector:
 
 
 _SMALL_RATE = 1e-6
-"""Logarithm of the ratio of speeds below which the way is linear in it [-]."""
+"""Logarithm of the ratio of speeds below which the way is linear in it [-]: its square is left out, 1e-12."""

@@ -17,7 +17,8 @@ Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 
 _LARGEST_LINEAR_SIGMA = 0.3
-"""Sigma of the range over the range up to which the log of the range is nearly linear, twice that of a box [-]."""
+"""Sigma of the range over the range up to which the log of the range is nearly linear, twice that of a box [-]: the
+square that is left out, 0.045, is less than a third of that of a box."""
 
 
 def is_range_wide(r_TS_N: Vector, position_covariance: Matrix) -> Bool[Array, ""]:
@@ -32,14 +33,15 @@ def position_by_box(R_KN: Matrix, target_size: Scalar, measured: Vector) -> Vect
     return apply_transposed(R_KN, target_size * jnp.exp(-measured[2]) * gradient_safe.normalize(ray_K))
 
 
-# Width and height differ, so that the log of sqrt(w h) is somewhat noisier than that of a square of the same area.
 _SIZE_VARIANCE_FACTOR = 1.5
-
-# Largest ratio of the longer side of a box to the geometric mean of its sides.
+"""Variance of the log of sqrt(w h) over that of an edge in units of it, (w / h + h / w) / 2 [-]: that of a side 2.6
+times the other. A choice: the mean over attitudes of the packaged hull is 1.12."""
 _MAX_ASPECT_RATIO = 1.8
-
-# A target predicted more than 60 deg off the boresight cannot be what the camera sees, and tangents diverge there.
+"""Largest ratio of the longer side of a box to the geometric mean of its sides [-]: 1.78 of the packaged hull."""
 _MIN_DEPTH_RATIO = 0.5
+"""Cosine of 60 deg: what is predicted farther off is not what the camera sees, and tangents diverge [-]."""
+_TRUNCATION_SIGMA = 0.5
+"""Sigma of the bearing by a truncated box over its side [-]: the centre may be at its edge."""
 
 
 @pytree
@@ -80,8 +82,7 @@ def linearise_box(
             -r_TS_N / distance_squared,
         ]
     )
-    # A truncated box still gives the bearing to about half of its own size.
-    truncation_sigma_px = jnp.where(box.truncated, 0.5 * box.side_px, 0.0)
+    truncation_sigma_px = jnp.where(box.truncated, _TRUNCATION_SIGMA * box.side_px, 0.0)
     bearing = untruncated_bearing_variance(tuning, focal_px) + truncation_sigma_px**2 / focal_px**2
     expected_px = focal_px * tuning.target_size * jnp.exp(slow_scale) / distance
     size = _SIZE_VARIANCE_FACTOR * (tuning.edge_noise / expected_px) ** 2

@@ -7,6 +7,7 @@ from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
+from rpojax.flight.navigation import outline_correlation
 from rpojax.flight.navigation.box_measurement import detection_model
 from rpojax.flight.navigation.box_measurement.box_measurement_model import PriorBox
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -15,23 +16,30 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, BoxView
 Scalar = Float[Array, ""]
 
 GATE_WIDTH = 0.25
-"""Width of the gate's smooth derivative, in squared sigmas."""
+"""Width of the gate's smooth derivative, in squared sigmas. Only gradients depend on it (experiments/tuning)."""
 
 
 _REJECTION_DECAY = 0.95
-"""Factor on the evidence of rejections for a second without a box."""
+"""Factor on the evidence of rejections for a second without a box. False boxes in 5 % of the frames of an unseen target
+widen its estimate (after 6 s of them) in 3 % of all hours, with 0.975 in 64 %, with 0.9 in 0.05 %."""
 
 
 _LEAST_CONFIRMATION_TIME = 1.0
-"""Two boxes may differ by as much as two that are this long apart, since each has its own noise [s]."""
+"""Two boxes may differ by as much as two that are this long apart, since each has its own noise [s]: the frame of 1 Hz
+for which `navigation.confirm_tolerance_deg_s` is declared."""
 
 
 _SIZE_AGREEMENT = 0.5
-"""Difference of the log-sizes of two boxes that confirm each other: edge noise, and the tumble in between [-]."""
+"""Difference of the log-sizes of two boxes that confirm each other: edge noise, and the tumble in between [-]. A
+choice: 2.3 sigma of two independent views of the packaged hull (0.154 each)."""
 
 
 ROUNDING = 1e-3
-"""Rounding of a sum of intervals, more than that of single precision [s]."""
+"""Rounding of a sum of intervals, more than that of single precision [s]: 1e-6 at some seconds."""
+
+
+_LEAST_COSINE = 0.1
+"""Cosine of 84 deg: a box farther off the boresight confirms none, and tangents diverge [-]."""
 
 
 @pytree
@@ -78,7 +86,7 @@ def initial() -> GateState:
         direction_N=jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64),
         log_size=jnp.zeros((), dtype=jnp.float64),
         truncated=jnp.zeros((), dtype=bool),
-        age=jnp.full((), 1e6, dtype=jnp.float64),
+        age=jnp.full((), outline_correlation.NEVER, dtype=jnp.float64),
         contradicted=jnp.zeros((), dtype=bool),
         recovered=jnp.zeros((), dtype=bool),
         rejections=jnp.zeros((), dtype=jnp.float64),
@@ -116,13 +124,13 @@ def _worst_ratio(box: BoxMeasurement, prior: PriorBox) -> Scalar:
 def _is_confirmed(tuning: OrbitFilterTuning, view: BoxView, state: GateState) -> Bool[Array, ""]:
     """True if a box of the last few seconds, or of the frame before, had nearly the same direction in N and size."""
     box, before = view.box, apply(view.R_KN, state.direction_N)
-    depth = jnp.where(before[2] > 0.1, before[2], 0.1)
+    depth = jnp.where(before[2] > _LEAST_COSINE, before[2], _LEAST_COSINE)
     apart = jnp.max(jnp.abs(before[:2] / depth - box.tangent), axis=0)
     # Half an interval is more than the rounding of an age, and less than a frame.
     recent = state.age <= jnp.maximum(tuning.confirm_within, box.interval) + 0.5 * box.interval
     time_apart = jnp.clip(state.age, _LEAST_CONFIRMATION_TIME, tuning.confirm_within)
     alike = (jnp.abs(box.log_size - state.log_size) < _SIZE_AGREEMENT) | box.truncated | state.truncated
-    return recent & alike & (apart < tuning.confirm_tolerance * time_apart) & (before[2] > 0.1)
+    return recent & alike & (apart < tuning.confirm_tolerance * time_apart) & (before[2] > _LEAST_COSINE)
 
 
 def update(
