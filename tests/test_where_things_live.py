@@ -42,19 +42,6 @@ def test_every_folder_and_module_says_what_it_is() -> None:
     assert [name for name in MODULES if name and len(summary(name)) < 20] == []
 
 
-def test_a_folder_shows_its_ideas_at_a_glance() -> None:
-    folders = [name for name, path in MODULES.items() if path.name == "__init__.py"]
-    sizes = {
-        folder: len(
-            {name.removeprefix(f"{folder}.").split(".")[0] for name in MODULES if name.startswith(f"{folder}.")}
-        )
-        for folder in folders
-        if folder
-    }
-    large = {folder: size for folder, size in sizes.items() if size > 16}
-    assert large == {}
-
-
 def test_no_function_needs_scrolling() -> None:
     long = [
         f"{module}.{node.name}"

@@ -125,6 +125,7 @@ FLIGHT = {
 }
 """Sections of the flight software, of the ground and of users."""
 VEHICLE = "flight software is configured with the nominal vehicle, as its builder declares it; a dispersion is truth"
+AIR = "flight software has a nominal model of the air, from which the true one is dispersed"
 ON_PURPOSE = {
     "servicer.mass_kg": (".vehicle.mass", VEHICLE),
     "servicer.inertia_kg_m2": (".vehicle.inertia", VEHICLE),
@@ -139,6 +140,10 @@ ON_PURPOSE = {
     "camera.phase_limit_deg": (".vehicle.phase_limit", VEHICLE),
     "camera.sun_exclusion_deg": (".vehicle.sun_exclusion", VEHICLE),
     "imaging.center_sigma_m": (".navigation.detector_center_sigma", "a belief alone, declared beside the detector"),
+    "atmosphere.altitude_m": (".atmosphere.altitude", AIR),
+    "atmosphere.density_kg_m3": (".atmosphere.density", AIR),
+    "atmosphere.rotation_rad_s": (".atmosphere.rotation", AIR),
+    "atmosphere.scale_height_m": (".atmosphere.scale_height", AIR),
     "limits.keep_out_m": (".mission.keep_out", "the rule that outcomes judge is the one that flight software keeps"),
 }
 """Key of a section of the truth -> leaf of the flight software that it sets, and why."""

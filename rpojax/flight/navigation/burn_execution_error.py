@@ -55,3 +55,19 @@ def new_magnitude_sigma(tuning: OrbitFilterTuning, inflation: Scalar) -> Scalar:
     """
     lasting, new = lasting_sigma(tuning) ** 2, new_sigma(tuning) ** 2
     return gradient_safe.sqrt(new + (inflation**2 - 1.0) * (new + lasting))
+
+
+def new_and_whole(
+    tuning: OrbitFilterTuning, delta_v_N: Vector, burn_delta_v: Scalar, inflation: Scalar
+) -> tuple[Matrix, Matrix]:
+    """Velocity covariances [m^2/s^2] of one step's part of a burn: of the errors that are new in it, and of all.
+
+    Arguments are those of `burn_covariance` and of `new_magnitude_sigma`.
+    """
+    magnitude, direction = new_magnitude_sigma(tuning, inflation), new_direction_sigma(tuning)
+    all_magnitude = gradient_safe.sqrt(magnitude**2 + lasting_sigma(tuning) ** 2)
+    all_direction = gradient_safe.sqrt(direction**2 + lasting_direction_sigma(tuning) ** 2)
+    return (
+        burn_covariance(delta_v_N, burn_delta_v, magnitude, direction),
+        burn_covariance(delta_v_N, burn_delta_v, all_magnitude, all_direction),
+    )

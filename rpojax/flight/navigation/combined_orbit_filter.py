@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.numerics import gradient_safe, runge_kutta
+from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
@@ -119,16 +119,7 @@ def predict(
     change_r, change_v, change_d, change_d_dot = runge_kutta.increment("rk4", derivative, mean, times, dt)
     r, v, orbit_low = reference.final_state(dt, change_r, change_v)
     relative = replace(relative, r_TS_N=relative.r_TS_N + change_d, v_TS_N=relative.v_TS_N + change_d_dot)
-    magnitude_sigma = burn_execution_error.new_magnitude_sigma(tuning, burn_sigma_inflation)
-    direction_sigma = burn_execution_error.new_direction_sigma(tuning)
-    new = burn_execution_error.burn_covariance(delta_v_N, burn_delta_v, magnitude_sigma, direction_sigma)
-    # The servicer's own estimate, which GPS keeps, takes all of the error as new.
-    whole = burn_execution_error.burn_covariance(
-        delta_v_N,
-        burn_delta_v,
-        gradient_safe.sqrt(magnitude_sigma**2 + burn_execution_error.lasting_sigma(tuning) ** 2),
-        gradient_safe.sqrt(direction_sigma**2 + burn_execution_error.lasting_direction_sigma(tuning) ** 2),
-    )
+    new, whole = burn_execution_error.new_and_whole(tuning, delta_v_N, burn_delta_v, burn_sigma_inflation)
     step = OrbitStep(
         dt=dt,
         r_SN_N=servicer.r_SN_N,
@@ -136,10 +127,10 @@ def predict(
         velocity_effects=relative_state.velocity_effects(relative.layout, lasting, delta_v_N, dt),
     )
     servicer = replace(servicer, r_SN_N=r, v_SN_N=v, orbit_low=orbit_low)
+    # The servicer's own estimate, which GPS keeps, takes all of a burn's error as new.
+    of_servicer = replace(step, velocity_covariance=whole, velocity_effects=None)
     return OrbitEstimate(
-        servicer=servicer_orbit_ekf.predict(
-            tuning, servicer, replace(step, velocity_covariance=whole, velocity_effects=None)
-        ),
+        servicer=servicer_orbit_ekf.predict(tuning, servicer, of_servicer),
         relative=relative_orbit_ekf.predict(tuning, relative, step),
     )
 

@@ -1,4 +1,4 @@
-"""Aerodynamic drag."""
+"""Aerodynamic drag on a surface."""
 
 from jaxtyping import Array, Float
 

@@ -96,7 +96,9 @@ def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
 def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     flight = params.flight
-    sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015, 0.01, 0.01, 0.005]])
+    sigma = np.concatenate(
+        [np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015, 0.01, 0.01, 0.005]]
+    )
     q_KN = random_unit(rng, 4)
     R_KN = rotation_matrix(q_KN)
     r_TS_N = R_KN.T @ (rng.uniform(20.0, 60.0) * unit(np.array([*rng.uniform(-0.05, 0.05, 2), 1.0])))
@@ -106,7 +108,14 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
     before = RelativeEstimate(
         r_TS_N=r_TS_N,
         v_TS_N=v_TS_N,
-        slow={"size": scale, "bearing_bias": bias, "center_offset": center, "burn_scale": np.array([0.01])},
+        slow={
+            "size": scale,
+            "bearing_bias": bias,
+            "center_offset": center,
+            "burn_scale": np.array([0.01]),
+            "thrust_direction": np.zeros(2),
+            "ballistic": np.zeros(1),
+        },
         covariance=P,
         outline=outline_correlation.initial(),
     )
@@ -376,7 +385,9 @@ def test_isolated_false_boxes_never_change_the_estimate(
 def test_attitude_drift_adds_to_the_variance_of_the_bearing_bias_alone(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     flight = params.flight
-    sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015, 0.01, 0.01, 0.005]])
+    sigma = np.concatenate(
+        [np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3], [0.015, 0.01, 0.01, 0.005]]
+    )
     before = replace(rendezvous_scene.estimate(flight).relative, covariance=random_covariance(rng, sigma))
     drift = rng.uniform(0.1, 2.0) * 1e-6
     absent = replace(
