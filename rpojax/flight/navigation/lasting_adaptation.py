@@ -11,7 +11,6 @@ of the information matrix in one element (Sherman and Morrison, 1950).
 from typing import Final
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import gradient_safe
@@ -42,16 +41,28 @@ class LastingPriors:
     adapted: Array
 
 
-def _places(estimate: RelativeEstimate) -> np.ndarray:
-    """Places of the errors that last in the filter's vector."""
-    names = [state.name for state in relative_state.SLOW_STATES if state.is_lasting and state.name in estimate.slow]
-    return np.array([place for name in names for place in estimate.layout.places(name)], dtype=int)
+def _names(estimate: RelativeEstimate) -> list[str]:
+    """Names of the errors that last among the filter's states."""
+    return [state.name for state in relative_state.SLOW_STATES if state.is_lasting and state.name in estimate.slow]
+
+
+def _variance(estimate: RelativeEstimate) -> Float[Array, " k"]:
+    P, layout = estimate.covariance, estimate.layout
+    return jnp.stack([P[place, place] for name in _names(estimate) for place in layout.places(name)])
 
 
 def initial(estimate: RelativeEstimate) -> LastingPriors:
     """Priors at hand-over."""
-    variance = jnp.diagonal(estimate.covariance)[_places(estimate)]
+    variance = _variance(estimate)
     return LastingPriors(declared=variance, adapted=variance)
+
+
+def _growth(tuning: OrbitFilterTuning, estimate: RelativeEstimate, box: BoxMeasurement) -> Float[Array, " k"]:
+    """Variance (k,) that the processes of the errors have added since the box before."""
+    process = relative_state.process_variances(tuning, estimate, _names(estimate), box.interval)
+    # The camera's attitude is part of its bearing bias.
+    turned = {"bearing_bias": box.attitude_variance_change}
+    return jnp.concatenate([process[name] + turned.get(name, 0.0) for name in process])
 
 
 def adapt(
@@ -61,28 +72,27 @@ def adapt(
 
     The `box` was the last measurement of the estimate; the priors are of the time of the one before it.
     """
-    places = _places(estimate)
-    if not places.size:
-        return estimate, priors, jnp.zeros_like(box.interval)
-    process = relative_state.slow_process(tuning, estimate, estimate.r_TS_N, estimate.v_TS_N, box.interval)[1]
-    # The camera's attitude is part of its bearing bias.
-    turned = estimate.layout.vector(bearing_bias=jnp.full(2, box.attitude_variance_change))[places]
-    grown = process[places - relative_state.MOTION.size] + turned
+    layout, names = estimate.layout, _names(estimate)
+    grown = _growth(tuning, estimate, box)
     declared, before = priors.declared + grown, priors.adapted + grown
-    x, P = estimate.vector, estimate.covariance
-    variance, has_prior = jnp.diagonal(P)[places], before > 0.0
+    x, P, variance = estimate.vector, estimate.covariance, _variance(estimate)
+    has_prior = before > 0.0
     share = jnp.where(has_prior, 1.0 - variance / jnp.where(has_prior, before, 1.0), 0.0)
     is_heard = share > _LEAST_SHARE
     share = jnp.where(is_heard, share, 1.0)
     # What the measurements alone say, and its variance.
-    measured, noise = x[places] / share, variance / share
+    found = jnp.concatenate([estimate.slow[name] for name in names])
+    measured, noise = found / share, variance / share
     ratio = jnp.abs(measured) / gradient_safe.sqrt(jnp.where(is_heard, declared + noise, 1.0))
     wanted = jnp.clip((measured / _SIGMAS) ** 2 - noise, declared, tuning.adaptation_limit**2 * declared)
-    adapted = jnp.where(is_heard, wanted, before)
-    for k, place in enumerate(places):
-        less = jnp.where(is_heard[k], 1.0 / before[k] - 1.0 / adapted[k], 0.0)
-        column = P[:, place]
-        gain = less / (1.0 - less * column[place])
-        x, P = x + gain * x[place] * column, P + gain * column[:, None] * column[None, :]
-    moved = relative_state.moved_to(estimate, x, P)
+    # One prior a time, that which lacks most: the others wait for a second, and the kernel is as small as can be.
+    lack = jnp.where(is_heard, jnp.abs(jnp.log(jnp.where(is_heard, wanted / before, 1.0))), 0.0)
+    chosen = (jnp.arange(found.shape[0]) == jnp.argmax(lack, axis=0)) & is_heard
+    adapted = jnp.where(chosen, wanted, before)
+    less = jnp.sum(jnp.where(chosen, 1.0 / before - 1.0 / adapted, 0.0), axis=0)
+    columns = jnp.concatenate([P[:, layout[name]] for name in names], axis=1)
+    column = jnp.sum(jnp.where(chosen[None, :], columns, 0.0), axis=1)
+    value, own = (jnp.sum(jnp.where(chosen, each, 0.0), axis=0) for each in (found, variance))
+    gain = less / (1.0 - less * own)
+    moved = relative_state.moved_to(estimate, x + gain * value * column, P + gain * column[:, None] * column[None, :])
     return moved, LastingPriors(declared=declared, adapted=adapted), jnp.max(jnp.where(is_heard, ratio, 0.0), axis=0)

@@ -4,9 +4,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
-from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, SOLAR_FLUX, SPEED_OF_LIGHT
+from rpojax.core.constants import RADIUS_EARTH, SOLAR_FLUX, SPEED_OF_LIGHT
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.orbits.eclipse import is_lit
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere, density_and_flow
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import cross
@@ -55,7 +54,9 @@ def ballistic_acceleration(atmosphere: Atmosphere, r_N: Vector, v_N: Vector, sun
     """
     density, flow = density_and_flow(atmosphere, RADIUS_EARTH, r_N, v_N)
     drag = -0.5 * _DRAG_COEFFICIENT * density * gradient_safe.norm(flow) * flow
-    from_sun = r_N - sun_N
-    square = jnp.sum(from_sun * from_sun, axis=0)
-    pressure = _PRESSURE_COEFFICIENT * SOLAR_FLUX / SPEED_OF_LIGHT * ASTRONOMICAL_UNIT**2 / square
-    return drag + jnp.where(is_lit(r_N, sun_N), pressure, 0.0) * from_sun / jnp.sqrt(square)
+    from_sun = gradient_safe.normalize(r_N - sun_N)
+    behind = jnp.sum(r_N * from_sun, axis=0)
+    beside = jnp.sum(r_N * r_N, axis=0) - behind * behind
+    # A shadow without penumbra, which is a hundredth of it in a low orbit.
+    in_shadow = (behind > 0.0) & (beside < RADIUS_EARTH**2)
+    return drag + jnp.where(in_shadow, 0.0, _PRESSURE_COEFFICIENT * SOLAR_FLUX / SPEED_OF_LIGHT) * from_sun

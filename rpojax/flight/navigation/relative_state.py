@@ -5,7 +5,7 @@ camera, the lasting errors of burns, the difference of drag. Each is declared he
 and process noise, and how it acts on the motion; filter, sharing, linear covariance and records find it by its name.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -238,6 +238,19 @@ def corrected(
     )
 
 
+def process_variances(
+    tuning: OrbitFilterTuning, estimate: RelativeEstimate, names: Sequence[str], dt: float | Scalar
+) -> dict[str, Array]:
+    """Process variances over `dt` [s] of the slow states of these names."""
+    errors = _shape_errors(tuning, estimate, estimate.r_TS_N, estimate.v_TS_N)
+    return {state.name: state.process(tuning, errors, dt)[1] for state in SLOW_STATES if state.name in names}
+
+
+def _shape_errors(tuning: OrbitFilterTuning, estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector) -> ShapeErrors:
+    time_constant = outline_correlation.correlation_time(estimate.outline)
+    return shape_errors.shape_errors(tuning, time_constant, estimate.slow["size"][0], r_TS_N, v_TS_N)
+
+
 def slow_process(
     tuning: OrbitFilterTuning, estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector, dt: float | Scalar
 ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
@@ -245,9 +258,7 @@ def slow_process(
 
     The target is at `r_TS_N` [m] from the servicer and moves by `v_TS_N` [m/s].
     """
-    errors = shape_errors.shape_errors(
-        tuning, outline_correlation.correlation_time(estimate.outline), estimate.slow["size"][0], r_TS_N, v_TS_N
-    )
+    errors = _shape_errors(tuning, estimate, r_TS_N, v_TS_N)
     pairs = [state.process(tuning, errors, dt) for state in SLOW_STATES if state.name in estimate.slow]
     return jnp.concatenate([decay for decay, _ in pairs]), jnp.concatenate([variance for _, variance in pairs])
 
