@@ -12,7 +12,7 @@ from rpojax.core.vectors import cross
 
 Vector = Float[Array, "3"]
 
-_DRAG_COEFFICIENT = 2.2
+DRAG_COEFFICIENT = 2.2
 """Of compact bodies in free molecular flow (Vallado, Fundamentals of Astrodynamics and Applications, section 8.6.2)."""
 _PRESSURE_COEFFICIENT = 1.3
 """Of a surface that absorbs most sunlight and scatters the rest: between 1, all absorbed, and 2, all reflected."""
@@ -53,7 +53,7 @@ def ballistic_acceleration(atmosphere: Atmosphere, r_N: Vector, v_N: Vector, sun
     It is at `r_N` [m], moves by `v_N` [m/s], and the Sun is at `sun_N` [m].
     """
     density, flow = density_and_flow(atmosphere, RADIUS_EARTH, r_N, v_N)
-    drag = -0.5 * _DRAG_COEFFICIENT * density * gradient_safe.norm(flow) * flow
+    drag = -0.5 * DRAG_COEFFICIENT * density * gradient_safe.norm(flow) * flow
     from_sun = gradient_safe.normalize(r_N - sun_N)
     behind = jnp.sum(r_N * from_sun, axis=0)
     beside = jnp.sum(r_N * r_N, axis=0) - behind * behind

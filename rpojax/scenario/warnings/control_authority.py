@@ -13,6 +13,7 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
 from rpojax.scenario.numbers.section_records import section_record
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.attitude_authority import attitude_warnings
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.nominal_motion import mean_motion, transition_matrices
 
@@ -31,9 +32,9 @@ def control_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Velocity changes per burn period that exceed the thruster's, and errors below its least burn."""
     if file.phases:
         # The station of `formation` is not used; transfers between phases are checked with these.
-        return []
-    found = []
+        return attitude_warnings(file, reach, 0.0)
     transfer, propellant = _transfer(file, reach)
+    found = attitude_warnings(file, reach, propellant)
     for what, (needed, available) in (
         ("the way to the station by limits.arrive_by_s", transfer),
         ("holding formation.desired_position_m", _station_keeping(file, reach)),

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
-from rpojax.dispersions.kinds.choice import Choice
+from rpojax.flight.navigation import lasting_effects
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.attitude_authority import fault_kinds
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.target_size import mean_size
 
@@ -85,8 +85,26 @@ def _error_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief
         key = "navigation.thrust_sigma"
         yield key, of_truth, thrust, float(reach.middle(key))
     direction = np.hypot(reach.high("thruster.direction_noise_deg"), _constant(reach, "thruster.misalignment_deg"))
-    key = "navigation.burn_direction_sigma_deg"
-    yield key, "thruster.direction_noise_deg and misalignment_deg", float(direction), float(reach.middle(key))
+    key, lasting_key = "navigation.burn_direction_sigma_deg", "navigation.thrust_direction_sigma_deg"
+    believed = float(np.hypot(reach.middle(key), reach.middle(lasting_key)))
+    yield key, "thruster.direction_noise_deg and misalignment_deg", float(direction), believed
+    if file.camera.model == "geometric":
+        false, missed = reach.high("camera.outlier_probability"), reach.high("camera.miss_probability")
+        key, of_truth = "navigation.miss_probability", "camera.miss_probability and outlier_probability"
+        yield key, of_truth, missed + (1.0 - missed) * false, float(reach.middle(key))
+    if file.effects.drag and file.navigation.sharing == "none":
+        key = "navigation.ballistic_sigma_m2_kg"
+        yield key, "area, mass and drag of both spacecraft", _ballistic_difference(reach), float(reach.middle(key))
+
+
+def _ballistic_difference(reach: DispersedReach) -> float:
+    """Area over mass of the target less that of the servicer [m^2/kg], for the drag coefficient of the filter."""
+
+    def of(craft: str) -> float:
+        area, drag = (float(reach.middle(f"{craft}_surface.{name}")) for name in ("area_m2", "drag_coefficient"))
+        return area * drag / lasting_effects.DRAG_COEFFICIENT / float(reach.middle(f"{craft}.mass_kg"))
+
+    return abs(of("target") - of("servicer"))
 
 
 def _constant(reach: DispersedReach, key: str, ideal: float = 0.0) -> float:
@@ -99,12 +117,7 @@ def _unmeasured_thrust(file: ScenarioFile) -> list[str]:
     """Faults of the thruster of which flight software learns nothing."""
     if not file.effects.faults or file.chamber_pressure.enabled:
         return []
-    kinds = [file.fault.kind]
-    for entry in file.dispersions:
-        if isinstance(entry, Choice) and entry.key == _FAULT_KIND:
-            kinds = entry.values
-    if isinstance(file.design, TableDesign | GridDesign):
-        kinds = file.design.values.get(_FAULT_KIND, kinds)
+    kinds = fault_kinds(file)
     found = [kind for kind in _THRUSTER_FAULTS if kind in kinds]
     return [
         f"chamber_pressure.enabled: found false with {_FAULT_KIND} = {kind!r}, expected true, or flight software "

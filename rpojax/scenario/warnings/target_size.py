@@ -17,6 +17,8 @@ from rpojax.vision.radiance_field.target_field import bounds
 _ATTITUDES = 512
 _MOST_TOO_SMALL = 0.2
 """Share of attitudes whose box may be too small to be detected."""
+_MOST_TOO_LARGE = 0.2
+"""Share of attitudes in which the frame may cut the target: as that of boxes that are too small."""
 _LEAST_SIDE_M = 1e-9
 _LEAST_SEEN_PX = 1.0
 """Least side of a box of cameras without `minimum_size_px` [px]."""
@@ -107,4 +109,18 @@ def small_box_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
                 f"{key}: the target {seen} at the {place}, {distance:.4g} m away: the longer side of its box is "
                 f"{np.median(boxes):.3g} px in the median, expected above {limit} = {least:.3g} px"
             )
+        if (whole := _beyond_frame(file, reach, reach.norms(key)[0])) > _MOST_TOO_LARGE:
+            found.append(
+                f"{key}: the target does not fit into the frame in {100.0 * whole:.0f} % of attitudes at the {place}, "
+                f"{reach.norms(key)[0]:.4g} m away, expected at most {100.0 * _MOST_TOO_LARGE:.0f} %: of a box that "
+                "the frame cuts only the bearing is used, and roughly"
+            )
     return found
+
+
+def _beyond_frame(file: ScenarioFile, reach: DispersedReach, distance_m: float) -> float:
+    """Share of attitudes in which the target is larger than the frame from that distance."""
+    sides = hull_sides(file.target.hull_m).max(axis=1) * reach.high("target.scale")
+    frame = 2.0 * np.tan(np.radians(0.5 * reach.low("camera.field_of_view_deg"))) * max(distance_m, 1e-3)
+    frame *= min(1.0, file.camera.height_px / file.camera.width_px)
+    return float(np.mean(sides > frame))
