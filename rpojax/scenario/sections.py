@@ -451,7 +451,7 @@ class TeamSection(Section):
     view_incidence_deg: IncidenceLimit = 60.0
     view_sun_incidence_deg: IncidenceLimit = 70.0
     view_memory_s: Positive = 6000.0
-    keeping_delta_v_m_s: Positive = 0.005
+    keeping_delta_v_m_s: Positive = 0.002
 
 
 class GpsDifferencesSection(Section):
