@@ -19,6 +19,8 @@ ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czm
 FORMATS: Final[tuple[ExportFormat, ...]] = get_args(ExportFormat)
 SIMULATED: Final = ("oem", "aem", "czml")
 """Formats for which a run is simulated again."""
+DEFAULT_TABLES: Final[tuple[TableName, ...]] = ("metrics", "draws")
+"""Tables that are written where none are named."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,12 @@ class ExportOptions:
     """What is exported, and whether files are replaced.
 
     Attributes:
-        tables: names of tables
+        tables: names of tables, None for metrics and draws; only formats of tables have a choice
         run_id: this run alone, None for all
         force: replace files that exist
     """
 
-    tables: tuple[str, ...] = ("metrics", "draws")
+    tables: tuple[str, ...] | None = None
     run_id: int | None = None
     force: bool = False
 
@@ -40,7 +42,7 @@ def export(
     campaign: Campaign | Path | str,
     out: Path | str,
     form: ExportFormat | None = None,
-    what: Sequence[TableName] = ("metrics", "draws"),
+    what: Sequence[TableName] | None = None,
     *,
     run_id: int | None = None,
     force: bool = False,
@@ -56,8 +58,8 @@ def export(
         campaign: or its folder
         out: file; with several of them, `NAME.csv` becomes `NAME_metrics.csv` and `NAME.oem` `NAME_servicer.oem`
         form: format, by default that of the file's suffix
-        what: tables: `metrics` and `draws`, one row a run, `traces`, one row for each run and sample, and `history`,
-            one row for each run with a history and tick
+        what: tables: `metrics` and `draws` (the default), one row a run, `traces`, one row for each run and sample, and
+            `history`, one row for each run with a history and tick; refused with formats without tables
         run_id: this run alone; needed for messages and CZML
         force: replace files that exist
         progress: show progress on stderr
@@ -68,7 +70,7 @@ def export(
         MissingExtraError: Parquet or CZML needs a package that is not installed.
     """
     found = campaign if isinstance(campaign, Campaign) else Campaign(campaign)
-    options = ExportOptions(tuple(what), run_id, force)
+    options = ExportOptions(None if what is None else tuple(what), run_id, force)
     name = form or Path(out).suffix.removeprefix(".")
     if name not in SIMULATED:
         with stage(f"writing {name}", quiet=not progress):
@@ -89,9 +91,13 @@ def export_as(
     if out.is_dir():
         raise OutputError(f"{out}: found a folder, expected the name of a file")
     if form in FILE_FORMATS:
-        return export_tables(campaign, out, form, options.tables, options.run_id, options.force)
+        tables = DEFAULT_TABLES if options.tables is None else options.tables
+        return export_tables(campaign, out, form, tables, options.run_id, options.force)
     if form != "czml" and form not in MESSAGE_KINDS:
         raise RpojaxError.of_argument("form", f"found {form!r}, expected one of {', '.join(FORMATS)}")
+    if options.tables is not None:
+        expected = f"nothing for {form.upper()}; {', '.join(FILE_FORMATS)} have tables"
+        raise RpojaxError.of_argument("what", f"found {', '.join(options.tables)!r}, expected {expected}")
     if options.run_id is None:
         raise RpojaxError.of_argument("run_id", f"found none, expected the run whose {form.upper()} is wanted")
     if form == "czml":

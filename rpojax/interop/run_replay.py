@@ -148,7 +148,8 @@ def replay_servicers(
     runs = []
     for number, own in enumerate(params):
         rows = np.s_[:end, ..., number] if file.servicers else np.s_[:end]
-        observed, places = jax.tree.map(lambda array, rows=rows: array[rows], (values, poses))
+        # Serialisers of messages view the memory of an array, which that of one servicer of a team has gaps in.
+        observed, places = jax.tree.map(lambda array, rows=rows: np.ascontiguousarray(array[rows]), (values, poses))
         servicer = number if file.servicers else None
         runs.append(ReplayedRun(file, *arguments[1:], own, failed_at, observed, places, servicer))
     return tuple(runs)

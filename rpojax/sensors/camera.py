@@ -38,7 +38,7 @@ class CameraFrame:
 
     Attributes:
         box: the box that the flight software gets
-        observable: () bool, light and the camera's health allow to see the target
+        observable: () bool, the light allows to see the target, whether or not the camera works
         score: () 0..1 of the detector's best box, accepted or not; 1 or 0 without a detector
         window: (3,) left, top and side [px] of the square that the detector got
         outlier: () bool, the box is false (not known to flight software)

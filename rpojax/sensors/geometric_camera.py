@@ -45,7 +45,7 @@ def measure(
     visible, _ = bounding_box.clip_to_frame(jnp.where(in_front, true_edges, 0.0), width_px, height_px)
     return CameraFrame(
         box=box,
-        observable=observable & working,
+        observable=observable,
         score=jnp.where(box.present, 1.0, 0.0),
         window=jnp.array([0.0, 0.0, max(width_px, height_px)], dtype=hull_K.dtype),
         outlier=outlier,

@@ -90,7 +90,7 @@ def measure(
     visible, _ = bounding_box.clip_to_frame(true_edges, *size_px)
     return CameraFrame(
         box=BoundingBox(edges=edges, present=present, truncated=truncated),
-        observable=observable & working,
+        observable=observable,
         score=jnp.where(working, score, 0.0),
         window=jnp.append(window.corner_px, image.shape[0] * window.binning).astype(true_edges.dtype),
         outlier=present & (intersection_over_union(edges, visible) < _FALSE_BOX_OVERLAP),

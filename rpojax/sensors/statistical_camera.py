@@ -165,7 +165,7 @@ def measure(
             present=present,
             truncated=bounding_box.touches_border(edges, jnp.zeros_like(frame_size), frame_size),
         ),
-        observable=observable & working,
+        observable=observable,
         score=jnp.where(present, score, 0.0).astype(dtype),
         window=jnp.array([0.0, 0.0, max(size_px)], dtype=dtype),
         outlier=false & observable & working,

@@ -8,15 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from empty_campaign_folders import empty_campaign
+from rosbags.highlevel import AnyReader
 
 from rpojax.campaign import single_run
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.campaign_seal import sealed
+from rpojax.cli import main
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.interop import run_replay
 from rpojax.interop.ros2 import message_values
+from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.run_replay import ReplayedRun, TickObserver
 from rpojax.runtime.progress import Progress
 from rpojax.scenario.loading import scenario_loader
@@ -113,17 +116,48 @@ def test_a_run_without_a_record_is_not_compared(ros_run: ReplayedRun, campaign: 
     assert run_replay.compare_with_campaign(ros_run, campaign) is None
 
 
-@pytest.mark.slow
-def test_a_team_is_replayed_for_each_servicer(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def team(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    """A campaign of one run of a team."""
     file = scenario_loader.load("cooperative_far", ["duration_s=20"])
-    done = run_campaign(file, 1, tmp_path / "team", 5, histories=[0])
-    runs = run_replay.replay_servicers(done, 0, message_values.observe_tick)
-    assert [run.servicer_name for run in runs] == ["first", "second"]
-    for number, run in enumerate(runs):
-        found = run_replay.compare_with_campaign(run, done)
+    return run_campaign(file, 1, tmp_path_factory.mktemp("team") / "runs", 5, histories=[0])
+
+
+@pytest.fixture(scope="module")
+def team_runs(team: Campaign) -> tuple[ReplayedRun[RosTickValues], ...]:
+    """Replay of that run for each servicer."""
+    return run_replay.replay_servicers(team, 0, message_values.observe_tick)
+
+
+@pytest.mark.slow
+def test_a_team_has_a_bag_of_the_messages_of_each_servicer(
+    team: Campaign,
+    team_runs: tuple[ReplayedRun[RosTickValues], ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(run_replay, "replay_servicers", lambda *_, **__: team_runs)
+    out = tmp_path / "bag"
+    assert main.main(["export-bag", str(team.directory), "--run-id", "0", "--out", str(out)]) == 0
+    assert "20 ticks" in capsys.readouterr().out
+    with AnyReader([out]) as reader:
+        read = [(each.topic, reader.deserialize(data, each.msgtype)) for each, _, data in reader.messages()]
+    for run in team_runs:
+        speeds = [message.velocity for topic, message in read if topic == f"/{run.servicer_name}/servicer/wheels/state"]
+        np.testing.assert_array_equal(speeds, run.values.wheel_speed)
+
+
+@pytest.mark.slow
+def test_a_team_is_replayed_for_each_servicer(
+    team: Campaign, team_runs: tuple[ReplayedRun[RosTickValues], ...]
+) -> None:
+    assert [run.servicer_name for run in team_runs] == ["first", "second"]
+    for number, run in enumerate(team_runs):
+        found = run_replay.compare_with_campaign(run, team)
         assert found
         # The campaign stores the range in single precision; another program rounds differently.
         assert (found.range_difference_m < 1e-4, found.same_end) == (True, True)
-        recorded = done.history(0, number)["rho_H"]
+        recorded = team.history(0, number)["rho_H"]
         replayed = np.stack([run.tick(k).relative.position for k in range(run.ticks)])
         np.testing.assert_allclose(replayed, recorded, atol=1e-3)

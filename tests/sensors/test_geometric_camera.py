@@ -165,4 +165,5 @@ def test_a_failed_camera_or_darkness_gives_no_box_not_even_a_false_one(
 ) -> None:
     frames = many(wide, cube(0.0, 0.0, 9.0), observable=observable, working=working)
     assert not np.any(frames.box.present)
-    assert not np.any(frames.observable)
+    # What is observable is a matter of light alone, not of the camera's health.
+    np.testing.assert_array_equal(frames.observable, bool(observable))

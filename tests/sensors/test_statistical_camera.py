@@ -18,7 +18,9 @@ OUTLINE = np.array([40.0, 50.0, 80.0, 74.0], np.float32)  # 40 x 24 px, geometri
 MEAN_SIDE = np.sqrt(40.0 * 24.0)
 
 
-def drawn(statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bool = True) -> CameraFrame:
+def drawn(
+    statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bool = True, working: bool = True
+) -> CameraFrame:
     """Many frames of one view."""
     key = jax.random.key(3)
     normals = jax.random.normal(key, (DRAWS, NORMALS_PER_FRAME))
@@ -27,8 +29,9 @@ def drawn(statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bo
     yes = jnp.asarray(True)
 
     def one(lasting: jax.Array, normals: jax.Array, uniforms: jax.Array) -> CameraFrame:
+        lit = (jnp.asarray(light), jnp.asarray(working))
         return statistical_camera.measure(
-            statistics, scene(), jnp.asarray(outline), yes, SIZE, jnp.asarray(light), yes, lasting, normals, uniforms
+            statistics, scene(), jnp.asarray(outline), yes, SIZE, *lit, lasting, normals, uniforms
         )
 
     return jax.jit(jax.vmap(one))(lasting, normals, uniforms)
@@ -98,10 +101,12 @@ def test_a_target_outside_of_the_frame_has_no_box_of_its_own() -> None:
     assert 0.0 < np.asarray(frame.outlier).mean() < 0.3
 
 
-def test_without_light_there_is_no_box() -> None:
-    frame = drawn(fitted(true=0.9, false=0.05), light=False)
+@pytest.mark.parametrize(("light", "working"), [(False, True), (True, False)], ids=["in the dark", "failed"])
+def test_without_light_or_with_a_failed_camera_there_is_no_box(light: bool, working: bool) -> None:
+    frame = drawn(fitted(true=0.9, false=0.05), light=light, working=working)
     assert not np.asarray(frame.box.present).any()
-    assert not np.asarray(frame.observable).any()
+    assert not np.asarray(frame.outlier).any()
+    np.testing.assert_array_equal(frame.observable, light)
 
 
 def test_boxes_stay_in_the_frame_and_those_at_its_border_are_truncated() -> None:

@@ -82,6 +82,11 @@ def test_a_blackout_gives_no_boxes_and_no_burns(runs: Runs) -> None:
     assert telemetry.innovation.sensors["box"].accepted[END:].any()
 
 
+def test_a_blackout_is_no_darkness(runs: Runs) -> None:
+    _, telemetry = runs["camera_blackout"]
+    assert np.all(telemetry.frame.observable)
+
+
 def test_a_dead_thruster_is_detected_and_not_used(runs: Runs) -> None:
     _, telemetry = runs["thruster_off"]
     gained = telemetry.truth.delta_v

@@ -57,8 +57,13 @@ class ExportCommand(Command):
         ),
     ]
     what: Annotated[
-        str, arg(metavar="NAMES", help="Tables, with commas between them: metrics, draws, traces, history.")
-    ] = "metrics,draws"
+        str | None,
+        arg(
+            metavar="NAMES",
+            help="Tables, with commas between them: metrics, draws, traces, history.",
+            help_behavior_hint="(default: metrics,draws)",
+        ),
+    ] = None
     run_id: Annotated[int | None, arg(metavar="I", help="This run alone.", help_behavior_hint="(default: all)")] = None
     force: Annotated[bool, arg(help="Replace files that exist.")] = False
     as_json: AsJson = False

@@ -24,15 +24,24 @@ def burns_per_orbit(period: float, control_period: float) -> int:
     return max(round(period / control_period), _FEWEST_BURNS)
 
 
-def periodic_lqr_gains(formation: FormationTuning, orbit: TargetOrbit, burns: int) -> Gains:
-    """Gains at equal steps of the mean argument of latitude from 0, with one impulse at each of them.
+def tables_per_burn(eccentricity: float, burns: int) -> int:
+    """Number of tables whose steps lie between one another's, so that gains midway between steps err by 2 % at most.
 
-    The weights count once per burn, as in `lqr_gain`, to which each gain is equal on a circular orbit. By backward
-    recursion of the Riccati equation over some orbits, the first of which gives the gains. The impulses are
-    independent, so that the minimisation is a sequence of scalar updates.
+    One is enough for burns that are as frequent as their gains need it at the perigee; those of seldom burns vary more.
+    """
+    if burns >= _FREQUENT * (1.0 - eccentricity) ** -2.0:
+        return 1
+    return math.ceil(_FEWEST_STEPS * (1.0 - eccentricity) ** -2.6 / burns)
+
+
+def periodic_lqr_gains(formation: FormationTuning, orbit: TargetOrbit, burns: int, tables: int = 1) -> Gains:
+    """Gains at `burns * tables` equal steps of the mean argument of latitude from 0.
+
+    Each is that of one impulse every `tables` steps. The weights count once per burn, as in `lqr_gain`, to which each
+    gain is equal on a circular orbit. By backward recursion of the Riccati equation over some orbits, the first of
+    which gives the gains. The impulses are independent, so that the minimisation is a sequence of scalar updates.
     """
     weights = jnp.diag(jnp.concatenate([formation.position_weight, formation.velocity_weight]))
-    motions = _motions_between_burns(orbit, burns)
 
     def earlier(cost: Matrix, motion: Matrix) -> tuple[Matrix, Float[Array, "3 6"]]:
         # From just before the next impulse to just after this one.
@@ -42,11 +51,18 @@ def periodic_lqr_gains(formation: FormationTuning, orbit: TargetOrbit, burns: in
             cost = cost - row[:, None] * (row / (formation.delta_v_weight[axis] + row[3 + axis]))[None, :]
         return weights + 0.5 * (cost + cost.T), cost[3:] / formation.delta_v_weight[:, None]
 
-    def orbit_earlier(cost: Matrix, _: None) -> tuple[Matrix, None]:
-        return jax.lax.scan(earlier, cost, motions, reverse=True)[0], None
+    def table(_: None, first: Float[Array, ""]) -> tuple[None, Gains]:
+        motions = _motions_between_burns(orbit, burns, first)
 
-    settled, _ = jax.lax.scan(orbit_earlier, weights, None, length=-(-_SETTLING_BURNS // burns))
-    return jax.lax.scan(earlier, settled, motions, reverse=True)[1]
+        def orbit_earlier(cost: Matrix, _: None) -> tuple[Matrix, None]:
+            return jax.lax.scan(earlier, cost, motions, reverse=True)[0], None
+
+        settled, _ = jax.lax.scan(orbit_earlier, weights, None, length=-(-_SETTLING_BURNS // burns))
+        return None, jax.lax.scan(earlier, settled, motions, reverse=True)[1]
+
+    starts = jnp.arange(tables, dtype=orbit.semi_major_axis.dtype) * (1.0 / tables)
+    _, gains = jax.lax.scan(table, None, starts)
+    return jnp.reshape(jnp.swapaxes(gains, 0, 1), (burns * tables, 3, 6))
 
 
 def gain_at(gains: Gains, orbit: TargetOrbit) -> Float[Array, "3 6"]:
@@ -64,21 +80,25 @@ def gain_at(gains: Gains, orbit: TargetOrbit) -> Float[Array, "3 6"]:
     return jnp.sum(jnp.maximum(1.0 - distance, 0.0)[:, None, None] * gains, axis=0)
 
 
-def _motions_between_burns(orbit: TargetOrbit, burns: int) -> Float[Array, "n 6 6"]:
-    """State transition matrices between burns at equal steps of the mean argument of latitude from 0."""
+def _motions_between_burns(orbit: TargetOrbit, burns: int, first: Float[Array, ""]) -> Float[Array, "n 6 6"]:
+    """State transition matrices between burns at equal steps of the mean argument of latitude, from step `first` on."""
     n = mean_motion(orbit.semi_major_axis)
     start = advanced(orbit, -mean_argument_of_latitude(orbit) / n)
     interval = 2.0 * math.pi / (burns * n)
 
     def motion(_: None, step: Float[Array, ""]) -> tuple[None, Matrix]:
-        return None, transition_matrix(advanced(start, step * interval), interval)
+        return None, transition_matrix(advanced(start, (first + step) * interval), interval)
 
     return jax.lax.scan(motion, None, jnp.arange(burns, dtype=n.dtype))[1]
 
 
 _FEWEST_BURNS = 8
 """Fewest burns per orbit of a table [-]: between two places gains are off by 0.3 % at e = 0.4, with half as many by 20
-%; at e = 0.7 by 70 %, with twice as many by 1 %."""
+%; on more eccentric orbits several tables lie between each other."""
+_FREQUENT = 14.0
+"""Burns per orbit of a table that is enough by itself, over the ratio of semi-major axis and perigee squared [-]."""
+_FEWEST_STEPS = 14.0
+"""Fewest steps of several tables on an orbit, over that ratio to the power of 2.6 [-]."""
 
 
 _SETTLING_BURNS = 150

@@ -62,18 +62,20 @@ def phase_gains(software: FlightSoftware, estimate: OrbitEstimate) -> tuple[Floa
     relative, servicer = estimate.relative, estimate.servicer
     orbit = yamanaka_ankersen.target_orbit(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)
 
-    def over_orbit(weights: FormationTuning, places: int, period: float) -> Float[Array, "places 3 6"]:
-        if places == 1:
+    def over_orbit(weights: FormationTuning, burns: int, tables: int, period: float) -> Float[Array, "places 3 6"]:
+        if burns == 1:
             return lqr_gain(weights, mean_motion(orbit.semi_major_axis), period)[None]
-        return periodic_lqr_gain.periodic_lqr_gains(weights, orbit, places)
+        return periodic_lqr_gain.periodic_lqr_gains(weights, orbit, burns, tables)
 
     gains = []
     for static in settings.phases:
         weights = params.mission.phases[static.name].weights(params.formation)
-        gains.append(over_orbit(weights, static.burns_per_orbit, static.control_ticks * software.tick_s))
+        gains.append(
+            over_orbit(weights, static.burns_per_orbit, static.gain_tables, static.control_ticks * software.tick_s)
+        )
     if settings.is_managed:
         hold_period = settings.hold_ticks * software.tick_s
-        held = over_orbit(params.formation, settings.hold_burns_per_orbit, hold_period)
+        held = over_orbit(params.formation, settings.hold_burns_per_orbit, settings.hold_gain_tables, hold_period)
         gains += [held for _ in settings.built_in]
     return tuple(gains)
 

@@ -20,13 +20,15 @@ class PhaseSettings:
         name: of the phase
         pointing: where the camera looks
         control_ticks: ticks between burn decisions
-        burns_per_orbit: number of LQR gains over an orbit; 1 if it is so near to a circle that they are equal
+        burns_per_orbit: number of burns over an orbit that LQR gains are made for; 1 if it is so near to a circle that
+            these are equal
         on_timeout: what follows a timeout
         ends: whether it has conditions that end it
         has_arrival_box: whether one of these is the arrival at the end of its reference
         passively_safe: whether no planned burn may make the free drift unsafe
         has_corridor: whether leaving its corridor is a reason for an abort
         stops_in_the_dark: whether it stops before the target gets dark, as its reference waits for it
+        gain_tables: number of tables of gains for so many burns, whose places lie between one another's
     """
 
     name: str
@@ -39,6 +41,7 @@ class PhaseSettings:
     passively_safe: bool
     has_corridor: bool
     stops_in_the_dark: bool
+    gain_tables: int = 1
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,8 @@ class MissionSettings:
         is_managed: whether phases end and aborts are decided; else there is one phase, without either
         decision_ticks: ticks between decisions of the mission manager
         hold_ticks: ticks between burn decisions while it holds its place or has aborted
-        hold_burns_per_orbit: number of LQR gains over an orbit then
+        hold_burns_per_orbit: number of burns over an orbit then, as that of a phase
+        hold_gain_tables: number of tables of gains then, as that of a phase
         coordinated: whether the servicer decides with others of a team
         servicers: number of those in the team
         keeps_clear: whether it keeps clear of their free motion
@@ -62,6 +66,7 @@ class MissionSettings:
     decision_ticks: int
     hold_ticks: int
     hold_burns_per_orbit: int
+    hold_gain_tables: int = 1
     coordinated: bool = False
     servicers: int = 1
     keeps_clear: bool = False

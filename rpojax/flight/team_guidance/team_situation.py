@@ -44,10 +44,11 @@ class TeamTuning:
     )
     view_memory: Array = number("time after which most is worth seeing again", unit="s", above=0.0, default=6000.0)
     keeping_delta_v: Array = number(
-        "what a servicer needs in a quarter of an orbit without a change of its phase",
+        "what a servicer needs in a quarter of an orbit without a change of its phase; the larger it is, the more "
+        "readily phases change, at a cost",
         unit="m_s",
         above=0.0,
-        default=0.005,
+        default=0.002,
     )
 
 

@@ -20,7 +20,7 @@ from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.scenario.params import Params
 
 PERIGEE, PERIGEE_ANGLE, BURNS = 7.0e6, 2.1, 40
-periodic_lqr_gains = jax.jit(periodic_lqr_gain.periodic_lqr_gains, static_argnums=2)
+periodic_lqr_gains = jax.jit(periodic_lqr_gain.periodic_lqr_gains, static_argnums=(2, 3))
 gain_at = jax.jit(periodic_lqr_gain.gain_at)
 mean_argument_of_latitude = jax.jit(yamanaka_ankersen.mean_argument_of_latitude)
 
@@ -156,3 +156,39 @@ def test_single_precision_agrees_with_double(params: Params) -> None:
 def test_a_table_has_the_nearest_number_of_burns_and_at_least_a_few() -> None:
     assert periodic_lqr_gain.burns_per_orbit(5700.0, 200.0) == 28
     assert periodic_lqr_gain.burns_per_orbit(5700.0, 2000.0) == 8
+
+
+def turned(place: TargetOrbit, angle: float) -> TargetOrbit:
+    """The same place on an orbit from a reference direction that is ahead by an angle [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    return replace(
+        place,
+        argument_of_latitude=place.argument_of_latitude - angle,
+        ex=c * place.ex + s * place.ey,
+        ey=c * place.ey - s * place.ex,
+    )
+
+
+@pytest.mark.parametrize(("e", "burns"), [(0.1, 8), (0.3, 8), (0.5, 8), (0.7, 12), (0.7, 60)])
+@pytest.mark.parametrize("delta_v_weight", [3e4, 1e6, 1e7])
+def test_gains_midway_between_those_of_a_table_are_those_of_burns_there(
+    params: Params, e: float, burns: int, delta_v_weight: float
+) -> None:
+    """A long control period: few burns in an orbit, between which a table of their gains alone errs by up to 70 %."""
+    formation = weighted(params, delta_v_weight)
+    tables = periodic_lqr_gain.tables_per_burn(e, burns)
+    count = burns * tables
+    gains = np.asarray(periodic_lqr_gains(formation, orbit(e), burns, tables))
+    assert gains.shape == (count, 3, 6)
+    np.testing.assert_allclose(gains[::tables], periodic_lqr_gains(formation, orbit(e), burns), rtol=1e-9)
+    half = np.pi / count
+    expected = np.asarray(periodic_lqr_gains(formation, turned(orbit(e), half), burns, tables))
+    scale = np.array([1e3] * 3 + [1.0] * 3)
+    error = np.abs((0.5 * (gains + np.roll(gains, -1, axis=0)) - expected) * scale).max(axis=(1, 2))
+    assert np.max(error / np.abs(expected * scale).max(axis=(1, 2))) < 0.02
+
+
+def test_one_table_suffices_where_burns_are_many() -> None:
+    assert periodic_lqr_gain.tables_per_burn(0.1, 28) == 1
+    assert periodic_lqr_gain.tables_per_burn(0.7, 177) == 1
+    assert periodic_lqr_gain.tables_per_burn(0.7, 12) > 1

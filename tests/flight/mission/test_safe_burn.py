@@ -27,6 +27,7 @@ NO, YES = jnp.asarray(False), jnp.asarray(True)
 transition_matrices = jax.jit(jax.vmap(clohessy_wiltshire.transition_matrix, in_axes=(None, 0)))
 free_motion = jax.jit(yamanaka_ankersen.free_motion)
 orbit_period = jax.jit(drift_clearance.orbit_period)
+even_times = jax.jit(yamanaka_ankersen.times_of_even_eccentric_anomalies)
 
 
 @jax.jit
@@ -110,7 +111,66 @@ def test_passages_of_the_perigee_of_an_elliptic_orbit_are_not_missed(latitude: f
         found = float(least_clearance(drift, np.zeros((3, 1)), np.zeros((1, 1)))[1][0, 0])
         places = np.asarray(free_motions(orbit, times, constants))[:, :3]
         expected = float(np.linalg.norm(places, axis=1).min())
-        assert expected - 1e-6 < found < expected + 1.5, number
+        assert expected - 0.5 < found < expected + 0.5, number
+
+
+@jax.jit
+@partial(jax.vmap, in_axes=(None, 0, None, None))
+def passages(orbit: TargetOrbit, time: jax.Array, later: jax.Array, constants: jax.Array) -> jax.Array:
+    """First and last place (2, 3) of the passages of places on an orbit."""
+    place = yamanaka_ankersen.advanced(orbit, time)
+    first, last = (yamanaka_ankersen.free_motion(place, time + each, constants)[:3] for each in (0.0, later))
+    return jnp.stack([first, last])
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("drift_m", [0.0, 50.0])
+def test_drifts_of_orbits_are_seldom_nearer_than_the_clearance_by_more_than_a_metre(e: float, drift_m: float) -> None:
+    """Half of `abort_margin_m`. Against the places of an orbit and the lines of their passages, sampled densely."""
+    rng, errors = np.random.default_rng(1), []
+    semi_major_axis = 7e6 / (1.0 - e)
+    for _ in range(120):
+        perigee, latitude = rng.uniform(0.0, 2.0 * np.pi, size=2)
+        orbit = TargetOrbit(
+            argument_of_latitude=jnp.float64(latitude),
+            ex=jnp.float64(e * np.cos(perigee)),
+            ey=jnp.float64(e * np.sin(perigee)),
+            semi_major_axis=jnp.float64(semi_major_axis),
+        )
+        period = float(orbit_period(orbit))
+        # A drift constant of a metre is 6 pi / (1 - e^2)^1.5 metres an orbit along the track.
+        constants = rng.normal(size=6) * [40.0, 20.0, 20.0, 0.0, 20.0, 20.0]
+        constants[3] = rng.choice([-1.0, 1.0]) * drift_m * (1.0 - e**2) ** 1.5 / (6.0 * np.pi)
+        state = free_motion(orbit, jnp.float64(0.0), constants).tolist()
+        drift = replace(
+            drift_of(state, 1.0), orbit=orbit, first_span=jnp.float64(period), horizon=jnp.float64(4.0 * period)
+        )
+        found = float(least_clearance(drift, np.zeros((3, 1)), np.zeros((1, 1)))[1][0, 0])
+        eccentric = np.linspace(0.0, 1.0, 2001)
+        times = even_times(orbit, jnp.float64(period), eccentric)
+        near, far = np.moveaxis(np.asarray(passages(orbit, times, jnp.float64(3.0 * period), constants)), 1, 0)
+        along = far - near
+        square = (along**2).sum(axis=1)
+        share = np.clip(-(near * along).sum(axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+        distance = np.linalg.norm(near + share[:, None] * along, axis=1)
+        # What the servicer leaves at once, as it is where it is, does not count.
+        counted = distance[np.argmax(np.diff(distance) < 0.0) :] if np.any(np.diff(distance) < 0.0) else distance[-1:]
+        errors.append(found - counted.min())
+    assert np.percentile(errors, 95) < 1.0
+
+
+def test_a_start_that_the_drift_leaves_does_not_count_as_no_burn_changes_it() -> None:
+    half = jnp.float64(0.5 * PERIOD)
+    drift = replace(drift_of([0.0, -10.0, 0.0, 0.12, -0.03, 0.0]), first_span=half, horizon=half)
+    found = float(least_clearance(drift, np.zeros((3, 1)), np.zeros((1, 1)))[1][0, 0])
+    assert found > 1.0
+
+
+def test_a_drift_that_comes_near_and_leaves_within_the_first_samples_is_seen() -> None:
+    # Past the target at 6 m within three minutes.
+    passing = np.array([6.0, -8.0, 0.0, 0.0, 0.1, 0.0])
+    found = float(least_clearance(drift_of(passing.tolist()), np.zeros((3, 1)), np.zeros((1, 1)))[1][0, 0])
+    assert found * 12.0 < least_range(passing) + 1.0
 
 
 def test_the_uncertainty_of_the_drift_counts() -> None:

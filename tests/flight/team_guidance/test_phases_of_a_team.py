@@ -10,6 +10,7 @@ from rpojax.flight.guidance import burn_schedule
 from rpojax.flight.mission import team_mission_state
 from rpojax.flight.team_guidance import direction_map, intent, phase_assignment, viewpoint_assignment
 from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning, least_angle
+from rpojax.scenario.sections import TeamSection
 
 TUNING = TeamTuning(
     keep_out=jnp.float64(10.0),
@@ -137,6 +138,18 @@ def test_a_viewpoint_is_chosen_for_what_it_newly_sees_per_delta_v() -> None:
     }
     assert found == pytest.approx(max(gains, key=gains.__getitem__))
     assert found != 0.0
+
+
+def test_what_is_new_where_a_servicer_is_keeps_it_there() -> None:
+    """By the packaged delta-v of keeping a phase; more than that would send it away for little."""
+    tuning = replace(TUNING, keeping_delta_v=jnp.float64(TeamSection().keeping_delta_v_m_s))
+    situation = team(0, [0.0])
+    here = np.asarray(seen_from(tuning, situation, np.array([0.0])))[:, 0]
+    # Of what it sees without a shift one side is new, and of what other phases show, all that it does not see.
+    new = ~here | (np.cumsum(here) <= 1)
+    situation = replace(situation, last_seen=np.where(new, situation.last_seen, situation.time))
+    assert float(assign(tuning, situation)) == 0.0
+    assert float(assign(replace(tuning, keeping_delta_v=jnp.float64(0.005)), situation)) != 0.0
 
 
 def test_viewpoints_of_a_team_stay_apart() -> None:

@@ -155,6 +155,17 @@ def test_what_cannot_be_exported_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("form", ["oem", "aem", "opm", "czml"])
+def test_tables_of_a_format_without_them_are_refused(
+    form: str, three_runs: Campaign, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["export", str(three_runs.directory), "--format", form, "--run-id", "0", "--out", str(tmp_path / "run")]
+    assert main.main([*command, "--what", "history"]) == 2
+    expected = f"nothing for {form.upper()}; csv, parquet, mat, npz have tables"
+    assert capsys.readouterr().err == f"rpojax: error: --what: found 'history', expected {expected}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_an_existing_file_is_replaced_only_by_force(three_runs: Campaign, tmp_path: Path) -> None:
     (tmp_path / "r_draws.csv").write_text("mine")
     with pytest.raises(OutputError, match=r"r_draws.csv: exists already"):

@@ -60,7 +60,7 @@ CASES = {
     "a thruster that varies": (
         ["chamber_pressure.enabled=true", "thruster.magnitude_noise=0.03"],
         "navigation.thrust_sigma",
-        "believes 0.015,",
+        "believes 0.02,",
         "is 0.03162 by thruster.magnitude_noise and force_scale",
     ),
     "a thruster that fails without a sensor for it": (

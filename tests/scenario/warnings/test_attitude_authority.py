@@ -23,7 +23,11 @@ FAULT = ["effects.faults=true", "fault.kind=wheel_stuck"]
         (["thruster.position_m=[-0.25,0.15,0]"], "thruster.position_m", ("wheel 2", "0.502")),
         (FAULT, "fault.kind", ("wheel_stuck", "three wheels")),
         (["camera.field_of_view_deg=4"], "pointing.search_pitch_deg", ("6.5", "4 deg")),
-        (["formation.desired_position_m=[0,-6,0]", "limits.keep_out_m=2"], "formation.desired_position_m", ("does not fit", "6 m away")),
+        (
+            ["formation.desired_position_m=[0,-6,0]", "limits.keep_out_m=2"],
+            "formation.desired_position_m",
+            ("does not fit", "6 m away"),
+        ),
         (["camera.miss_probability=0.9"], "navigation.miss_probability", ("0.1", "0.905")),
         (["camera.outlier_probability=0.5"], "navigation.miss_probability", ("0.1", "0.525")),
         (["effects.drag=true", "target_surface.area_m2=2"], "navigation.ballistic_sigma_m2_kg", ("0.005", "0.0361")),

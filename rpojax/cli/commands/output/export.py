@@ -11,8 +11,8 @@ from rpojax.runtime.progress import run_progress
 def export(asked: ExportCommand) -> int:
     """Does the work of the command; returns its exit status."""
     found = Campaign(asked.directory)
-    names = [name.strip() for name in asked.what.split(",") if name.strip()]
-    options = exports.ExportOptions(tables=tuple(names), run_id=asked.run_id, force=asked.force)
+    names = None if asked.what is None else tuple(name.strip() for name in asked.what.split(",") if name.strip())
+    options = exports.ExportOptions(tables=names, run_id=asked.run_id, force=asked.force)
     with run_progress(found.file.duration_s, quiet=asked.as_json) as watch:
         paths = exports.export_as(found, asked.out, asked.form, options, watch)
     if asked.as_json:
