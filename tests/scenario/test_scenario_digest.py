@@ -47,7 +47,8 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
     del content["target"]["scale"]
-    for key in ("thrust_sigma", "thrust_walk_sqrt_s", "pressure_noise"):
+    del content["health"]["lasting_limit"]
+    for key in ("ballistic_sigma_m2_kg", "adaptation_limit", "thrust_walk_sqrt_s", "pressure_noise"):
         del content["navigation"][key]
     for key in (
         "minimum_size_px",

@@ -11,6 +11,7 @@ HEAVY = [
     "thruster.force_n=0.3",
     "limits.propellant_kg=30",
 ]
+NEAR = ["formation.desired_position_m=[0,-6,0]", "limits.keep_out_m=2"]
 FAULT = ["effects.faults=true", "fault.kind=wheel_stuck"]
 
 
