@@ -98,8 +98,8 @@ def _search_pattern(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     if pitch_deg <= least_deg:
         return []
     return [
-        f"pointing.search_pitch_deg: found {pitch_deg:g}, expected at most {least_deg:.3g} deg, which the camera sees, or a "
-        "search leaves gaps"
+        f"pointing.search_pitch_deg: found {pitch_deg:g}, expected at most the {least_deg:.3g} deg that the camera "
+        "sees, or a search leaves gaps"
     ]
 
 
