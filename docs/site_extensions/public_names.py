@@ -8,9 +8,6 @@ GROUPS = {
     "Campaigns": ("run_campaign", "resume_campaign", "Campaign", "open_campaign", "Retention", "Shard", "RunRange"),
     "Reports and exports": ("write_report", "compare", "export"),
     "Analyses": (
-        *("gradient", "sensitivity", "tune", "linear_covariance", "worst_case", "estimate_probability"),
-        "robustness",
-    ),
         "gradient",
         "sensitivity",
         "tune",
