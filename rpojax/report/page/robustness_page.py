@@ -39,5 +39,5 @@ def write_page(content: Mapping[str, Any], directory: Path) -> None:
         ],
         "foot": page_templates.foot_text({**study, "name": study["scenario"]}),
     }
-    page = page_templates.render("robustness.html", {}, values)
+    page = page_templates.render("robustness.html", {"charts": {}}, values)
     write_atomically(directory / PAGE_NAME, page.encode("utf-8", "backslashreplace"))

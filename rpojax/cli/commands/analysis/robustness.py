@@ -17,7 +17,6 @@ from rpojax.report import robust_margins
 from rpojax.report.page.robustness_page import PAGE_NAME, PICTURE_NAME, write_page
 
 RECORD_NAME = "robustness.json"
-_NUMBERS = ("nominal", "sigma")
 
 
 def robustness(asked: RobustnessCommand) -> int:
@@ -41,10 +40,10 @@ def robustness(asked: RobustnessCommand) -> int:
 def _show(content: dict[str, Any], out: Path) -> None:
     console = Console(highlight=False)
     table = Table()
-    for heading in robust_margins.HEADINGS:
-        table.add_column(heading, justify="right" if heading in _NUMBERS else "left", no_wrap=heading == "quantity")
+    for heading in ("quantity", "sigma", "margin below", "margin above"):
+        table.add_column(heading, justify="right" if heading == "sigma" else "left", no_wrap=heading == "quantity")
     for row in robust_margins.rows(content):
-        table.add_row(*row.cells)
+        table.add_row(row.name, row.sigma, row.low.with_requirement, row.high.with_requirement)
     console.print(table)
     for sentence in robust_margins.sentences(content):
         console.print(sentence, soft_wrap=True, markup=False)
