@@ -126,7 +126,7 @@ class RobustnessCommand(Command):
     scenario: Source
     session: Annotated[Session, FLAT]
     out: Out
-    runs: Annotated[int, arg(metavar="N", help="Runs of each step; there are some sixty steps.")] = 100
+    runs: Annotated[int, arg(metavar="N", help="Runs of each step; there are some seventy steps.")] = 100
     seed: Seed = 0
     overrides: Overrides = ()
     free_drifts: Annotated[bool, arg(help="Judge requirements on free drifts and coverage, too, which is slower.")] = (
