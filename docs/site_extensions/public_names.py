@@ -7,7 +7,15 @@ GROUPS = {
     "One run": ("simulate", "initialise_run", "init", "run_key", "step", "rollout", "State", "Telemetry"),
     "Campaigns": ("run_campaign", "resume_campaign", "Campaign", "open_campaign", "Retention", "Shard", "RunRange"),
     "Reports and exports": ("write_report", "compare", "export"),
-    "Analyses": ("gradient", "sensitivity", "tune", "linear_covariance", "worst_case", "estimate_probability"),
+    "Analyses": (
+        "gradient",
+        "sensitivity",
+        "tune",
+        "linear_covariance",
+        "worst_case",
+        "estimate_probability",
+        "robustness",
+    ),
     "Flight software and plugins": ("Stages", "Plugin", "metric", "AdditionalSensor"),
     "The process": ("prepare_process", "RpojaxError"),
 }

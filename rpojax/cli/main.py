@@ -51,6 +51,7 @@ COMMANDS: Final[dict[str, type[Command] | Group]] = {
     "tune": analysis.TuneCommand,
     "sensitivity": analysis.SensitivityCommand,
     "worst-case": analysis.WorstCaseCommand,
+    "robustness": analysis.RobustnessCommand,
     "export": output.ExportCommand,
     "probability": campaigns.ProbabilityCommand,
     "export-bag": output.ExportBagCommand,

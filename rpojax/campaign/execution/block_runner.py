@@ -83,6 +83,7 @@ def simulate_batch(
     *,
     drifts: bool = True,
     spool: Path | None = None,
+    assigned: Mapping[str, np.ndarray] | None = None,
 ) -> SimulatedBatch:
     """Simulates `engine.capacity` runs to their end.
 
@@ -96,8 +97,9 @@ def simulate_batch(
         on_progress: called after every segment
         drifts: whether free drifts and coverage are evaluated, which histories do without
         spool: folder for a file of channels that exceed the memory for histories
+        assigned: rows (capacity, ...) in place of what the design assigns to the runs' numbers
     """
-    prepared = engine.prepare(seed, run_ids)
+    prepared = engine.prepare(seed, run_ids, assigned)
     recorder = ChannelRecorder(
         engine.scenario.ticks, history_rows, retention.keeps_channel, recorded_channels(engine.file), spool
     )

@@ -314,6 +314,14 @@ class PassiveSafety:
         )
 
 
+class NoDrifts(PassiveSafety):
+    """Free drifts of runs where nothing needs them."""
+
+    def compile(self, drawn: Any) -> None:
+        """Compiles nothing."""
+        del drawn
+
+
 def _spans(file: ScenarioFile) -> Spans:
     """Times of free drift of a scenario."""
     lengths = [metrics.horizon_length(horizon) for horizon in file.safety.horizons]

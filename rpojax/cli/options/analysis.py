@@ -112,3 +112,24 @@ class WorstCaseCommand(Command):
     seed: Seed = 0
     overrides: Overrides = ()
     force: Annotated[bool, arg(help="Replace the files if they are there.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobustnessCommand(Command):
+    """How far each quantity that the filter believes may be off before a requirement breaks, as a page.
+
+    Each is moved alone, by steps of the same runs.
+    """
+
+    work = "analysis.robustness:robustness"
+
+    scenario: Source
+    session: Annotated[Session, FLAT]
+    out: Out
+    runs: Annotated[int, arg(metavar="N", help="Runs of each step; there are some seventy steps.")] = 100
+    seed: Seed = 0
+    overrides: Overrides = ()
+    free_drifts: Annotated[bool, arg(help="Judge requirements on free drifts and coverage, too, which is slower.")] = (
+        False
+    )
+    force: Annotated[bool, arg(help="Replace the files if they are there.")] = False

@@ -6,7 +6,6 @@ replaces that of the run there.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +16,7 @@ from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, 
 from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure, SimulatedRuns, margins, needs_drifts
 from rpojax.campaign.execution.batch_engine import BatchEngine, RedrawnNoise
 from rpojax.campaign.execution.block_recording import ChannelRecorder, recorded_channels
-from rpojax.campaign.execution.passive_safety import PassiveSafety
+from rpojax.campaign.execution.passive_safety import NoDrifts
 from rpojax.campaign.experiment_design import Design
 from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
@@ -42,14 +41,6 @@ REDRAWN_STREAMS = (
 _REDRAWN = 0x52454452
 """Number that separates keys of redrawn noise from those of runs."""
 _RUN_ID_MASK = 2**31 - 1
-
-
-class _NoDrifts(PassiveSafety):
-    """Free drifts of runs where no margin needs them."""
-
-    def compile(self, drawn: Any) -> None:
-        """Compiles nothing."""
-        del drawn
 
 
 class SimulatedMargins:
@@ -77,7 +68,7 @@ class SimulatedMargins:
         )
         if not needs_drifts(failure):
             engine = self._engine
-            engine.passive_safety = _NoDrifts(
+            engine.passive_safety = NoDrifts(
                 file, engine.scenario, engine.member_params[0], engine.runs_per_device, engine.devices
             )
         self._on_runs = on_runs

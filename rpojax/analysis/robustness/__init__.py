@@ -1,0 +1,1 @@
+"""Robustness: how far quantities that flight software believes may be off before a requirement breaks."""

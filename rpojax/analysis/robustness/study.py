@@ -1,0 +1,201 @@
+"""Study of robustness: the margin of every believed quantity of a scenario, on both sides."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from rpojax.analysis.robustness.margin_search import SideSearch, StepVerdict, search
+from rpojax.analysis.robustness.quantities import Quantity, find_quantities, with_handover
+from rpojax.analysis.robustness.step_runs import (
+    DEFAULT_PROBABILITY,
+    DEFAULT_RISK,
+    BatchCallback,
+    StepRuns,
+    judge_step,
+    requirement_names,
+)
+from rpojax.analysis.statistics.intervals import runs_for_bound
+from rpojax.campaign import preflight
+from rpojax.campaign.storage.atomic_outputs import to_json_types
+from rpojax.campaign.storage.provenance import package_versions
+from rpojax.errors import RpojaxError
+from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
+from rpojax.scenario.dispersed_numbers.dispersion_keys import design_keys
+from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import refuse_team
+
+DEFAULT_RUNS: Final = 100
+_MOST_RUNS: Final = 100_000
+STUDY: Final = "study"
+"""Name of what is no quantity in the content of a study."""
+Side = tuple[str, str]
+"""Name of a quantity, and of a side."""
+
+
+def robustness(
+    file: ScenarioFile,
+    *,
+    runs: int = DEFAULT_RUNS,
+    seed: int = 0,
+    free_drifts: bool = False,
+    progress: bool = True,
+) -> dict[str, Any]:
+    """How far each quantity that the filter believes may be off before a requirement of the scenario breaks.
+
+    Returns the content of robustness.json: margins by quantity, and under `study` steps, intervals and provenance.
+
+    Args:
+        file: the scenario
+        runs: of each step
+        seed: master seed; the runs of all steps have the same numbers
+        free_drifts: judge requirements on free drifts and on coverage, too
+        progress: show progress on stderr
+
+    Raises:
+        RpojaxError: an option is out of range, or all is broken at the nominal values.
+    """
+    check(file, runs, seed)
+    whole = with_handover(file)
+    quantities, left_out = find_quantities(whole)
+    by_name = {each.name: each for each in quantities}
+    sides = {(each.name, side): SideSearch(each.farthest(side)) for each in quantities for side in each.sides}
+    simulated = StepRuns(whole, quantities, runs, seed, free_drifts)
+    with run_progress(file.duration_s, quiet=not progress) as show:
+        watch = _Watch(runs, show)
+        watch.show(compiled=False)
+        simulated.compile()
+        watch.show(compiled=True)
+        nominal = judge_step(file.requirements, simulated.simulate([(quantities[0], 0.0)], watch.round(1))[0])
+        known = nominal.record["violations"]
+        judged = [name for name in known if name not in nominal.broken]
+        if not judged:
+            broken = ", ".join(nominal.broken)
+            raise RpojaxError(f"requirements: found all broken at nominal values ({broken}), expected one that holds")
+
+        def evaluate(asked: Sequence[tuple[Side, float]]) -> list[StepVerdict]:
+            steps = [(by_name[name], by_name[name].offset(side, size)) for (name, side), size in asked]
+            results = simulated.simulate(steps, watch.round(len(steps)))
+            return [judge_step(file.requirements, found, judged) for found in results]
+
+        search(sides, evaluate)
+    study = {
+        **_provenance(file, runs, seed, free_drifts),
+        "runs_simulated": watch.done,
+        "judged": judged,
+        "broken_at_nominal": list(nominal.broken),
+        "not_judged": [
+            each for each in requirement_names(file.requirements) if each not in nominal.record["violations"]
+        ],
+        "nominal": dict(nominal.record),
+        "left_out": left_out,
+        "quantities": {each.name: _details(each, sides) for each in quantities},
+    }
+    return to_json_types({**{each.name: _margins(each, sides) for each in quantities}, STUDY: study})
+
+
+def check(file: ScenarioFile, runs: int, seed: int) -> None:
+    """Refuses what cannot be studied, before anything is simulated.
+
+    Raises:
+        RpojaxError: naming the argument or the key.
+    """
+    refuse_team(file, "robustness")
+    preflight.check_numbers(runs, 0, seed, None)
+    if runs > _MOST_RUNS:
+        raise RpojaxError.of_argument("runs", f"found {runs}, expected at most {_MOST_RUNS} runs of each step")
+    if design_keys(file):
+        raise RpojaxError(f"design.kind: found {file.design.kind!r}, expected a design whose values dispersions draw")
+
+
+def _provenance(file: ScenarioFile, runs: int, seed: int, free_drifts: bool) -> dict[str, Any]:
+    needed = [runs_for_bound(each.probability, 1.0 - each.consumer_risk) for each in file.requirements]
+    return {
+        "scenario": file.name,
+        "scenario_hash": scenario_digest(file),
+        "seed": seed,
+        "runs": runs,
+        "runs_that_decide": max(needed, default=runs_for_bound(DEFAULT_PROBABILITY, 1.0 - DEFAULT_RISK)),
+        "free_drifts": free_drifts,
+        "versions": package_versions(),
+    }
+
+
+def _margins(quantity: Quantity, sides: Mapping[Side, SideSearch]) -> dict[str, Any]:
+    """What others read of a quantity: margins in its unit, None where nothing breaks."""
+    low, high = _both(quantity, sides)
+    return {
+        "unit": quantity.unit,
+        "believed_sigma": quantity.believed_sigma,
+        "low_margin": None if low.breaks is None else _in_unit(quantity, low.holds),
+        "high_margin": None if high.breaks is None else _in_unit(quantity, high.holds),
+        "requirement": {"low": low.requirement, "high": high.requirement},
+    }
+
+
+def _both(quantity: Quantity, sides: Mapping[Side, SideSearch]) -> tuple[SideSearch, SideSearch]:
+    """Searches to the low and to the high side: the same one where a quantity is turned in any direction."""
+    own = [sides[quantity.name, side] for side in quantity.sides]
+    return own[0], own[-1]
+
+
+def _details(quantity: Quantity, sides: Mapping[Side, SideSearch]) -> dict[str, Any]:
+    """Everything about the search for the margins of a quantity."""
+    low, high = _both(quantity, sides)
+    return {
+        "title": quantity.title,
+        "nominal": quantity.nominal,
+        "belief": quantity.belief,
+        "sides": list(quantity.sides),
+        **_interval("low", low, quantity),
+        **_interval("high", high, quantity),
+        "steps": [
+            {
+                "side": side,
+                "sigmas": size,
+                "offset": _in_unit(quantity, -size if side == "low" else size),
+                "broken": list(step.broken),
+                **step.record,
+            }
+            for side in quantity.sides
+            for size, step in sorted(sides[quantity.name, side].steps.items())
+        ],
+    }
+
+
+def _interval(side: str, found: SideSearch, quantity: Quantity) -> dict[str, Any]:
+    """Last step that holds, first that breaks, and between which steps the margin lies with confidence, in the unit."""
+    return {
+        f"{side}_holds_to": _in_unit(quantity, found.holds),
+        f"{side}_breaks_at": _in_unit(quantity, found.breaks),
+        f"{side}_interval": [_in_unit(quantity, size) for size in found.interval],
+    }
+
+
+def _in_unit(quantity: Quantity, size: float | None) -> float | None:
+    """A size in sigmas in the unit of a quantity, without the last digits, which are rounding."""
+    return None if size is None else float(f"{size * quantity.believed_sigma:.12g}")
+
+
+class _Watch:
+    """Progress: runs that are done, of those of the rounds so far."""
+
+    def __init__(self, runs: int, on_progress: ProgressCallback) -> None:
+        self._runs, self._on_progress = runs, on_progress
+        self.done, self._failed, self._total = 0, 0, runs
+
+    def show(self, compiled: bool, more: float = 0.0, failed: int = 0) -> None:
+        done = Progress(self.done + more, self._total, self._failed + failed, compiled, stage="simulating steps")
+        self._on_progress(done)
+
+    def round(self, steps: int) -> BatchCallback:
+        """Callback for the batches of a round of steps."""
+        self._total = self.done + steps * self._runs
+
+        def on_batch(fraction: float, runs: int, failed: int) -> None:
+            if fraction < 1.0:
+                self.show(True, fraction * runs, failed)
+            else:
+                self.done, self._failed = self.done + runs, self._failed + failed
+                self.show(True)
+
+        return on_batch
