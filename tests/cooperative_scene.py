@@ -17,7 +17,7 @@ from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.cooperation.sharing import SharingMemory
 from rpojax.flight.cooperation.team_records import TeamRecords, of_pairs
 from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, LinkSettings, ServicerTuning
-from rpojax.flight.navigation import burn_execution_error, combined_orbit_filter, shape_errors
+from rpojax.flight.navigation import burn_execution_error, combined_orbit_filter, lasting_effects, shape_errors
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import linearise_box
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
@@ -252,7 +252,9 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
     size = jnp.linalg.norm(jnp.stack(planned, axis=-1), axis=0)
 
     def predict(orbit, delta_v, size):
-        return combined_orbit_filter.predict(tuning, DEGREE, orbit, delta_v, size, jnp.ones(()), jnp.zeros(3), 1.0)
+        return combined_orbit_filter.predict(
+            tuning, DEGREE, orbit, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+        )
 
     def burn_covariance(delta_v, size):
         return burn_execution_error.burn_covariance(

@@ -2,7 +2,8 @@
 
 python experiments/mismatch/dates_and_lenses.py --out DIR [--runs 50] [--seed 11]
 
-`--runs` is the number of runs of each date and lens; there are eight and five. The exit status is 1 if a run enters the keep-out sphere.
+`--runs` is the number of runs of each date and lens; there are eight and five. The exit status is 1 if a run enters the
+keep-out sphere.
 """
 
 import sys

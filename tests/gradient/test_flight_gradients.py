@@ -25,6 +25,7 @@ from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.box_measurement import outlier_gate
+from rpojax.flight.navigation.lasting_effects import LastingEffects
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
 from rpojax.scenario.params import Params
 
@@ -136,6 +137,9 @@ def test_derivatives_of_the_burn_plan_and_of_the_look_attitude_are_right(params:
     check(planned_burn, 7, params.flight, rendezvous_scene.TARGET_AHEAD + np.array([1.0, -2.0, 3.0]), gain)
 
 
+PUSHED = LastingEffects(thrust_axes_N=jnp.eye(3), ballistic_N=jnp.array([2e-5, -3e-5, 1e-5]))
+
+
 @jax.jit
 def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
     known = rendezvous_scene.estimate(flight)
@@ -144,9 +148,9 @@ def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
     tuning = replace(flight.navigation, relative_acceleration_noise=1e-3 * (1.0 + x[6]))
     moved = replace(known, relative=relative, servicer=servicer)
     gained, doubt, pull_N = delta_v_N + 1e-3 * x[7:10], 2.0 + x[10], 1e-6 * x[11:]
-    after = combined_orbit_filter.predict(tuning, 6, moved, gained, jnp.asarray(0.02), doubt, pull_N, 1.0)
+    after = combined_orbit_filter.predict(tuning, 6, moved, gained, jnp.asarray(0.02), doubt, pull_N, PUSHED, 1.0)
     sigma = jnp.repeat(jnp.array([0.2, 1e-3, 0.1, 1e-3, 5e-3]), np.array([3, 3, 2, 2, 2]), total_repeat_length=12)
-    sigma = jnp.append(sigma, 0.015)
+    sigma = jnp.append(sigma, jnp.array([0.015, 0.01, 0.01, 0.005]))
     return (
         after.relative.r_TS_N - known.relative.r_TS_N,
         after.servicer.r_SN_N - known.servicer.r_SN_N,

@@ -62,7 +62,7 @@ def test_a_healthy_run_burns_and_tracks_its_target(runs: Runs) -> None:
     [
         ("gps_outage", "servicer", 1.5),
         ("star_tracker_blind", "attitude", 2.0),
-        ("star_tracker_blind", "bearing", 1.2),
+        ("star_tracker_blind", "bearing", 1.03),
         ("camera_blackout", "relative", 1.3),
     ],
 )

@@ -55,7 +55,7 @@ def test_the_chamber_pressure_is_measured_by_its_own_switch_and_not_by_that_of_f
     without_a_fault, _ = after_a_burn(faulty, params, start)
     jax.tree.map(np.testing.assert_array_equal, without_a_fault, plain)
     measuring, normal = after_a_burn(replace(scenario, chamber_pressure=True), params, start)
-    prior, noise = 0.015**2 + 0.01**2 * scenario.tick_s, 0.03**2
+    prior, noise = 0.02**2 + 0.01**2 * scenario.tick_s, 0.03**2
     expected = 1.0 + prior / (prior + noise) * (float(params.plant.thruster.force_scale) * (1.0 + 0.03 * normal) - 1.0)
     np.testing.assert_allclose(measuring.thrust_estimate.ratio, expected, rtol=1e-12)
     assert float(plain.thrust_estimate.ratio) == 1.0

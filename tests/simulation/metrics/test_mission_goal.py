@@ -51,6 +51,8 @@ def records(*runs: Changes, unmet: int = 0) -> dict[str, np.ndarray]:
         "box_outlier": ~flag,
         "observable": flag,
         "nees_relative": np.full((count, TICKS), 6.0, np.float32),
+        "relative_error_H": np.zeros((count, TICKS, 3), np.float32),
+        "relative_sigma_H": np.ones((count, TICKS, 3), np.float32),
         "rho_H": still,
         "rho_desired_H": still.copy(),
         "propellant_used_kg": np.zeros((count, TICKS), np.float32),

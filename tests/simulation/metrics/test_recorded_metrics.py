@@ -106,6 +106,7 @@ def test_metrics_without_events_are_undefined(metrics: Callable[[Records], dict[
     found = metrics(records)
     undefined = {name for name, value in found.items() if np.isnan(value)}
     expected = {
+        "confidence_withdrawn_s",
         "detection_rate",
         "good_boxes_rejected_fraction",
         "time_to_acquire_s",
