@@ -12,6 +12,9 @@ from datetime import date, timedelta
 from decimal import Decimal
 from typing import Any, Final
 
+TIME_ROUNDING_S: Final = 1e-6
+"""More than the rounding of a multiple of a tick (1e-10 s after ten days), and less than any tick [s]."""
+
 PS: Final = 10**12
 """Picoseconds of a second; a spacecraft in low orbit moves 8e-9 m in one."""
 SCALES: Final = ("UTC", "TAI", "TT", "GPS", "TDB")

@@ -34,6 +34,3 @@ SOLAR_FLUX: Final = 1361.0
 
 SPEED_OF_LIGHT: Final = 299792458.0
 """Speed of light in vacuum [m/s]."""
-
-TIME_ROUNDING_S: Final = 1e-6
-"""More than the rounding of a multiple of a tick (1e-10 s after ten days), and less than any tick [s]."""

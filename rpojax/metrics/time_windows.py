@@ -7,8 +7,8 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rpojax.core.constants import TIME_ROUNDING_S
 from rpojax.metrics.metric_definition import Metric, Window
+from rpojax.time_scales import TIME_ROUNDING_S
 
 _PHASE: Final = re.compile(r"([a-z][a-z0-9_]*)(?:\.(begin|end))?")
 _TIMES: Final = re.compile(r"([0-9.e+-]+?)-([0-9.e+]+|end)")

@@ -378,6 +378,7 @@ def carry(
         delta_v_N=jnp.asarray(delta_v_N),
         thrust_ratio=None if ratio is None else jnp.float64(ratio),
         third_body_acceleration_N=jnp.zeros(3),
+        sun_N=jnp.asarray(rendezvous_scene.SUN_BEHIND_EARTH),
     )
     return predict(flight, memory, motion, np.float64(end))
 

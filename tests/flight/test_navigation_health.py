@@ -31,6 +31,8 @@ def evidence(
         gate=gate,
         estimate=estimate,
         effort=health.effort,
+        lasting=health.lasting,
+        lasting_ratio=jnp.zeros(()),
         unseen_time=jnp.zeros(()),
         range_sigma=jnp.zeros(()),
     )

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.constants import TIME_ROUNDING_S
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
@@ -21,6 +20,7 @@ from rpojax.flight.guidance.target_acquisition import Acquisition
 from rpojax.flight.guidance.target_pointing import look_attitude
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
+from rpojax.time_scales import TIME_ROUNDING_S
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]

@@ -9,6 +9,7 @@ scale of the motion and its drift.
 """
 
 import math
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -104,6 +105,17 @@ def least_clearance(
         found.append(_square_distance_to_line(a + first[:, -2][:, None, None], b + last[:, -2][:, None, None]))
         return jnp.stack(found)
 
+    shares = jnp.linspace(0.0, 1.0, samples + 1, dtype=drift.state_H.dtype)
+    times = yamanaka_ankersen.times_of_even_eccentric_anomalies(drift.orbit, drift.first_span, shares)
+    least = _least_over(square_distances, times, jnp.full((6, *sizes.shape), jnp.inf, dtype=sizes.dtype))
+    return gradient_safe.sqrt(jnp.min(least[:-1], axis=0)), gradient_safe.sqrt(least[-1])
+
+
+def _least_over(
+    square_distances: Callable[[Scalar], Float[Array, "n d k"]], times: Float[Array, " t"], none: Float[Array, "n d k"]
+) -> Float[Array, "n d k"]:
+    """Least value of a function of time at even `times` but the first, and between them; `none` is infinite."""
+
     def sample(
         before: tuple[Array, Array, Array], at: tuple[Scalar, Array, Scalar, Scalar]
     ) -> tuple[tuple[Array, Array, Array], None]:
@@ -114,17 +126,13 @@ def least_clearance(
         least = jnp.minimum(jnp.minimum(least, jnp.where(is_start, jnp.inf, later)), at_vertex)
         return (least, middle, later), None
 
-    number = jnp.arange(samples + 1)
-    shares = jnp.linspace(0.0, 1.0, samples + 1, dtype=drift.state_H.dtype)
-    times = yamanaka_ankersen.times_of_even_eccentric_anomalies(drift.orbit, drift.first_span, shares)
+    last = times.shape[0] - 1
+    number = jnp.arange(last + 1)
     # A vertex belongs to the sample nearest to it; those beside the start and the end, to the triples there.
-    low = jnp.where(number > 2, -0.5, jnp.where(number == 2, -1.0, jnp.inf)).astype(shares.dtype)
-    high = jnp.where(number == samples, 1.0, 0.5).astype(shares.dtype)
-    none = jnp.full((6, *sizes.shape), jnp.inf, dtype=sizes.dtype)
-    (least, _, _), _ = jax.lax.scan(
-        sample, (none, jnp.zeros_like(none), jnp.zeros_like(none)), (times, number == 0, low, high)
-    )
-    return gradient_safe.sqrt(jnp.min(least[:-1], axis=0)), gradient_safe.sqrt(least[-1])
+    low = jnp.where(number > 2, -0.5, jnp.where(number == 2, -1.0, jnp.inf)).astype(times.dtype)
+    high = jnp.where(number == last, 1.0, 0.5).astype(times.dtype)
+    zero = jnp.zeros_like(none)
+    return jax.lax.scan(sample, (none, zero, zero), (times, number == 0, low, high))[0][0]
 
 
 def _least_between(

@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rpojax.core.constants import TIME_ROUNDING_S
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.schema import ScenarioFile
@@ -21,6 +20,7 @@ from rpojax.simulation.metrics import mission_goal
 from rpojax.simulation.metrics.recorded_metrics import desired_position_H
 from rpojax.simulation.outcomes.outcome_events import EventArrays, collect_events
 from rpojax.simulation.outcomes.outcome_kinds import FREEZING, RECOVERABLE, Outcome
+from rpojax.time_scales import TIME_ROUNDING_S
 
 Flags = NDArray[np.bool_]
 Records = Mapping[str, np.ndarray]

@@ -136,8 +136,9 @@ def test_directional_derivatives_of_the_tick_are_its_central_differences(
             np.asarray(with_slope(jnp.asarray(point) + sign * STEP * along, along)[0]) for sign in (1.0, -1.0)
         )
         difference = (ahead - behind) / (2.0 * STEP)
-        # What positions in N are rounded to, over the step; the error of the servicer's is a difference of two.
+        # What positions in N are rounded to, over the step; errors of the servicer and its GPS are differences.
         noise = 4e-16 * np.abs(value) / STEP
         noise[size:][OUTPUTS["servicer_error_H"]] = 4e-16 * RADIUS / STEP
+        noise[loop.layout.slices["flight.orbit.servicer.gps_error_N"]] = 4e-16 * RADIUS / STEP
         units = np.concatenate([scale[:size], np.full(len(found) - size, 0.1)])
         np.testing.assert_array_less(np.abs(found - difference), 2e-5 * units + 4.0 * noise)
