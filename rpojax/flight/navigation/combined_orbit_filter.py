@@ -97,6 +97,7 @@ def predict(
     Moon, `lasting` the effect of errors that last.
     """
     servicer, relative = estimate.servicer, estimate.relative
+    effects = relative_state.velocity_effects(relative.layout, lasting, delta_v_N, dt)
     delta_v_N = relative_state.expected_delta_v(relative, lasting, delta_v_N)
     acceleration = delta_v_N / dt
     pushed_apart = relative_state.lasting_acceleration(relative, lasting) - acceleration
@@ -124,7 +125,7 @@ def predict(
         dt=dt,
         r_SN_N=servicer.r_SN_N,
         velocity_covariance=new,
-        velocity_effects=relative_state.velocity_effects(relative.layout, lasting, delta_v_N, dt),
+        velocity_effects=effects,
     )
     servicer = replace(servicer, r_SN_N=r, v_SN_N=v, orbit_low=orbit_low)
     # The servicer's own estimate, which GPS keeps, takes all of a burn's error as new.

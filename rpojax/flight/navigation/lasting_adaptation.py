@@ -4,8 +4,8 @@ The posterior of a constant state under a normal prior tells what the measuremen
 that lies beyond two sigma of the declared prior, the prior was too narrow: it is taken as wide as puts the measured
 value at two sigma (an empirical Bayes estimate: Carlin and Louis, Bayes and Empirical Bayes Methods for Data Analysis,
 2000, chapter 3), but no wider than `navigation.adaptation_limit` times the declared sigma. Mean and covariance become
-those that the filter would have had with this prior from the hand-over on: for a linear filter that is exact, a change
-of the information matrix in one element (Sherman and Morrison, 1950).
+those that the filter would have had with this prior from the hand-over on: of a constant error and for a linear filter
+that is exact, a change of the information matrix in one element (Sherman and Morrison, 1950).
 """
 
 from typing import Final
@@ -42,13 +42,20 @@ class LastingPriors:
 
 
 def _names(estimate: RelativeEstimate) -> list[str]:
-    """Names of the errors that last among the filter's states."""
-    return [state.name for state in relative_state.SLOW_STATES if state.is_lasting and state.name in estimate.slow]
+    """Names of the errors that last among the filter's states.
+
+    None where it has no state that acts on the motion: servicers that share estimates or boxes take theirs from a joint
+    filter, which does not adapt.
+    """
+    states = [state for state in relative_state.SLOW_STATES if state.name in estimate.slow]
+    adapts = any(state.acts_on_motion for state in states)
+    return [state.name for state in states if state.is_lasting and adapts]
 
 
 def _variance(estimate: RelativeEstimate) -> Float[Array, " k"]:
     P, layout = estimate.covariance, estimate.layout
-    return jnp.stack([P[place, place] for name in _names(estimate) for place in layout.places(name)])
+    places = [place for name in _names(estimate) for place in layout.places(name)]
+    return jnp.stack([P[place, place] for place in places]) if places else jnp.zeros(0, dtype=P.dtype)
 
 
 def initial(estimate: RelativeEstimate) -> LastingPriors:
@@ -73,11 +80,15 @@ def adapt(
     The `box` was the last measurement of the estimate; the priors are of the time of the one before it.
     """
     layout, names = estimate.layout, _names(estimate)
+    if not names:
+        return estimate, priors, jnp.zeros_like(box.interval)
     grown = _growth(tuning, estimate, box)
     declared, before = priors.declared + grown, priors.adapted + grown
     x, P, variance = estimate.vector, estimate.covariance, _variance(estimate)
     has_prior = before > 0.0
-    share = jnp.where(has_prior, 1.0 - variance / jnp.where(has_prior, before, 1.0), 0.0)
+    # Of an error that is declared as none, so that derivatives are defined, too.
+    safe = jnp.where(has_prior, before, 1.0)
+    share = jnp.where(has_prior, 1.0 - variance / safe, 0.0)
     is_heard = share > _LEAST_SHARE
     share = jnp.where(is_heard, share, 1.0)
     # What the measurements alone say, and its variance.
@@ -86,10 +97,10 @@ def adapt(
     ratio = jnp.abs(measured) / gradient_safe.sqrt(jnp.where(is_heard, declared + noise, 1.0))
     wanted = jnp.clip((measured / _SIGMAS) ** 2 - noise, declared, tuning.adaptation_limit**2 * declared)
     # One prior a time, that which lacks most: the others wait for a second, and the kernel is as small as can be.
-    lack = jnp.where(is_heard, jnp.abs(jnp.log(jnp.where(is_heard, wanted / before, 1.0))), 0.0)
+    lack = jnp.where(is_heard, jnp.abs(jnp.log(jnp.where(is_heard, wanted / safe, 1.0))), 0.0)
     chosen = (jnp.arange(found.shape[0]) == jnp.argmax(lack, axis=0)) & is_heard
     adapted = jnp.where(chosen, wanted, before)
-    less = jnp.sum(jnp.where(chosen, 1.0 / before - 1.0 / adapted, 0.0), axis=0)
+    less = jnp.sum(jnp.where(chosen, 1.0 / safe - 1.0 / jnp.where(has_prior, adapted, 1.0), 0.0), axis=0)
     columns = jnp.concatenate([P[:, layout[name]] for name in names], axis=1)
     column = jnp.sum(jnp.where(chosen[None, :], columns, 0.0), axis=1)
     value, own = (jnp.sum(jnp.where(chosen, each, 0.0), axis=0) for each in (found, variance))

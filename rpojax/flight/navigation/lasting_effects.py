@@ -14,7 +14,7 @@ Vector = Float[Array, "3"]
 
 DRAG_COEFFICIENT = 2.2
 """Of compact bodies in free molecular flow (Vallado, Fundamentals of Astrodynamics and Applications, section 8.6.2)."""
-_PRESSURE_COEFFICIENT = 1.3
+PRESSURE_COEFFICIENT = 1.3
 """Of a surface that absorbs most sunlight and scatters the rest: between 1, all absorbed, and 2, all reflected."""
 
 
@@ -59,4 +59,4 @@ def ballistic_acceleration(atmosphere: Atmosphere, r_N: Vector, v_N: Vector, sun
     beside = jnp.sum(r_N * r_N, axis=0) - behind * behind
     # A shadow without penumbra, which is a hundredth of it in a low orbit.
     in_shadow = (behind > 0.0) & (beside < RADIUS_EARTH**2)
-    return drag + jnp.where(in_shadow, 0.0, _PRESSURE_COEFFICIENT * SOLAR_FLUX / SPEED_OF_LIGHT) * from_sun
+    return drag + jnp.where(in_shadow, 0.0, PRESSURE_COEFFICIENT * SOLAR_FLUX / SPEED_OF_LIGHT) * from_sun

@@ -31,7 +31,8 @@ _TINY = 1e-12
 def control_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Velocity changes per burn period that exceed the thruster's, and errors below its least burn."""
     if file.phases:
-        # The station of `formation` is not used; transfers between phases are checked with these.
+        # The station of `formation` is not used; transfers between phases are checked with these. What all of them
+        # together fill the wheels with is not.
         return attitude_warnings(file, reach, 0.0)
     transfer, propellant = _transfer(file, reach)
     found = attitude_warnings(file, reach, propellant)

@@ -23,6 +23,8 @@ _SIZE_ROUNDING = 1.01
 """Factor for the rounding of a belief that is written down."""
 _FAULT_KIND, _THRUSTER_FAULTS = "fault.kind", ("thruster_off", "thruster_weak")
 _TINY = 1e-30
+_WITHOUT_AIR_M = 7.5e6
+"""Semi-major axis from which drag is less than the pressure of sunlight, some 1100 km up."""
 _GROUPS = ("position_sigma_m", "velocity_sigma_m_s", "relative_position_sigma_m", "relative_velocity_sigma_m_s")
 
 Belief = tuple[str, str, float, float]
@@ -92,19 +94,29 @@ def _error_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief
         false, missed = reach.high("camera.outlier_probability"), reach.high("camera.miss_probability")
         key, of_truth = "navigation.miss_probability", "camera.miss_probability and outlier_probability"
         yield key, of_truth, missed + (1.0 - missed) * false, float(reach.middle(key))
-    if file.effects.drag and file.navigation.sharing == "none":
+    if (file.effects.drag or file.effects.solar_pressure) and file.navigation.sharing == "none":
         key = "navigation.ballistic_sigma_m2_kg"
-        yield key, "area, mass and drag of both spacecraft", _ballistic_difference(reach), float(reach.middle(key))
+        yield (
+            key,
+            "areas, masses and coefficients of both",
+            _ballistic_difference(file, reach),
+            float(reach.middle(key)),
+        )
 
 
-def _ballistic_difference(reach: DispersedReach) -> float:
-    """Area over mass of the target less that of the servicer [m^2/kg], for the drag coefficient of the filter."""
+def _ballistic_difference(file: ScenarioFile, reach: DispersedReach) -> float:
+    """Area over mass of the target less that of the servicer [m^2/kg], for the coefficients that the filter takes."""
 
-    def of(craft: str) -> float:
-        area, drag = (float(reach.middle(f"{craft}_surface.{name}")) for name in ("area_m2", "drag_coefficient"))
-        return area * drag / lasting_effects.DRAG_COEFFICIENT / float(reach.middle(f"{craft}.mass_kg"))
+    def of(craft: str, coefficient: str, believed: float) -> float:
+        area, true = (float(reach.middle(f"{craft}_surface.{name}")) for name in ("area_m2", coefficient))
+        return area * true / believed / float(reach.middle(f"{craft}.mass_kg"))
 
-    return abs(of("target") - of("servicer"))
+    kinds = []
+    if file.effects.drag and reach.low("orbit.semi_major_axis_m") < _WITHOUT_AIR_M:
+        kinds.append(("drag_coefficient", lasting_effects.DRAG_COEFFICIENT))
+    if file.effects.solar_pressure:
+        kinds.append(("pressure_coefficient", lasting_effects.PRESSURE_COEFFICIENT))
+    return max((abs(of("target", *kind) - of("servicer", *kind)) for kind in kinds), default=0.0)
 
 
 def _constant(reach: DispersedReach, key: str, ideal: float = 0.0) -> float:

@@ -33,6 +33,8 @@ DIVERGED_AFTER_S: Final = 600.0
 LEAST_COVERAGE: Final = 0.9
 """Fraction of seconds and Hill axes with a relative position error inside 3 sigma, below which no run is completed: of
 a consistent filter 0.9973 are, and a run has few independent errors."""
+_ROUNDING: Final = 1e-9
+"""Of a sum of shares."""
 _RELATIVE_COMPONENTS: Final = 6
 """Components of the relative NEES: position and velocity."""
 
@@ -121,7 +123,7 @@ def _outside_sigmas_since_s(records: Records, tick_s: float) -> np.ndarray:
     """Time (runs,) at which the seconds and axes outside of 3 sigma became more than a run may have; NaN if never."""
     outside = np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
     share = np.cumsum(outside.mean(axis=2), axis=1) / outside.shape[1]
-    too_many = share > 1.0 - LEAST_COVERAGE
+    too_many = share > 1.0 - LEAST_COVERAGE + _ROUNDING
     return np.where(too_many.any(axis=1), tick_s * np.argmax(too_many, axis=1), np.nan)
 
 
