@@ -41,12 +41,11 @@ def main() -> int:
                  mission_campaigns.variant_campaigns(variants, options, 0)]  # fmt: skip
         inside = [int((outcomes == Outcome.KEEP_OUT).sum()) for outcomes in found]
         entered += sum(inside)
-        kinds, counts = np.unique(np.concatenate(found), return_counts=True)
         mission_campaigns.row(
             f"{lens_deg} deg",
             str(sum(inside)),
             ", ".join(f"{date[:10]}: {count}" for date, count in zip(DATES, inside, strict=True) if count) or "-",
-            ", ".join(f"{count} {kind}" for kind, count in zip(kinds, counts, strict=True)),
+            mission_campaigns.outcome_counts(np.concatenate(found)),
         )
     print(f"\n{entered} of {len(DATES) * len(LENSES_DEG) * options.runs} runs entered the keep-out sphere.")
     return int(entered > 0)

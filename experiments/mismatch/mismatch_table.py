@@ -149,7 +149,6 @@ def cells(campaign: rpojax.Campaign, rows: slice) -> list[str]:
     completed = outcomes == Outcome.COMPLETED
     withdrawn_s = metrics.get("confidence_withdrawn_s", np.full(len(coverage), np.nan))
     withdrawn = np.isfinite(withdrawn_s) if "confidence_withdrawn_s" in metrics else metrics["confident_fraction"] < 1.0
-    kinds, counts = np.unique(outcomes, return_counts=True)
     silent = int((low & completed).sum())
     formation = metrics["formation_error_rms_m"]
     return [
@@ -161,7 +160,7 @@ def cells(campaign: rpojax.Campaign, rows: slice) -> list[str]:
         percent(float(withdrawn.mean())),
         f"{np.nanmedian(withdrawn_s):.0f} s" if np.isfinite(withdrawn_s).any() else "-",
         f"{np.nanmedian(formation):.3f} m, {np.nanpercentile(formation, 95):.3f} m",
-        ", ".join(f"{count} {kind}" for kind, count in zip(kinds, counts, strict=True)),
+        mission_campaigns.outcome_counts(outcomes),
     ]
 
 

@@ -88,7 +88,6 @@ def cells(campaign: rpojax.Campaign, rows: slice, station_H: np.ndarray) -> list
     of_range = formation / float(np.linalg.norm(station_H))
     coverage = metrics["sigma3_coverage"][np.isfinite(metrics["sigma3_coverage"])]
     low_runs, nees = float(np.mean(coverage < 0.95)), mean(metrics["nees_relative_mean"]) / 6.0
-    kinds, counts = np.unique(campaign.outcomes[rows], return_counts=True)
     return [
         f"{formation:.3f} m",
         _marked(percent(of_range, 2), of_range <= 0.04),
@@ -97,7 +96,7 @@ def cells(campaign: rpojax.Campaign, rows: slice, station_H: np.ndarray) -> list
         _marked(percent(low_runs), low_runs <= 0.05),
         _marked(f"{nees:.2f}", 0.45 <= nees <= 1.5),
         f"{np.nanmedian(metrics['nav_relative_position_error_rms_m']):.3f} m",
-        ", ".join(f"{count} {kind}" for kind, count in zip(kinds, counts, strict=True)),
+        mission_campaigns.outcome_counts(campaign.outcomes[rows]),
     ]
 
 

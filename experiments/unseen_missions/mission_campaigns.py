@@ -162,3 +162,9 @@ def mean(values: np.ndarray) -> float:
     """Mean of the values that are defined, NaN without any."""
     defined = values[np.isfinite(values)]
     return float(defined.mean()) if defined.size else math.nan
+
+
+def outcome_counts(outcomes: np.ndarray) -> str:
+    """Numbers of runs by outcome, such as `62 completed, 2 lost`."""
+    kinds, counts = np.unique(outcomes, return_counts=True)
+    return ", ".join(f"{count} {kind}" for kind, count in zip(kinds, counts, strict=True))

@@ -38,7 +38,7 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
-from rpojax.flight.navigation.lasting_adaptation import LastingPriors
+from rpojax.flight.navigation.lasting_adaptation import Adaptation
 from rpojax.flight.navigation.lasting_effects import LastingEffects
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_state import RelativeEstimate
@@ -123,8 +123,8 @@ def navigate(
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
-    relative, priors, ratio = lasting_adaptation.adapt(params.navigation, orbit.relative, memory.health.lasting, box)
-    orbit = replace(orbit, relative=relative)
+    adaptation = lasting_adaptation.adapt(params.navigation, orbit.relative, memory.health.lasting, box)
+    orbit = replace(orbit, relative=adaptation.estimate)
     after = replace(
         memory,
         attitude=attitude,
@@ -134,7 +134,7 @@ def navigate(
         rejected_s=rejected_s,
         own=own,
     )
-    evidence = _health_evidence(memory, after, innovation, (priors, ratio), box.interval, time)
+    evidence = _health_evidence(memory, after, innovation, adaptation, box.interval, time)
     health = navigation_health.update(params.health, params.navigation, memory.health, evidence)
     return replace(after, health=health), innovation
 
@@ -186,7 +186,7 @@ def _health_evidence(
     memory: FlightMemory,
     after: FlightMemory,
     innovation: Innovation,
-    lasting: tuple[LastingPriors, Scalar],
+    adaptation: Adaptation,
     interval: Scalar,
     time: Scalar,
 ) -> HealthEvidence:
@@ -205,8 +205,8 @@ def _health_evidence(
         gate=after.gate,
         estimate=orbit.relative,
         effort=effort,
-        lasting=lasting[0],
-        lasting_ratio=lasting[1],
+        lasting=adaptation.priors,
+        lasting_ratio=adaptation.ratio,
         unseen_time=memory.pointing.acquisition.unseen_time,
         range_sigma=line_of_sight_uncertainty.relative_range_sigma(orbit),
     )

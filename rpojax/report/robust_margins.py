@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rpojax.analysis.robustness.step_runs import COMPLETED, DEFAULT_RISK
 from rpojax.analysis.robustness.study import STUDY
 from rpojax.analysis.statistics.intervals import success_bounds
 from rpojax.report.labels import format_number, metric_label, with_unit
 
 HEADINGS = ("quantity", "nominal", "sigma", "margin below", "margin above")
-_RISK = 0.1
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _side(side: str, entry: Mapping[str, Any], details: Mapping[str, Any], unit:
 def title(requirement: str) -> str:
     """Title of a requirement by its name, which begins with its metric."""
     metric, _, rest = requirement.partition(" ")
-    return "Completion" if requirement == "completed" else " ".join(filter(None, (metric_label(metric).title, rest)))
+    return "Completion" if requirement == COMPLETED else " ".join(filter(None, (metric_label(metric).title, rest)))
 
 
 def sentences(content: Mapping[str, Any]) -> list[str]:
@@ -121,10 +121,10 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
         f"(completion); judged: {names}. The margin is the last step that holds; the first that breaks lies within a "
         "tenth beyond it. Steps go to 16 sigma, or to where the quantity would vanish."
     )
-    unseen = 100.0 * (1.0 - success_bounds(0, runs, _RISK)[0])
+    unseen = 100.0 * (1.0 - success_bounds(0, runs, DEFAULT_RISK)[0])
     found.append(
-        f"{runs} runs without a violation may still come from a share of {unseen:.2g} % in violation (risk 10 %); "
-        f"{study['runs_that_decide']} runs of each step would decide that one holds."
+        f"{runs} runs without a violation may still come from a share of {unseen:.2g} % in violation "
+        f"(risk {100.0 * DEFAULT_RISK:g} %); {study['runs_that_decide']} runs of each step would decide that one holds."
     )
     if study["broken_at_nominal"]:
         broken = ", ".join(map(title, study["broken_at_nominal"]))

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from rpojax.scenario.numbers.start_and_limits import HANDOVER_KEYS
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import HandoverSection
@@ -14,12 +15,6 @@ from rpojax.scenario.warnings.key_uses import Situation, unused_keys
 
 Values = Mapping[str, np.ndarray]
 HANDOVER: Final = "initial.handover"
-_HANDOVER_KEYS: Final = (
-    "position_sigma_m",
-    "velocity_sigma_m_s",
-    "relative_position_sigma_m",
-    "relative_velocity_sigma_m_s",
-)
 _GOLDEN_ANGLE: Final = math.pi * (3.0 - math.sqrt(5.0))
 """Angle [rad] by whose multiples directions are spread evenly for any number of runs."""
 _LEAST: Final = 0.01
@@ -86,7 +81,7 @@ def with_handover(file: ScenarioFile) -> ScenarioFile:
     given = file.initial.handover.model_dump() if file.initial.handover is not None else {}
     if "covariance" in given:
         return file
-    told = {key: getattr(file.navigation, f"initial_{key}") for key in _HANDOVER_KEYS}
+    told = {key: getattr(file.navigation, f"initial_{key}") for key in HANDOVER_KEYS}
     initial = file.initial.model_copy(update={"handover": HandoverSection(**{**told, **given})})
     return file.model_copy(update={"initial": initial})
 
@@ -138,7 +133,7 @@ def _candidates(file: ScenarioFile) -> Iterator[Quantity]:
     mass = thrust * file.servicer.mass_kg
     yield _number(file, "servicer.mass_kg", "mass of the servicer", "kg", mass, f"{thrust_key} times the mass")
     if file.initial.handover is None or file.initial.handover.covariance is None:
-        keys = tuple(f"{HANDOVER}.{key}" for key in _HANDOVER_KEYS)
+        keys = tuple(f"{HANDOVER}.{key}" for key in HANDOVER_KEYS)
         title, belief = "hand-over errors over those told", "the errors that the filter is told"
         yield Quantity(HANDOVER, title, "-", 1.0, 1.0, belief, keys, least=0.0, is_factor=True)
 

@@ -8,7 +8,7 @@ those that the filter would have had with this prior from the hand-over on: of a
 that is exact, a change of the information matrix in one element (Sherman and Morrison, 1950).
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -39,6 +39,14 @@ class LastingPriors:
 
     declared: Array
     adapted: Array
+
+
+class Adaptation(NamedTuple):
+    """Estimate under adapted priors, these, and the largest measured error over its declared sigma [-]."""
+
+    estimate: RelativeEstimate
+    priors: LastingPriors
+    ratio: Scalar
 
 
 def _names(estimate: RelativeEstimate) -> list[str]:
@@ -74,14 +82,11 @@ def _growth(tuning: OrbitFilterTuning, estimate: RelativeEstimate, box: BoxMeasu
 
 def adapt(
     tuning: OrbitFilterTuning, estimate: RelativeEstimate, priors: LastingPriors, box: BoxMeasurement
-) -> tuple[RelativeEstimate, LastingPriors, Scalar]:
-    """Estimate under adapted priors, these, and the largest measured error over its declared sigma [-].
-
-    The `box` was the last measurement of the estimate; the priors are of the time of the one before it.
-    """
+) -> Adaptation:
+    """Adaptation of an estimate after the measurement of a `box`; the priors are of the time of the box before it."""
     layout, names = estimate.layout, _names(estimate)
     if not names:
-        return estimate, priors, jnp.zeros_like(box.interval)
+        return Adaptation(estimate, priors, jnp.zeros_like(box.interval))
     grown = _growth(tuning, estimate, box)
     declared, before = priors.declared + grown, priors.adapted + grown
     x, P, variance = estimate.vector, estimate.covariance, _variance(estimate)
@@ -106,4 +111,5 @@ def adapt(
     value, own = (jnp.sum(jnp.where(chosen, each, 0.0), axis=0) for each in (found, variance))
     gain = less / (1.0 - less * own)
     moved = relative_state.moved_to(estimate, x + gain * value * column, P + gain * column[:, None] * column[None, :])
-    return moved, LastingPriors(declared=declared, adapted=adapted), jnp.max(jnp.where(is_heard, ratio, 0.0), axis=0)
+    greatest = jnp.max(jnp.where(is_heard, ratio, 0.0), axis=0)
+    return Adaptation(moved, LastingPriors(declared=declared, adapted=adapted), greatest)

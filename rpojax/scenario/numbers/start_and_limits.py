@@ -2,7 +2,7 @@
 
 from jaxtyping import Array
 
-from rpojax.core.declared_numbers import number
+from rpojax.core.declared_numbers import declared_numbers, number
 from rpojax.core.pytree import pytree
 from rpojax.value_types import NonNegative, NonNegativeVector
 
@@ -52,6 +52,10 @@ class HandoverErrors:
         default=None,
     )
     covariance_factor: Array | None = None
+
+
+HANDOVER_KEYS = tuple(key.rpartition(".")[2] for key, _ in declared_numbers(HandoverErrors).values())
+"""Keys of the section of these errors, and with `initial_` before them of what the filter is told."""
 
 
 @pytree

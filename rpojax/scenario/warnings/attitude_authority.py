@@ -1,16 +1,22 @@
 """Whether wheels and search can do what slews, the thruster's lever arm and the field of view ask of them."""
 
 import math
-from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
-from rpojax.dispersions.kinds.choice import Choice
+from rpojax.flight.control.wheel_torque_allocation import allocation_matrix
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.guidance.slew_profile import slew_duration
+from rpojax.scenario.numbers.section_records import section_record
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.scenario.warnings.target_size import least_half_frame
 
-_LARGEST_TURN = math.pi
+_ACCELERATION = "slew_acceleration_mrad_s2"
+_TINY = 1e-12
 _MOMENTUM_SHARE = 0.5
 """Share of the wheels' momentum that burns may fill: the rest is for slews. A choice: in `inspection` with an arm of
 0.15 m, which fills more than all of it, 27 of 64 runs fail."""
@@ -21,26 +27,38 @@ def attitude_warnings(file: ScenarioFile, reach: DispersedReach, way_m_s: float)
 
     The best way to the station takes `way_m_s` [m/s].
     """
-    to_wheels = np.abs(np.linalg.inv(np.array(file.wheels.axes).T) @ np.array(file.servicer.inertia_kg_m2))
+    pointing = section_record(
+        PointingTuning,
+        {**file.pointing.model_dump(), _ACCELERATION: reach.high(f"pointing.{_ACCELERATION}")},
+    )
+    to_wheels, rate = map(np.asarray, _of_flight_software(np.array(file.wheels.axes), pointing))
     # Largest over all axes of rotation, by wheel.
-    inertia = np.linalg.norm(to_wheels, axis=1)
+    inertia = np.linalg.norm(to_wheels @ np.array(file.servicer.inertia_kg_m2), axis=1)
     momentum = np.array(file.wheels.inertia_kg_m2) * (
         np.array(file.wheels.speed_limit_rad_s) - np.abs(file.wheels.initial_speed_rad_s)
     )
     return [
         *_torque(file, reach, inertia),
-        *_slew_momentum(reach, inertia, momentum),
-        *_thruster_momentum(file, reach, momentum, way_m_s),
-        *_lost_wheel(file),
+        *_slew_momentum(inertia * rate, momentum),
+        *_thruster_momentum(file, to_wheels, momentum, reach.high("servicer.mass_kg") * way_m_s),
+        *_lost_wheel(file, reach),
         *_search_pattern(file, reach),
     ]
+
+
+@jax.jit
+def _of_flight_software(axes: Float[Array, "3 3"], pointing: PointingTuning) -> tuple[Array, Array]:
+    """Matrix from body torque to wheel torques, and the largest rate of a half turn [rad/s]."""
+    half_turn = jnp.full((), math.pi, dtype=axes.dtype)
+    # Of a cycloid: twice the mean rate.
+    return allocation_matrix(axes), 2.0 * half_turn / slew_duration(pointing, half_turn)
 
 
 def _torque(file: ScenarioFile, reach: DispersedReach, inertia: np.ndarray) -> list[str]:
     """Accelerations of slews that exceed the torque of a wheel."""
     limit = np.array(file.wheels.torque_limit_n_m)
     found = []
-    for key in ("pointing.slew_acceleration_mrad_s2", "pointing.search_acceleration_mrad_s2"):
+    for key in (f"pointing.{_ACCELERATION}", "pointing.search_acceleration_mrad_s2"):
         needed = 1e-3 * reach.high(key) * inertia
         worst = int(np.argmax(needed / limit))
         if needed[worst] > limit[worst]:
@@ -51,26 +69,25 @@ def _torque(file: ScenarioFile, reach: DispersedReach, inertia: np.ndarray) -> l
     return found
 
 
-def _slew_momentum(reach: DispersedReach, inertia: np.ndarray, momentum: np.ndarray) -> list[str]:
-    """Rates of a half turn for which the wheels have no momentum left."""
-    # Of the cycloid of `slew_profile.slew_duration`: twice the mean rate.
-    rate = math.sqrt(2.0 * _LARGEST_TURN * 1e-3 * reach.high("pointing.slew_acceleration_mrad_s2") / math.pi)
-    worst = int(np.argmax(inertia * rate / np.maximum(momentum, 1e-12)))
-    if inertia[worst] * rate <= momentum[worst]:
+def _slew_momentum(needed: np.ndarray, momentum: np.ndarray) -> list[str]:
+    """Wheels whose momentum is less than a half turn needs."""
+    worst = int(np.argmax(needed / np.maximum(momentum, _TINY)))
+    if needed[worst] <= momentum[worst]:
         return []
     return [
         f"wheels.initial_speed_rad_s: wheel {worst} has {max(momentum[worst], 0.0):.3g} N m s up to its speed limit, "
-        f"expected at least {inertia[worst] * rate:.3g} for a half turn by pointing.slew_acceleration_mrad_s2"
+        f"expected at least {needed[worst]:.3g} for a half turn by pointing.slew_acceleration_mrad_s2"
     ]
 
 
-def _thruster_momentum(file: ScenarioFile, reach: DispersedReach, momentum: np.ndarray, way_m_s: float) -> list[str]:
+def _thruster_momentum(
+    file: ScenarioFile, to_wheels: np.ndarray, momentum: np.ndarray, impulse_n_s: float
+) -> list[str]:
     """Momentum of burns beside the centre of mass, which nothing unloads."""
     direction = np.array(file.thruster.direction) / np.linalg.norm(file.thruster.direction)
     arm = np.cross(np.array(file.thruster.position_m), direction)
-    impulse = reach.high("servicer.mass_kg") * way_m_s
-    filled = impulse * np.abs(np.linalg.inv(np.array(file.wheels.axes).T) @ arm)
-    worst = int(np.argmax(filled / np.maximum(momentum, 1e-12)))
+    filled = impulse_n_s * np.abs(to_wheels @ arm)
+    worst = int(np.argmax(filled / np.maximum(momentum, _TINY)))
     if filled[worst] <= _MOMENTUM_SHARE * momentum[worst]:
         return []
     return [
@@ -79,9 +96,9 @@ def _thruster_momentum(file: ScenarioFile, reach: DispersedReach, momentum: np.n
     ]
 
 
-def _lost_wheel(file: ScenarioFile) -> list[str]:
+def _lost_wheel(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """A fault in all runs that leaves fewer than three axes of torque."""
-    if not file.effects.faults or set(fault_kinds(file)) != {"wheel_stuck"}:
+    if not file.effects.faults or reach.fault_kinds != {"wheel_stuck"}:
         return []
     return [
         "fault.kind: found 'wheel_stuck' with three wheels, expected other kinds, or runs whose attitude is not "
@@ -91,9 +108,7 @@ def _lost_wheel(file: ScenarioFile) -> list[str]:
 
 def _search_pattern(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Turns of the search that are farther from each other than the camera sees."""
-    camera = file.camera
-    half = 0.5 * math.radians(reach.low("camera.field_of_view_deg"))
-    least_deg = 2.0 * math.degrees(math.atan(math.tan(half) * min(1.0, camera.height_px / camera.width_px)))
+    least_deg = 2.0 * math.degrees(math.atan(least_half_frame(file, reach)))
     pitch_deg = reach.high("pointing.search_pitch_deg")
     if pitch_deg <= least_deg:
         return []
@@ -101,14 +116,3 @@ def _search_pattern(file: ScenarioFile, reach: DispersedReach) -> list[str]:
         f"pointing.search_pitch_deg: found {pitch_deg:g}, expected at most the {least_deg:.3g} deg that the camera "
         "sees, or a search leaves gaps"
     ]
-
-
-def fault_kinds(file: ScenarioFile) -> Sequence[str]:
-    """Kinds of fault that the runs of a scenario may have."""
-    key = "fault.kind"
-    if isinstance(file.design, TableDesign | GridDesign) and key in file.design.values:
-        return [str(kind) for kind in file.design.values[key]]
-    for entry in file.dispersions:
-        if isinstance(entry, Choice) and entry.key == key:
-            return [str(kind) for kind in entry.values]
-    return [file.fault.kind]

@@ -6,6 +6,7 @@ Normal errors have no ends; what they reach beyond the bounds of the schema is w
 import numpy as np
 
 from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
+from rpojax.dispersions.kinds.choice import Choice
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.listed_values import listed_ends
 from rpojax.errors import ScenarioError
@@ -37,6 +38,15 @@ class DispersedReach:
             # Components of joint keys come first, as assigned values have them.
             for parameter, part in assigned_parts(file, entry, np.moveaxis(ends, 0, -1)):
                 self._set(parameter, np.moveaxis(part, -1, 0))
+
+    @property
+    def fault_kinds(self) -> set[str]:
+        """Kinds of fault that the runs may have."""
+        key, design = "fault.kind", self._file.design
+        if isinstance(design, TableDesign | GridDesign) and key in design.values:
+            return {str(kind) for kind in design.values[key]}
+        drawn = [entry.values for entry in self._file.dispersions if isinstance(entry, Choice) and entry.key == key]
+        return {str(kind) for kind in (drawn[-1] if drawn else [self._file.fault.kind])}
 
     def ends(self, text: str) -> np.ndarray:
         """(2, ...) least and greatest value of a key, or of a component of one, by component."""

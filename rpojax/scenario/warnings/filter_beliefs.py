@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rpojax.flight.navigation import lasting_effects
+from rpojax.scenario.numbers.start_and_limits import HANDOVER_KEYS
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.warnings.attitude_authority import fault_kinds
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.target_size import mean_size
 
@@ -25,7 +25,6 @@ _FAULT_KIND, _THRUSTER_FAULTS = "fault.kind", ("thruster_off", "thruster_weak")
 _TINY = 1e-30
 _WITHOUT_AIR_M = 7.5e6
 """Semi-major axis from which drag is less than the pressure of sunlight, some 1100 km up."""
-_GROUPS = ("position_sigma_m", "velocity_sigma_m_s", "relative_position_sigma_m", "relative_velocity_sigma_m_s")
 
 Belief = tuple[str, str, float, float]
 """Key of a belief, key of the truth, value of the truth at most, and value believed."""
@@ -35,7 +34,7 @@ def belief_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Beliefs that differ too much from what the scenario declares."""
     beliefs = [*_sensor_beliefs(file, reach), *_error_beliefs(file, reach), *_handover_beliefs(file, reach)]
     found = judged_beliefs(beliefs) + _time_constant(file, reach) + _target_size(file, reach)
-    return found + _unmeasured_thrust(file)
+    return found + _unmeasured_thrust(file, reach)
 
 
 def judged_beliefs(beliefs: Sequence[Belief]) -> list[str]:
@@ -125,11 +124,11 @@ def _constant(reach: DispersedReach, key: str, ideal: float = 0.0) -> float:
     return float(np.max(np.hypot(0.5 * (low + high) - ideal, (high - low) / 6.0)))
 
 
-def _unmeasured_thrust(file: ScenarioFile) -> list[str]:
+def _unmeasured_thrust(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Faults of the thruster of which flight software learns nothing."""
     if not file.effects.faults or file.chamber_pressure.enabled:
         return []
-    kinds = fault_kinds(file)
+    kinds = reach.fault_kinds
     found = [kind for kind in _THRUSTER_FAULTS if kind in kinds]
     return [
         f"chamber_pressure.enabled: found false with {_FAULT_KIND} = {kind!r}, expected true, or flight software "
@@ -143,7 +142,7 @@ def _handover_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Bel
     handover = file.initial.handover
     if handover is None:
         return
-    for index, name in enumerate(_GROUPS):
+    for index, name in enumerate(HANDOVER_KEYS):
         told = float(reach.middle(f"navigation.initial_{name}"))
         if handover.covariance is not None:
             variances = np.diag(np.array(handover.covariance))[3 * index : 3 * index + 3]

@@ -7,10 +7,8 @@ does not hold, the compiled program does not read the parameter, or multiplies i
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
-from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
-from rpojax.dispersions.kinds.choice import Choice
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import RelativeOrbitSection, TransferSection
 from rpojax.scenario.schema import ScenarioFile
@@ -47,17 +45,9 @@ class Situation:
         return self.file.navigation.sharing
 
     @cached_property
-    def fault_kinds(self) -> set[object]:
+    def fault_kinds(self) -> set[str]:
         """Kinds of fault of the runs, without `none`; empty where faults are off."""
-        if not self.file.effects.faults:
-            return set()
-        kinds: list[Any] = [self.file.fault.kind]
-        for entry in self.file.dispersions:
-            if isinstance(entry, Choice) and entry.key == "fault.kind":
-                kinds = entry.values
-        if isinstance(self.file.design, TableDesign | GridDesign):
-            kinds = list(self.file.design.values.get("fault.kind", kinds))
-        return set(kinds) - {"none"}
+        return self.reach.fault_kinds - {"none"} if self.file.effects.faults else set()
 
     @property
     def can_hold(self) -> bool:

@@ -121,6 +121,10 @@ def small_box_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
 def _beyond_frame(file: ScenarioFile, reach: DispersedReach, distance_m: float) -> float:
     """Share of attitudes in which the target is larger than the frame from that distance."""
     sides = hull_sides(file.target.hull_m).max(axis=1) * reach.high("target.scale")
-    frame = 2.0 * np.tan(np.radians(0.5 * reach.low("camera.field_of_view_deg"))) * max(distance_m, 1e-3)
-    frame *= min(1.0, file.camera.height_px / file.camera.width_px)
-    return float(np.mean(sides > frame))
+    return float(np.mean(sides > 2.0 * least_half_frame(file, reach) * max(distance_m, 1e-3)))
+
+
+def least_half_frame(file: ScenarioFile, reach: DispersedReach) -> float:
+    """Tangent of half the angle that the camera sees along the shorter side of its frame."""
+    tangent = float(np.tan(np.radians(0.5 * reach.low("camera.field_of_view_deg"))))
+    return tangent * min(1.0, file.camera.height_px / file.camera.width_px)

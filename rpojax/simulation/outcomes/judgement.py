@@ -25,8 +25,8 @@ from rpojax.time_scales import TIME_ROUNDING_S
 Flags = NDArray[np.bool_]
 Records = Mapping[str, np.ndarray]
 
-DIVERGED_NEES_PER_COMPONENT: Final = 25.0
-"""Relative NEES over its 6 components above which a filter is on the way to be diverged: errors of 5 sigma."""
+DIVERGED_NEES: Final = 6 * 25.0
+"""Relative NEES, of 6 components, above which a filter is on the way to be diverged: errors of 5 sigma."""
 DIVERGED_AFTER_S: Final = 600.0
 """Time above it without interruption after which the filter is diverged [s]. A choice: three burn periods of
 `inspection`, as `limits.lost_after_s`."""
@@ -35,8 +35,6 @@ LEAST_COVERAGE: Final = 0.9
 a consistent filter 0.9973 are, and a run has few independent errors."""
 _ROUNDING: Final = 1e-9
 """Of a sum of shares."""
-_RELATIVE_COMPONENTS: Final = 6
-"""Components of the relative NEES: position and velocity."""
 
 REQUIRED_CHANNELS: Final = (
     "box_accepted",
@@ -119,9 +117,14 @@ def judge(
     return JudgedRuns(codes, since_s, events)
 
 
+def outside_sigmas(records: Records) -> Flags:
+    """Flags (runs, ticks, 3) of seconds and Hill axes with a relative position error outside of 3 sigma."""
+    return np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
+
+
 def _outside_sigmas_since_s(records: Records, tick_s: float) -> np.ndarray:
     """Time (runs,) at which the seconds and axes outside of 3 sigma became more than a run may have; NaN if never."""
-    outside = np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
+    outside = outside_sigmas(records)
     share = np.cumsum(outside.mean(axis=2), axis=1) / outside.shape[1]
     too_many = share > 1.0 - LEAST_COVERAGE + _ROUNDING
     return np.where(too_many.any(axis=1), tick_s * np.argmax(too_many, axis=1), np.nan)
@@ -156,7 +159,7 @@ def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: 
     off = np.linalg.norm(records["rho_H"] - desired_H, axis=2)
     aborted = records["abort_reason"] > 0 if "abort_reason" in records else np.zeros((runs, ticks), dtype=bool)
     true_box = records["box_accepted"] & ~records["box_outlier"]
-    consistent = records["nees_relative"] <= DIVERGED_NEES_PER_COMPONENT * _RELATIVE_COMPONENTS
+    consistent = records["nees_relative"] <= DIVERGED_NEES
     flags = {
         # Single precision, as the channel is, so that a run that used exactly the limit counts.
         Outcome.OUT_OF_PROPELLANT: records["propellant_used_kg"] >= limits["propellant_kg"].astype(np.float32),
