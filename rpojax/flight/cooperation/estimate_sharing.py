@@ -112,7 +112,7 @@ def initial(
         known=jnp.zeros(count, dtype=bool),
     )
     # Only the mounting of the camera is its own.
-    mounting = own.layout.vector(bearing_bias=jnp.full(2, tuning.bearing_bias_sigma**2))
+    mounting = own.layout.vector(bearing_bias=jnp.diag(own.covariance)[own.layout["bearing_bias"]])
     correlated = own.covariance - jnp.diag(mounting)
     return replace(memory, local=own, correlated=correlated, tracks=tracks)
 

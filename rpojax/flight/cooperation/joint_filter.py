@@ -81,7 +81,7 @@ def initial(
         velocities.append(motion[MOTION["velocity"]])
         slow += [
             shape_errors.scale_variance(of_peer)[:1],
-            jnp.full(2, of_peer.bearing_bias_sigma**2),
+            jnp.full(2, relative_state.lasting_variance(of_peer.bearing_bias_sigma)),
             jnp.full(3, baseline.error_sigma**2),
             *([baseline.range_bias_sigma[None] ** 2] if has_ranges else []),
         ]

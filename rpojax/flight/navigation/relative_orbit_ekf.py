@@ -42,7 +42,8 @@ def measurement_rows(
     # per hour; so only while the prior is much wider than the box, where linearising at the prior would be worse.
     iterated = _iterated_position(tuning, view, estimate, prior.measured)
     linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
-    model = linearise_box(tuning, view, linearisation_point, estimate.slow["size"][0])
+    slow = estimate.slow
+    model = linearise_box(tuning, view, linearisation_point, slow["size"][0], slow["bearing_bias"])
     residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
     size = _size_row(tuning, view, prior, decision, (residual[2], model.variance[2]))
     rows = MeasurementRows(

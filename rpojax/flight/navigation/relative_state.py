@@ -5,9 +5,11 @@ camera, the lasting errors of burns, the difference of drag. Each is declared he
 and process noise, and how it acts on the motion; filter, sharing, linear covariance and records find it by its name.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -57,6 +59,17 @@ class SlowState:
         return self.burn_effect is not None or self.acceleration is not None
 
 
+SIGMA_MARGIN: Final = math.sqrt(8.0 / 6.0)
+"""Factor on the declared sigma of an error that lasts: that of Student's t with eight degrees of freedom, the error of
+a unit whose sigma was estimated from nine others (Gelman et al., Bayesian Data Analysis, 2013, section 3.2). A
+hardware three sigma off lies at 2.6 sigma of the filter, which it need not notice to be right about itself."""
+
+
+def lasting_variance(sigma: Scalar) -> Scalar:
+    """Prior variance of an error that lasts, by its declared 1 sigma."""
+    return (SIGMA_MARGIN * sigma) ** 2
+
+
 def _constant(size: int) -> Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]:
     """Process of a state that stays."""
     return lambda tuning, errors, dt: (
@@ -95,7 +108,7 @@ SLOW_STATES = (
         "bearing_bias",
         2,
         "rad",
-        lambda tuning, r_TS_N: jnp.full(2, tuning.bearing_bias_sigma**2),
+        lambda tuning, r_TS_N: jnp.full(2, lasting_variance(tuning.bearing_bias_sigma)),
         _bearing_bias_process,
         is_lasting=True,
     ),
@@ -115,7 +128,7 @@ SLOW_STATES = (
         "burn_scale",
         1,
         "-",
-        lambda tuning, r_TS_N: burn_execution_error.lasting_sigma(tuning)[None] ** 2,
+        lambda tuning, r_TS_N: lasting_variance(burn_execution_error.lasting_sigma(tuning))[None],
         _constant(1),
         burn_effect=lambda effects, delta_v_N: delta_v_N[:, None],
         is_lasting=True,
@@ -125,7 +138,7 @@ SLOW_STATES = (
         "thrust_direction",
         2,
         "rad",
-        lambda tuning, r_TS_N: jnp.full(2, burn_execution_error.lasting_direction_sigma(tuning) ** 2),
+        lambda tuning, r_TS_N: jnp.full(2, lasting_variance(burn_execution_error.lasting_direction_sigma(tuning))),
         _constant(2),
         burn_effect=_deflected,
         is_lasting=True,
@@ -135,7 +148,7 @@ SLOW_STATES = (
         "ballistic",
         1,
         "m^2/kg",
-        lambda tuning, r_TS_N: tuning.ballistic_sigma[None] ** 2,
+        lambda tuning, r_TS_N: lasting_variance(tuning.ballistic_sigma)[None],
         _constant(1),
         acceleration=lambda effects: effects.ballistic_N[:, None],
         is_lasting=True,

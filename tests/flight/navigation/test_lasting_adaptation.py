@@ -10,7 +10,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import lasting_adaptation
 from rpojax.flight.navigation.lasting_adaptation import LastingPriors
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_state import SIGMA_MARGIN, RelativeEstimate
 
 PLACE = 12
 """Of the scale of burns in the filter's vector."""
@@ -20,7 +20,7 @@ NOISE = 0.01
 
 @pytest.fixture(scope="module")
 def start(flight: FlightParams) -> RelativeEstimate:
-    navigation = replace(flight.navigation, burn_scale_sigma=jnp.asarray(SIGMA))
+    navigation = replace(flight.navigation, burn_scale_sigma=jnp.asarray(SIGMA / SIGMA_MARGIN))
     return rendezvous_scene.estimate(replace(flight, navigation=navigation)).relative
 
 

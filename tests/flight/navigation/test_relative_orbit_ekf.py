@@ -139,6 +139,8 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
     # Boxes do not measure the last four states: errors of burns, and what pushes the two apart.
     H = np.zeros((3, 16))
     H[:, :3] = box_derivative(flight, q_KN, r_TS_N, box)
+    # In the direction in which the target appears.
+    H[:2, :3] -= bias[:, None] * R_KN[2] / depth
     H[2, 6:8] = 1.0
     H[0, 8] = H[1, 9] = 1.0
     H[0, 10] = H[1, 11] = 1.0 / depth
@@ -409,3 +411,28 @@ def test_under_attitude_drift_a_box_corrects_the_bearing_bias(
     assert used
     assert np.linalg.norm(drifting.r_TS_N - known.r_TS_N) < 0.1 * np.linalg.norm(steady.r_TS_N - known.r_TS_N)
     np.testing.assert_allclose(drifting.slow["bearing_bias"][0], box.tangent[0], rtol=0.1)
+
+
+def test_a_bias_that_becomes_known_does_not_measure_the_range(flight: FlightParams) -> None:
+    # A camera that rolls about the line of sight tells its mounting from the target's place, and nothing of the range.
+    # Linearised in the direction of the estimated place, which moves as the bias becomes known, it would seem to.
+    place, focal_px, frames = np.array([0.0, 0.0, 1850.0]), jnp.asarray(3e4), 300
+    tuning = replace(flight.navigation, attitude_sigma=jnp.asarray(3e-5), bearing_bias_sigma=jnp.asarray(1.7e-3))
+    before = rendezvous_scene.estimate(replace(flight, navigation=tuning), place, np.zeros(3), 15.0, 1e-6).relative
+    before = replace(before, covariance=before.covariance.at[jnp.array([0, 1]), jnp.array([0, 1])].set(3.0**2))
+    box = rendezvous_scene.box(flight, np.eye(3), place)
+    bias, noise = jnp.array([2e-3, -1e-3]), 4e-5 * np.random.default_rng(4).normal(size=(frames, 2))
+    rolls = np.linspace(0.0, 0.5 * np.pi, frames)
+    attitudes = np.stack([axis_angle_quaternion(np.array([0.0, 0.0, 1.0]), roll) for roll in rolls])
+
+    def take_one(estimate: RelativeEstimate, frame: tuple[jax.Array, jax.Array]) -> tuple[RelativeEstimate, None]:
+        view = box_view(replace(box, tangent=box.tangent + bias + frame[1]), focal_px, frame[0])
+        return relative_orbit_ekf.update(tuning, False, estimate, outlier_gate.initial(), view)[0], None
+
+    after = jax.lax.scan(take_one, before, (jnp.asarray(attitudes), jnp.asarray(noise)))[0]
+    sigma = np.sqrt(np.diag(after.covariance))
+    np.testing.assert_allclose(after.slow["bearing_bias"], bias, atol=3e-5)
+    np.testing.assert_allclose(after.r_TS_N[:2], place[:2], atol=0.05)
+    # 14.5 m: nearly as before. About the estimated place it would be 11.5 m.
+    assert 14.4 < sigma[2] <= 15.0
+    assert abs(float(after.r_TS_N[2]) - 1850.0) < 3.0

@@ -62,11 +62,25 @@ class LinearisedBox:
 
 
 def linearise_box(
-    tuning: OrbitFilterTuning, view: BoxView, r_TS_N: Vector, slow_scale: Scalar | float = 0.0
+    tuning: OrbitFilterTuning,
+    view: BoxView,
+    r_TS_N: Vector,
+    slow_scale: Scalar | float = 0.0,
+    bearing_bias: Float[Array, "2"] | None = None,
 ) -> LinearisedBox:
     """Linearised box of a target at `r_TS_N` [m] without its slowly varying errors.
 
-    `slow_scale` [-] is the estimated log of its size over the expected one, which determines the noise of the size.
+    The tangents are linearised in the direction in which the target appears, with the `bearing_bias` [-]: along it they
+    tell nothing of the range. That direction is known at once; where the target is, only as the bias becomes known, and
+    a Jacobian that turned with that knowledge would seem to measure the range (Huang, Mourikis and Roumeliotis,
+    Observability-based rules for designing consistent EKF SLAM estimators, 2010).
+
+    Args:
+        tuning: of the filter
+        view: camera and box
+        r_TS_N: (3,) place of the linearisation [m]
+        slow_scale: () estimated log of the target's size over the expected one, which determines the noise of the size
+        bearing_bias: (2,) estimated bias of the tangents, by default none
     """
     box, focal_px, R_KN = view.box, view.focal_px, view.R_KN
     r_K = apply(R_KN, r_TS_N)
@@ -75,10 +89,11 @@ def linearise_box(
     depth = jnp.maximum(r_K[2], _MIN_DEPTH_RATIO * distance)
     tangent = r_K[:2] / depth
     predicted = jnp.concatenate([tangent, jnp.log(tuning.target_size / distance)[None]])
+    apparent = tangent if bearing_bias is None else tangent + bearing_bias
     position_jacobian = jnp.stack(
         [
-            (R_KN[0] - tangent[0] * R_KN[2]) / depth,
-            (R_KN[1] - tangent[1] * R_KN[2]) / depth,
+            (R_KN[0] - apparent[0] * R_KN[2]) / depth,
+            (R_KN[1] - apparent[1] * R_KN[2]) / depth,
             -r_TS_N / distance_squared,
         ]
     )
@@ -177,13 +192,14 @@ def prior_box(tuning: OrbitFilterTuning, view: BoxView, estimate: RelativeEstima
     # Without stars the attitude error is a slow drift, not white noise; it adds to the bearing bias.
     drift = jnp.full(2, box.attitude_variance_change)
     r_TS_N, size = estimate.r_TS_N, estimate.slow["size"]
-    at_prior = linearise_box(tuning, view, r_TS_N, size[0])
-    bearing_error = estimate.slow["bearing_bias"] + at_prior.inverse_depth * estimate.slow["center_offset"]
+    bias = estimate.slow["bearing_bias"]
+    at_prior = linearise_box(tuning, view, r_TS_N, size[0], bias)
+    bearing_error = bias + at_prior.inverse_depth * estimate.slow["center_offset"]
     slow_errors = jnp.concatenate([bearing_error, jnp.sum(size, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow_errors
     range_is_wide = box.present & is_range_wide(r_TS_N, estimate.position_covariance)
     reference = jnp.where(range_is_wide, position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
-    model = linearise_box(tuning, view, reference, size[0])
+    model = linearise_box(tuning, view, reference, size[0], bias)
     innovation_variance = _innovation_variance(estimate, drift, model)
     variance = innovation_variance - model.variance
     # Compared with an untruncated box: the large noise of a truncated one would make any prior look certain enough.

@@ -93,6 +93,8 @@ class Scene:
         to_position = np.array([(self.model(r + step) - self.model(r - step)) / 2e-4 for step in steps]).T
         H = np.zeros((3, 12))
         H[:, :3] = to_position
+        # In the direction in which the target appears.
+        H[:2, :3] -= self.bias[:, None] * self.R_KN[2] / (self.R_KN @ r)[2]
         H[2, 6:8] = 1.0
         H[:2, 8:10] = np.eye(2)
         H[:2, 10:12] = np.eye(2) / (self.R_KN @ r)[2]
