@@ -26,6 +26,7 @@ from rpojax.flight.guidance import (
     target_visibility,
 )
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick
+from rpojax.flight.guidance.target_acquisition import Sighting
 from rpojax.flight.navigation import (
     attitude_ekf,
     lasting_adaptation,
@@ -233,7 +234,7 @@ def guide(
         time=time,
         estimate=memory.orbit,
         plan=plan,
-        target_seen=seen,
+        sighting=Sighting(seen=seen, promising=outlier_gate.is_promising(params.navigation, memory.gate)),
         visible=_may_be_visible(params, memory.orbit, sun_N),
         other=mission_decision.other_pointing(software, memory, sun_N),
     )

@@ -16,7 +16,7 @@ from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware, PointingTuning
 from rpojax.flight.guidance.slew_profile import SlewReference
-from rpojax.flight.guidance.target_acquisition import Acquisition
+from rpojax.flight.guidance.target_acquisition import Acquisition, Sighting
 from rpojax.flight.guidance.target_pointing import look_attitude
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
@@ -54,7 +54,7 @@ class GuidanceTick:
         time: () since the start of the run [s]
         estimate: of both orbits
         plan: latest decided burn
-        target_seen: () bool, a sensor has shown the target
+        sighting: what the frame shows of the target
         visible: () bool, the target may be visible; in the dark there is no search
         other: attitude in place of that towards the target, None where no phase may ask for one
     """
@@ -62,7 +62,7 @@ class GuidanceTick:
     time: Array
     estimate: OrbitEstimate
     plan: BurnPlan
-    target_seen: Array
+    sighting: Sighting
     visible: Array
     other: OtherPointing | None = None
 
@@ -97,20 +97,23 @@ def is_lost(pointing: PointingTuning, state: PointingState) -> Flag:
 def guide(guidance: GuidanceSoftware, state: PointingState, tick: GuidanceTick) -> tuple[PointingState, Array]:
     """Pointing state with the reference up to the next tick, and the pointing mode."""
     pointing, plan, other = guidance.pointing, tick.plan, tick.other
-    visible = tick.visible | tick.target_seen
+    target_seen = tick.sighting.seen
+    visible = tick.visible | target_seen
     if other is not None:
         visible = visible & ~other.is_wanted
     # Rounding must not delay by a tick the turn to a burn of the longest duration, which begins on a whole tick.
     to_burn = (tick.time >= plan.turn_start - TIME_ROUNDING_S) & (tick.time < plan.cutoff)
-    looking_away = to_burn | (state.burn_attitude_commanded | _is_slewing_back(state)) & ~tick.target_seen
+    looking_away = to_burn | (state.burn_attitude_commanded | _is_slewing_back(state)) & ~target_seen
     acquisition = target_acquisition.update_acquisition(
-        guidance, state.acquisition, tick.target_seen, visible, looking_away
+        guidance, state.acquisition, tick.sighting, visible, looking_away
     )
     wait = target_acquisition.search_wait(guidance, acquisition.acquired)
     searching = (acquisition.unseen_time > wait) & ~to_burn
-    # A restarted spiral waits for the slew to its middle, or nobody would look there.
+    # A restarted spiral waits for the slew to its middle, or nobody would look there; and any waits where it may have
+    # found the target.
     way = search_spiral.spiral_pace(guidance.tick_s) * guidance.tick_s
-    advance = jnp.where((state.search_time > 0.0) & _is_slewing_back(state), 0.0, way)
+    waits = _is_slewing_back(state) | tick.sighting.promising
+    advance = jnp.where((state.search_time > 0.0) & waits, 0.0, way)
     duration = search_spiral.spiral_duration(pointing, tick.estimate)
     ends = searching & (state.search_time + advance > duration)
     search_time = jnp.where(searching, jnp.where(ends, 1.0, state.search_time + advance), 0.0)

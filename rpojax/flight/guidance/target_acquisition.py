@@ -26,6 +26,19 @@ class Acquisition:
     unseen_time: Array
 
 
+@pytree
+class Sighting:
+    """What a frame shows of the target.
+
+    Attributes:
+        seen: () bool, a sensor has shown it
+        promising: () bool, there is a box that may be the target's, not sure enough to count
+    """
+
+    seen: Array
+    promising: Array
+
+
 def never_seen() -> Acquisition:
     """State before the first frame."""
     zero = jnp.zeros((), dtype=jnp.float64)
@@ -33,9 +46,10 @@ def never_seen() -> Acquisition:
 
 
 def update_acquisition(
-    guidance: GuidanceSoftware, before: Acquisition, target_seen: Flag, visible: Flag, looking_away: Flag
+    guidance: GuidanceSoftware, before: Acquisition, sighting: Sighting, visible: Flag, looking_away: Flag
 ) -> Acquisition:
     """Acquisition state after the frame of a tick; darkness (not `visible`) resets it."""
+    target_seen = sighting.seen
     dt = guidance.tick_s
     recent_detections = _sum_detections(before.recent_detections, target_seen, visible, looking_away, dt)
     confirmed = target_seen & (recent_detections > ACQUISITION_EVIDENCE)
@@ -43,8 +57,9 @@ def update_acquisition(
     hold_time = max(SINGLE_BOX_HOLD_TIME, _FRAMES_TO_WAIT * dt)
     unseen_time = before.unseen_time + jnp.where(looking_away, 0.0, dt)
     # A single box may be false: it only holds the camera for a while, until further boxes confirm it.
-    held = jnp.minimum(unseen_time, search_wait(guidance, acquired) - hold_time)
-    unseen_time = jnp.where(target_seen, held, unseen_time)
+    wait = search_wait(guidance, acquired)
+    holds = target_seen | (sighting.promising & (unseen_time <= wait))
+    unseen_time = jnp.where(holds, jnp.minimum(unseen_time, wait - hold_time), unseen_time)
     unseen_time = jnp.where(confirmed | ~visible, 0.0, unseen_time)
     return Acquisition(acquired=acquired, recent_detections=recent_detections, unseen_time=unseen_time)
 

@@ -71,7 +71,7 @@ def _size_row(
     # The bearing to a part of the target lies on a half-line, which no linear update of a wide prior can represent: the
     # size of that part keeps the target on it.
     measured = jnp.where(whole | prior.range_is_wide, decision.weight, 0.0)
-    variance = jnp.where(whole, variance, _PART_SIZE_SIGMA**2)
+    variance = outlier_gate.bounded_size_variance(tuning, prior, jnp.where(whole, variance, _PART_SIZE_SIGMA**2))
     precision = measured / variance + found.precision
     known = precision > _LEAST_PRECISION
     safe = jnp.where(known, precision, 1.0)
@@ -186,10 +186,7 @@ def rows_of_box(
     if gated:
         possible = prior.in_front | prior.range_is_wide
         accepted = accepted & possible & outlier_gate.is_inside(tuning, view.box, prior)
-    decision = GateDecision(
-        accepted=accepted, weight=jnp.where(accepted, 1.0, 0.0), confirmed=jnp.zeros_like(view.box.present)
-    )
-    _, rows = measurement_rows(tuning, view, estimate, prior, decision)
+    _, rows = measurement_rows(tuning, view, estimate, prior, GateDecision.without_gate(accepted))
     return rows, accepted
 
 
@@ -207,9 +204,7 @@ def _decide(tuning: OrbitFilterTuning, gated: bool, view: BoxView, gate: GateSta
     """Whether the box is used; without a gate every box is."""
     box = view.box
     if not gated:
-        return GateDecision(
-            accepted=box.present, weight=jnp.where(box.present, 1.0, 0.0), confirmed=jnp.zeros_like(box.present)
-        )
+        return GateDecision.without_gate(box.present)
     possible = (prior.in_front | prior.range_is_wide) & (
         ~box.truncated | box_measurement_model.may_be_truncated(tuning, prior.model, prior.variance, box)
     )

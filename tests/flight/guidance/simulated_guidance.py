@@ -20,6 +20,7 @@ from rpojax.flight.guidance import attitude_guidance, burn_schedule, slew_profil
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick, PointingState
 from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.pointing_tuning import GuidanceSoftware
+from rpojax.flight.guidance.target_acquisition import Sighting
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 GAIN = np.zeros((3, 6))
@@ -114,7 +115,13 @@ def simulate(
         q_BN = slew_profile.evaluate(state.reference, jnp.full((), dt)).q_CN
         looks = attitude_guidance.rotate(attitude_guidance.quaternion.conjugate(q_BN), jnp.array([1.0, 0.0, 0.0]))
         accepted = (jnp.sum(looks * line) > jnp.cos(jnp.deg2rad(5.0))) & ~blind
-        tick = GuidanceTick(time=time, estimate=estimate, plan=plan, target_seen=accepted, visible=visible)
+        tick = GuidanceTick(
+            time=time,
+            estimate=estimate,
+            plan=plan,
+            sighting=Sighting(seen=accepted, promising=accepted & ~accepted),
+            visible=visible,
+        )
         state, mode = guide(flight, state, tick, dt)
         ages = dt * jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
         return state, (mode, jax.vmap(lambda age: slew_profile.evaluate(state.reference, age))(ages), accepted)
@@ -143,15 +150,15 @@ def look(
     visible: jax.Array = YES,
     dt: float = 1.0,
 ) -> PointingState:
-    """State after frames with ('x') and without ('.') an accepted box."""
+    """State after frames with an accepted box ('x'), with one that may be the target's ('?') and without ('.')."""
     state = attitude_guidance.initial_pointing(flight.vehicle, known) if state is None else state
     for tick, frame in enumerate(frames):
-        accepted = np.asarray(frame == "x")
+        sighting = Sighting(seen=np.asarray(frame == "x"), promising=np.asarray(frame == "?"))
         inputs = GuidanceTick(
             time=TIME + dt * tick,
             estimate=known,
             plan=burn_schedule.no_burn() if plan is None else plan,
-            target_seen=accepted,
+            sighting=sighting,
             visible=visible,
         )
         state, _ = guide(flight, state, inputs, dt)

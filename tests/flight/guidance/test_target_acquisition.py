@@ -43,6 +43,21 @@ def test_the_count_of_detections_decays_by_a_fifth_with_every_frame_without_a_bo
     assert faded.search_time == 0.0
 
 
+def test_a_promising_box_holds_the_camera_before_a_search_and_halts_one(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    # The first tick counts as the end of a slew, and the search begins after three seconds without a box.
+    assert look(flight, known, "......").search_time > 0.0
+    held = look(flight, known, "..?...")
+    assert held.search_time == 0.0
+    assert not bool(held.acquisition.acquired)
+    wide = rendezvous_scene.estimate(flight, v_TS_N=np.zeros(3), position_sigma=5.0)
+    searching = look(flight, wide, 15 * ".")
+    assert searching.search_time > 5.0
+    assert look(flight, wide, "..", searching).search_time == searching.search_time + 2.0
+    assert look(flight, wide, "??", searching).search_time == searching.search_time
+
+
 def test_a_fast_camera_acquires_the_target_in_the_same_time(flight: FlightParams, known: OrbitEstimate) -> None:
     assert not bool(look(flight, known, 12 * "x", dt=0.2).acquisition.acquired)  # 2.4 s
     assert bool(look(flight, known, 13 * "x", dt=0.2).acquisition.acquired)  # 2.6 s

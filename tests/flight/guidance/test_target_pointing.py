@@ -20,6 +20,7 @@ from rpojax.flight.guidance import attitude_guidance
 from rpojax.flight.guidance.attitude_guidance import GuidanceTick
 from rpojax.flight.guidance.line_of_sight_uncertainty import is_within_frame
 from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.flight.guidance.target_acquisition import Sighting
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.scenario.params import Params
 
@@ -112,7 +113,9 @@ def test_guidance_near_the_orbit_normal_begins_no_slew_though_the_estimate_is_no
     state = attitude_guidance.initial_pointing(flight.vehicle, first)
     none = plan(push_gently, flight, first, False)
     for tick in range(20):
-        inputs = GuidanceTick(time=TIME + tick, estimate=noisy(), plan=none, target_seen=YES, visible=YES)
+        inputs = GuidanceTick(
+            time=TIME + tick, estimate=noisy(), plan=none, sighting=Sighting(seen=YES, promising=YES), visible=YES
+        )
         state, mode = guide(flight, state, inputs)
         assert int(mode) == Mode.LOOK
     assert float(state.reference.slew_age) >= 20.0

@@ -1,6 +1,7 @@
 """Outlier gate: decision, confirmation and count of rejections."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -52,7 +53,10 @@ def update(
     rejected: jax.Array,
     confirmed: jax.Array,
 ) -> tuple[GateState, jax.Array]:
-    decision = GateDecision(accepted=box.present & ~rejected, weight=jnp.zeros(()), confirmed=confirmed)
+    confirmed = box.present & confirmed
+    decision = GateDecision(
+        accepted=box.present & ~rejected, weight=jnp.zeros(()), confirmed=confirmed, supported=confirmed
+    )
     return outlier_gate.update(tuning, box_view(box, jnp.asarray(FOCAL), q_KN), state, decision)
 
 
@@ -79,6 +83,23 @@ def box(
         attitude_variance_change=jnp.zeros(()),
         interval=jnp.float64(interval),
     )
+
+
+def remembered(*boxes: dict[str, Any], clutter: float = 0.05) -> GateState:
+    """Memory of boxes, the latest first, with changes to one straight ahead a second ago."""
+    directions = [each.get("direction", np.array([0.0, 0.0, 1.0])) for each in boxes]
+    state, count = outlier_gate.initial(), len(boxes)
+    return replace(
+        state,
+        direction_N=state.direction_N.at[:, :count].set(np.stack(directions, axis=1)),
+        log_size=state.log_size.at[:count].set([each.get("log_size", -3.0) for each in boxes]),
+        truncated=state.truncated.at[:count].set([bool(each.get("truncated", False)) for each in boxes]),
+        age=state.age.at[:count].set([each.get("age", 1.0) for each in boxes]),
+        clutter=jnp.float64(clutter),
+    )
+
+
+ELSEWHERE = {"direction": unit(np.array([0.05, 0.05, 1.0]))}
 
 
 def decide(
@@ -135,19 +156,14 @@ def test_an_unconfirmed_box_is_accepted_only_if_the_prior_is_not_wide(tuning: Or
         *[(4.9, 1.0, 1.0, True), (5.1, 1.0, 1.0, False), (9.9, 2.0, 1.0, True), (10.1, 2.0, 1.0, False)],
         *[(0.0, 3.0, 1.0, True), (0.0, 4.0, 1.0, False), (4.9, 0.2, 0.2, True), (5.1, 0.2, 0.2, False)],
         *[(0.0, 3.0, 0.2, True), (0.0, 3.2, 0.2, False), (14.9, 5.0, 5.0, True), (15.1, 5.0, 5.0, False)],
-        (0.0, 10.0, 5.0, False),
+        *[(0.0, 15.0, 5.0, True), (0.0, 20.0, 5.0, False)],
     ],
 )
-def test_a_box_is_confirmed_by_one_five_pixels_a_second_away_within_three_seconds_or_by_the_frame_before(
+def test_a_box_is_confirmed_by_one_five_pixels_a_second_away_within_three_seconds_or_three_frames(
     tuning: OrbitFilterTuning, pixels: float, age: float, interval: float, accepted: bool
 ) -> None:
     before = unit(np.array([pixels / FOCAL, 0.0, 1.0]))
-    state = replace(
-        outlier_gate.initial(),
-        direction_N=jnp.asarray(before),
-        log_size=box().log_size,
-        age=jnp.float64(age),
-    )
+    state = remembered({"direction": before, "age": age})
     measured = box(interval=interval)
     assert decide(tuning, [0.0, 0.0, 0.0], state, measured, wide=YES) is accepted
 
@@ -158,8 +174,57 @@ def test_a_box_is_confirmed_by_one_five_pixels_a_second_away_within_three_second
 def test_a_box_of_another_size_confirms_nothing_unless_the_frame_cuts_it(
     tuning: OrbitFilterTuning, log_size: float, truncated: jax.Array, accepted: bool
 ) -> None:
-    state = replace(outlier_gate.initial(), log_size=jnp.float64(log_size), truncated=truncated, age=jnp.float64(1.0))
+    state = remembered({"log_size": log_size, "truncated": truncated})
     assert decide(tuning, [0.0, 0.0, 0.0], state, wide=YES) is accepted
+
+
+@pytest.mark.parametrize(
+    ("boxes", "clutter", "accepted"),
+    [
+        ([{}], 0.5, False),
+        ([{}, {"age": 2.0}], 0.5, True),
+        ([{}, ELSEWHERE | {"age": 2.0}], 0.05, False),
+        ([ELSEWHERE, {"age": 2.0}, {"age": 3.0}], 0.05, True),
+        ([ELSEWHERE, ELSEWHERE | {"age": 2.0}, {"age": 3.0}], 0.5, False),
+    ],
+)
+def test_the_more_false_boxes_there_are_the_more_must_agree(
+    tuning: OrbitFilterTuning, boxes: list[dict[str, Any]], clutter: float, accepted: bool
+) -> None:
+    state = remembered(*boxes, clutter=clutter)
+    assert decide(tuning, [0.0, 0.0, 0.0], state, wide=YES) is accepted
+
+
+def test_pairs_of_random_boxes_are_taken_for_the_target_once_in_thousands(tuning: OrbitFilterTuning) -> None:
+    rng, runs = np.random.default_rng(7), 20000
+    places = rng.uniform(-0.0875, 0.0875, (runs, 3, 2))
+    directions = np.concatenate([places, np.ones((runs, 3, 1))], axis=-1)
+    state = remembered({}, {"age": 2.0}, {"age": 3.0}, clutter=0.5)
+
+    def confirmed(direction_N: jax.Array, tangent: jax.Array) -> jax.Array:
+        seen = replace(box(), tangent=tangent)
+        now = replace(state, direction_N=direction_N)
+        return accept(tuning, now, seen, jnp.zeros(3), jnp.asarray(VARIANCE), YES, YES).accepted
+
+    transposed = np.moveaxis(directions / np.linalg.norm(directions, axis=-1, keepdims=True), -1, 1)
+    found = jax.jit(jax.vmap(confirmed))(transposed, rng.uniform(-0.0875, 0.0875, (runs, 2)))
+    assert np.mean(found) < 1.0 / 1000.0
+
+
+def test_a_confirmed_box_with_the_right_bearing_may_have_any_size(tuning: OrbitFilterTuning) -> None:
+    assert not decide(tuning, [1.0, 1.0, -6.0])
+    assert decide(tuning, [1.0, 1.0, -6.0], remembered({}))
+    assert not decide(tuning, [1.0, 1.0, -6.0], remembered({}), wide=YES)
+    assert not decide(tuning, [4.1, 1.0, -6.0], remembered({}))
+
+
+@pytest.mark.parametrize("sigmas", [-3.0, 4.0, -7.0])
+def test_a_size_beyond_the_gate_counts_as_one_at_its_edge(tuning: OrbitFilterTuning, sigmas: float) -> None:
+    total, noise = 0.04, 0.01
+    prior = prior_of(jnp.array([0.0, 0.0, sigmas * 0.2]), jnp.full(3, total), NO)
+    bounded = float(outlier_gate.bounded_size_variance(tuning, prior, jnp.float64(noise)))
+    expected = max(abs(sigmas), 4.0) / 4.0
+    assert (bounded + total - noise) / total == pytest.approx(expected**2)
 
 
 def test_a_rejected_box_that_another_confirms_is_a_contradiction(tuning: OrbitFilterTuning) -> None:
@@ -169,7 +234,7 @@ def test_a_rejected_box_that_another_confirms_is_a_contradiction(tuning: OrbitFi
 
 
 def test_a_box_behind_the_camera_confirms_nothing(tuning: OrbitFilterTuning) -> None:
-    state = replace(outlier_gate.initial(), direction_N=jnp.array([0.0, 0.0, -1.0]), age=jnp.float64(1.0))
+    state = remembered({"direction": np.array([0.0, 0.0, -1.0])})
     assert not decide(tuning, [0.0, 0.0, 0.0], state, wide=YES)
 
 
@@ -189,11 +254,14 @@ def test_the_state_keeps_direction_and_age_of_the_last_box(
 ) -> None:
     q_KN = axis_angle_quaternion([0.0, 1.0, 0.0], -np.pi / 2)  # the camera looks along x of N
     state, _ = update(tuning, outlier_gate.initial(), q_KN, box(0.1, 0.0), NO, NO)
-    np.testing.assert_allclose(state.direction_N, unit(np.array([1.0, 0.0, -0.1])), atol=1e-15)
-    assert state.age == 1.0
+    np.testing.assert_allclose(state.direction_N[:, 0], unit(np.array([1.0, 0.0, -0.1])), atol=1e-15)
+    assert state.age[0] == 1.0
     later, _ = update(tuning, state, IDENTITY, box(present=NO), NO, NO)
     np.testing.assert_array_equal(later.direction_N, state.direction_N)
-    assert later.age == 2.0
+    assert later.age[0] == 2.0
+    last, _ = update(tuning, later, IDENTITY, box(), NO, NO)
+    np.testing.assert_array_equal(last.direction_N[:, 1], state.direction_N[:, 0])
+    np.testing.assert_array_equal(last.age[:2], [1.0, 3.0])
 
 
 def test_the_sixth_rejection_in_a_row_triggers_recovery_and_resets_the_count(
@@ -201,7 +269,7 @@ def test_the_sixth_rejection_in_a_row_triggers_recovery_and_resets_the_count(
 ) -> None:
     state, recoveries, counts = outlier_gate.initial(), [], []
     for rejected in (YES, YES, NO, YES, YES, YES, YES, YES, YES, YES):
-        state, recover = update(tuning, state, IDENTITY, box(), rejected, NO)
+        state, recover = update(tuning, state, IDENTITY, box(), rejected, YES)
         recoveries.append(bool(recover))
         counts.append(float(state.rejections))
     assert counts == [1, 2, 0, 1, 2, 3, 4, 5, 0, 1]
@@ -214,17 +282,17 @@ def test_recovery_takes_six_seconds_of_rejected_boxes_and_six_boxes_of_a_slow_ca
 ) -> None:
     state, recoveries = outlier_gate.initial(), []
     for _ in range(frames):
-        state, recover = update(tuning, state, IDENTITY, box(interval=interval), YES, NO)
+        state, recover = update(tuning, state, IDENTITY, box(interval=interval), YES, YES)
         recoveries.append(bool(recover))
     assert recoveries == [False] * (frames - 1) + [True]
 
 
 @jax.jit
 def update_all(tuning: OrbitFilterTuning, present: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Count of rejections and recovery after each frame; every present box is rejected."""
+    """Count of rejections and recovery after each frame; every present box is rejected, though others confirm it."""
 
     def frame(state: GateState, present: jax.Array) -> tuple[GateState, tuple[jax.Array, jax.Array]]:
-        after, recover = update(tuning, state, jnp.asarray(IDENTITY), box(present=present), present, NO)
+        after, recover = update(tuning, state, jnp.asarray(IDENTITY), box(present=present), present, YES)
         return after, (after.rejections, recover)
 
     return jax.lax.scan(frame, outlier_gate.initial(), present)[1]
@@ -242,7 +310,16 @@ def test_a_frame_without_a_box_decays_the_count_of_rejections_by_a_twentieth(
     assert counts[12] == 0.0
 
 
-def test_false_boxes_once_in_twenty_frames_never_trigger_recovery(tuning: OrbitFilterTuning) -> None:
+def test_boxes_that_none_confirms_never_trigger_recovery(tuning: OrbitFilterTuning) -> None:
+    state = outlier_gate.initial()
+    for _ in range(20):
+        state, recover = update(tuning, state, IDENTITY, box(), YES, NO)
+        assert not bool(recover)
+    assert state.rejections == 0.0
+    assert state.clutter == pytest.approx(1.0 - 0.95 * (1.0 - 1.0 / 30.0) ** 20)
+
+
+def test_confirmed_boxes_once_in_twenty_frames_never_trigger_recovery(tuning: OrbitFilterTuning) -> None:
     counts, recoveries = update_all(tuning, np.arange(4000) % 20 == 0)
     assert not np.any(recoveries)
     np.testing.assert_allclose(np.max(counts), 1.0 / (1.0 - 0.95**19), rtol=1e-9)
