@@ -27,7 +27,7 @@ from rpojax.flight.navigation import (
 from rpojax.flight.navigation.believed_sensor import SensorRows
 from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
-from rpojax.flight.navigation.lasting_effects import LastingEffects
+from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view

@@ -18,7 +18,7 @@ from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors
-from rpojax.flight.navigation.lasting_effects import LastingEffects
+from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.flight.navigation.shape_errors import ShapeErrors

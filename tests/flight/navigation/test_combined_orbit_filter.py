@@ -15,7 +15,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter, lasting_effects, relative_state
+from rpojax.flight.navigation import combined_orbit_filter, lasting_error_effects, relative_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -63,7 +63,7 @@ def coast(
         np.float64(burn_delta_v),
         np.float64(burn_sigma_inflation),
         third_body_acceleration_N,
-        lasting_effects.none(),
+        lasting_error_effects.none(),
         1.0,
     )
 
@@ -111,7 +111,15 @@ def transitions(tuning: OrbitFilterTuning, estimate: OrbitEstimate) -> tuple[jax
         )
         return means(
             combined_orbit_filter.predict(
-                tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+                tuning,
+                2,
+                moved,
+                jnp.zeros(3),
+                jnp.zeros(()),
+                jnp.ones(()),
+                jnp.zeros(3),
+                lasting_error_effects.none(),
+                1.0,
             )
         )
 
