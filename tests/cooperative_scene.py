@@ -23,7 +23,7 @@ from rpojax.flight.navigation.box_measurement.box_measurement_model import linea
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
-from rpojax.flight.navigation.relative_state import VIEW_STATES
+from rpojax.flight.navigation.relative_filter_state import VIEW_STATES
 from rpojax.sensors import link_range
 from rpojax.sensors.link_range import LinkRange
 

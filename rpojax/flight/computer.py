@@ -31,8 +31,8 @@ from rpojax.flight.navigation import (
     differential_drag,
     lasting_adaptation,
     lasting_error_effects,
+    relative_filter_state,
     relative_orbit_ekf,
-    relative_state,
     thrust_estimator,
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -42,7 +42,7 @@ from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEsti
 from rpojax.flight.navigation.lasting_adaptation import Adaptation
 from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -240,7 +240,7 @@ def guide(
     )
     pointing, mode = attitude_guidance.guide(guidance, memory.pointing, tick)
     reopened = pointing.search_failed & ~burn_conditions.may_be_too_small(params, memory)
-    orbit = replace(memory.orbit, relative=relative_state.reopen(memory.orbit.relative, reopened))
+    orbit = replace(memory.orbit, relative=relative_filter_state.reopen(memory.orbit.relative, reopened))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode
 
 
