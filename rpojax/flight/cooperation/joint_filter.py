@@ -1,9 +1,10 @@
 """Joint filter of one servicer: the target relative to it, the baselines to its peers, and the errors of all views.
 
 Bodies are the target and the peers, each with position and velocity from this servicer in N. Slow errors are the slow
-states of the own filter (`relative_filter_state`), then those of each peer (`peer_layout`): slow part of the size error of its
-boxes, bearing bias of its camera, slow error of the difference of GPS positions, and bias of the range over the link
-if that is measured. The fast errors of the peers' boxes, which are a tumble's, count as noise (`joint_measurements`).
+states of the own filter (`relative_filter_state`), then those of each peer (`peer_layout`): slow part of the size error
+of its boxes, bearing bias of its camera, slow error of the difference of GPS positions, and bias of the range over the
+link if that is measured. The fast errors of the peers' boxes, which are a tumble's, count as noise
+(`joint_measurements`).
 """
 
 import jax
