@@ -6,6 +6,7 @@ from typing import Any
 
 from jaxtyping import Array
 
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import pytree
 from rpojax.flight import stage_use
 from rpojax.flight.flight_records import FlightMemory, Measurements
@@ -14,7 +15,6 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages
 from rpojax.flight.team_guidance.team_knowledge import KnownPeers
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
@@ -23,7 +24,6 @@ from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.stages import Stages
 from rpojax.physics import equipment_faults, plant, plant_state
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.params import Params
 
