@@ -17,7 +17,7 @@ from element_sets import TLE
 from markdown_blocks import code_blocks
 
 import rpojax
-from rpojax.analysis.statistics.intervals import runs_for_bound
+from rpojax.analysis.statistics.tolerance_bounds import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_sections import Design

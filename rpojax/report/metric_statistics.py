@@ -4,13 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals import (
-    Z_95,
-    deviation_interval,
-    mean_interval,
-    quantile_interval_ranks,
-    quantile_upper_bound,
-)
+from rpojax.analysis.statistics.intervals import Z_95, deviation_interval, mean_interval
+from rpojax.analysis.statistics.tolerance_bounds import quantile_interval_ranks, quantile_upper_bound
 from rpojax.metrics.metric_catalogue import unit_of
 
 _PERCENTILES = {"min": 0.0, "p1": 1.0, "p5": 5.0, "p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}

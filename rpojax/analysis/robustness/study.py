@@ -13,7 +13,7 @@ from rpojax.analysis.robustness.step_runs import (
     judge_step,
     requirement_names,
 )
-from rpojax.analysis.statistics.intervals import runs_for_bound
+from rpojax.analysis.statistics.tolerance_bounds import runs_for_bound
 from rpojax.campaign import preflight
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.provenance import package_versions

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from rpojax.analysis.statistics import intervals
+from rpojax.analysis.statistics import tolerance_bounds
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.plugins.command_lines import command_line
 
@@ -21,7 +21,7 @@ def is_rare(probability: float) -> bool:
 
 def plain_runs(probability: float, consumer_risk: float) -> int:
     """Runs without a violation that verify a least probability of success at a consumer's risk."""
-    return intervals.runs_for_bound(probability, 1.0 - consumer_risk)
+    return tolerance_bounds.runs_for_bound(probability, 1.0 - consumer_risk)
 
 
 def can_be_estimated(metric: str, servicers: int) -> bool:

@@ -11,12 +11,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals import (
-    allowed_failures,
-    consumer_risk_reached,
-    runs_for_bound,
-    success_bounds,
-)
+from rpojax.analysis.statistics.intervals import success_bounds
+from rpojax.analysis.statistics.tolerance_bounds import allowed_failures, consumer_risk_reached, runs_for_bound
 from rpojax.scenario.schema import RequirementSection
 
 _MAX_IDS = 20
