@@ -30,8 +30,8 @@ from rpojax.vision.detector.multiscale_detection import detect_multiscale
 from rpojax.vision.detector.scored_box import ScoredBox, box_edges
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
 from rpojax.vision.imaging import image_files, srgb
+from rpojax.vision.imaging.random_sky import random_sky
 from rpojax.vision.imaging.sky_background import background
-from rpojax.vision.imaging.sky_maps import random_sky
 from rpojax.vision.intersection_over_union import pairwise_iou
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.field_file import load_field
