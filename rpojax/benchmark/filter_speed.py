@@ -24,7 +24,7 @@ from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.runtime.device_programs import choose_devices
+from rpojax.runtime.programs_per_device import choose_devices
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario

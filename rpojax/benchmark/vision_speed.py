@@ -15,7 +15,7 @@ from rpojax.campaign.execution import batch_engine
 from rpojax.core import random_streams
 from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import replace
-from rpojax.runtime.device_programs import choose_devices
+from rpojax.runtime.programs_per_device import choose_devices
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
