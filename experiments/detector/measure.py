@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.benchmark.multi_device_program import compile_for_devices
+from rpojax.benchmark.timed_device_programs import compile_for_devices
 from rpojax.training.detector import evaluate_detector
 from rpojax.training.detector.average_precision import long_side, pair_kind
 from rpojax.training.radiance_field import evaluate_field

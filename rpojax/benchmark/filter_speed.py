@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
 from rpojax.benchmark.synthetic_filter_inputs import (
     NOISES_PER_UPDATE,
     FilterInputs,
@@ -17,6 +16,7 @@ from rpojax.benchmark.synthetic_filter_inputs import (
     nominal_setup,
     simulate_measurements,
 )
+from rpojax.benchmark.timed_device_programs import MultiDeviceProgram, compile_for_devices
 from rpojax.flight import stage_use
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter, lasting_error_effects

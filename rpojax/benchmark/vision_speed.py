@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
+from rpojax.benchmark.timed_device_programs import MultiDeviceProgram, compile_for_devices
 from rpojax.campaign import single_run
 from rpojax.campaign.execution import batch_engine
 from rpojax.core import random_streams
