@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
-from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
+from rpojax.analysis.reliability.described_points import dispersions_at, run_command, values_of
 from rpojax.analysis.reliability.evaluation_log import EvaluatedPoint, SearchResult
 from rpojax.analysis.reliability.form_search import find_design_point
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
+from rpojax.analysis.reliability.described_points import dispersions_at, run_command, values_of
 from rpojax.analysis.reliability.rare_events import estimate_by_method
 from rpojax.analysis.reliability.rare_events.estimate_probability import MIN_BUDGET
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction, LimitStateCalls
