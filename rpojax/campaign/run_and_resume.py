@@ -9,7 +9,7 @@ from typing import Any, Unpack
 import jax
 import jax.numpy as jnp
 
-from rpojax.campaign import experiment_design, preflight, resource_estimates
+from rpojax.campaign import argument_checks, experiment_design, resource_estimates
 from rpojax.campaign.execution import block_runner, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size, fitted_block_size
 from rpojax.campaign.execution.executor import Executor, LocalExecutor
@@ -145,7 +145,7 @@ def start_campaign(
     """
     used = execution or Execution()
     if used.shard is None:
-        preflight.check_folder(out, force)
+        argument_checks.check_folder(out, force)
     # Processes that share a campaign need blocks of the same size, whatever each has of cores.
     is_shared = used.shard is not None or used.executor is not None
     most = len(programs_per_device.choose_devices(used.devices))

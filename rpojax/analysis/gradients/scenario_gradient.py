@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
 from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
 from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
@@ -133,7 +133,7 @@ def gradient(
     Raises:
         RpojaxError: a key is no number of the scenario, a metric has no derivative, or runs are not independent.
     """
-    preflight.check_numbers(runs, first_run, seed, None)
+    argument_checks.check_numbers(runs, first_run, seed, None)
     if mode not in ("auto", "forward", "reverse"):
         raise RpojaxError(f"mode: found {mode!r}, expected 'auto', 'forward' or 'reverse'")
     if not has_independent_runs(file):

@@ -14,7 +14,7 @@ from rpojax.analysis.robustness.step_runs import (
     requirement_names,
 )
 from rpojax.analysis.statistics.tolerance_bounds import runs_for_bound
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
@@ -100,7 +100,7 @@ def check(file: ScenarioFile, runs: int, seed: int) -> None:
         RpojaxError: naming the argument or the key.
     """
     refuse_team(file, "robustness")
-    preflight.check_numbers(runs, 0, seed, None)
+    argument_checks.check_numbers(runs, 0, seed, None)
     if runs > _MOST_RUNS:
         raise RpojaxError.of_argument("runs", f"found {runs}, expected at most {_MOST_RUNS} runs of each step")
     if design_keys(file):

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from rpojax.campaign.preflight import MAX_RUN_ID
+from rpojax.campaign.argument_checks import MAX_RUN_ID
 from rpojax.campaign.storage import atomic_files, campaign_seal, safe_paths
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import ResultError
