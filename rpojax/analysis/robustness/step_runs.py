@@ -6,8 +6,8 @@ from typing import Any, Final
 import jax
 import numpy as np
 
+from rpojax.analysis.robustness.believed_quantities import Quantity
 from rpojax.analysis.robustness.margin_search import StepVerdict
-from rpojax.analysis.robustness.quantities import Quantity
 from rpojax.analysis.statistics.intervals import success_bounds
 from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.campaign.execution import block_runner

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from rpojax.analysis.robustness.believed_quantities import Quantity, find_quantities, with_handover
 from rpojax.analysis.robustness.margin_search import SideSearch, StepVerdict, search
-from rpojax.analysis.robustness.quantities import Quantity, find_quantities, with_handover
 from rpojax.analysis.robustness.step_runs import (
     DEFAULT_PROBABILITY,
     DEFAULT_RISK,
