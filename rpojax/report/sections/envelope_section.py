@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency import mean_square_interval
+from rpojax.analysis.statistics.filter_consistency_intervals import mean_square_interval
 from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.report.campaign_results import CampaignResults, keep_out_radii
 from rpojax.report.figures.colours import BLUE, GREEN, VERMILLION
