@@ -36,7 +36,7 @@ class Loop:
         stages: replaceable parts of the flight software
 
     Raises:
-        RpojaxError: a stage is replaced that such a scenario does not use.
+        RpojaxError: `stages` replaces a stage that this scenario does not use.
     """
 
     scenario: Scenario
@@ -79,7 +79,7 @@ class Tick:
         burn_error: execution error of the present burn
         innovation: of the orbit filter, None before navigation
         mode: () pointing mode, None before guidance
-        confirmed: () bool, whether what other servicers see stands for an own box; None without others
+        confirmed: () bool, whether boxes of other servicers take the place of one of its own; None without others
         peers: what is known of the other servicers, None unless a team is coordinated
     """
 
@@ -99,7 +99,7 @@ class Tick:
 
 
 def tick_axes(axis: int) -> Tick:
-    """Batch axis of each field of `Tick`: `axis`, but None for the number of the tick."""
+    """Batch axis of each field of `Tick`: `axis`, or None for the tick number."""
     axes: dict[str, Any] = {field.name: axis for field in dataclasses.fields(Tick)}
     return Tick(**{**axes, "state": state_axes(axis)})
 

@@ -15,7 +15,7 @@ _CHUNK = 50
 
 
 def coverage_per_axis(sigmas: float) -> float:
-    """Probability that a normal error lies within so many of its standard deviations."""
+    """Probability that a normal error lies within `sigmas` of its standard deviations."""
     return float(erf(sigmas / math.sqrt(2.0)))
 
 
@@ -30,7 +30,8 @@ def clopper_pearson_interval(count: int, total: int, confidence: float = 0.95) -
 def success_bounds(violations: int, runs: int, risk: float) -> tuple[float, float]:
     """One-sided exact bounds of the probability of success, each wrong with probability `risk`.
 
-    The lower one reaches a requirement's probability exactly where its runs verify it (Clopper and Pearson, 1934).
+    The lower bound reaches the required probability exactly when the runs verify the requirement (Clopper and Pearson,
+    1934).
     """
     low = 0.0 if violations == runs else float(beta.ppf(risk, runs - violations, violations + 1))
     high = 1.0 if violations == 0 else float(beta.ppf(1.0 - risk, runs - violations + 1, violations))
@@ -38,7 +39,7 @@ def success_bounds(violations: int, runs: int, risk: float) -> tuple[float, floa
 
 
 def percentiles_over_runs(values: np.ndarray, percents: tuple[float, ...]) -> np.ndarray:
-    """Percentiles (len(percents), m) over the runs of `values` (runs, m), leaving out what is not finite.
+    """Percentiles (len(percents), m) over the runs of `values` (runs, m), ignoring non-finite values.
 
     Interpolates linearly between ranks as `numpy.percentile` does; NaN where a column holds no finite value.
     """
@@ -70,7 +71,7 @@ def deviation_interval(deviation: float, runs: int, confidence: float = 0.95) ->
 def resampled_medians(columns: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Medians (k, 999) of `columns` (k, n) over resampled runs, the same resamples for all columns."""
     count = columns.shape[1]
-    # The rank of a resampled median strays from the middle by half a root of n, 1 sigma: only ranks near it matter.
+    # The rank of a resampled median has the deviation sqrt(n) / 2 (1 sigma) from the middle: only ranks near it matter.
     reach = math.ceil(5.0 * math.sqrt(count))
     window = slice(max(0, count // 2 - reach), count // 2 + reach)
     order = np.argsort(columns, axis=1)
@@ -93,14 +94,13 @@ def _multiplicities(rows: int, count: int, rng: np.random.Generator) -> np.ndarr
 
 
 def _median(values: np.ndarray, up_to: np.ndarray, count: int) -> np.ndarray:
-    """Medians (r,) of `count` draws from `values` (w,) in order, `up_to` (r, w) of the draws being at most each."""
+    """Medians (r,) of `count` draws from `values` (w,) in order, `up_to` (r, w) is how many are at most each."""
     low, high = (np.argmax(up_to > rank, axis=1) for rank in ((count - 1) // 2, count // 2))
     return 0.5 * (values[low] + values[high])
 
 
 def shrunk_mean(rows: np.ndarray) -> np.ndarray:
-    """Mean (k,) of `rows` (n, k), each component times the fraction of its square that its standard error does not
-    explain."""
+    """Mean (k,) of `rows` (n, k), each component m with standard error s scaled by m^2 / (m^2 + s^2)."""
     mean, error = rows.mean(axis=0), rows.std(axis=0, ddof=1) / np.sqrt(len(rows))
     square = mean**2
     return mean * square / np.maximum(square + error**2, 1e-300)

@@ -12,14 +12,14 @@ from scipy.stats import binom
 def runs_for_bound(quantile: float, confidence: float, rank: int = 1) -> int:
     """Fewest runs whose `rank`-th largest value is above the quantile with the given confidence (Wilks, one-sided).
 
-    The least n with P(Bin(n, quantile) <= n - rank) >= confidence: with so many runs a requirement on the quantile is
-    verified although `rank - 1` of them violate it.
+    The least n with P(Bin(n, quantile) <= n - rank) >= confidence: with this many runs a requirement on the quantile
+    is verified even if `rank - 1` of them violate it.
     """
     return _smallest_integer(lambda n: bool(binom.cdf(n - rank, n, quantile) >= confidence), rank)
 
 
 def _smallest_integer(enough: Callable[[int], bool], low: int) -> int:
-    """Smallest integer, at least `low`, for which a condition holds that holds for all greater ones too (bisection)."""
+    """Smallest integer from `low` on that meets a condition, which all larger integers must meet too (bisection)."""
     high = low
     while not enough(high):
         low, high = high + 1, 2 * high
@@ -30,20 +30,20 @@ def _smallest_integer(enough: Callable[[int], bool], low: int) -> int:
 
 
 def allowed_failures(runs: int, probability: float, consumer_risk: float) -> int | None:
-    """Most violations in `runs` runs that still verify success in at least `probability`; None if not even zero does.
+    """Largest number of violations in `runs` runs that verifies a probability of success; None if even zero do not.
 
     The largest k with P(Bin(runs, 1 - probability) <= k) <= consumer_risk (Hanson and Beard). With the runs in order
     from the best to the worst, the one of rank `runs - k` is to be compared with the limit.
     """
     count = int(binom.ppf(consumer_risk, runs, 1.0 - probability))
-    # The least count that reaches the risk; unless it meets it exactly, it is one too many.
+    # `count` is the smallest one whose probability reaches the risk; unless it equals the risk, it is one too many.
     if binom.cdf(count, runs, 1.0 - probability) > consumer_risk:
         count -= 1
     return count if count >= 0 else None
 
 
 def consumer_risk_reached(violations: int, runs: int, probability: float) -> float:
-    """Risk of so few violations, or fewer, although success has just less than `probability`."""
+    """Probability of at most `violations` violations if the probability of success is just below `probability`."""
     return float(binom.cdf(violations, runs, 1.0 - probability))
 
 
@@ -68,7 +68,7 @@ def quantile_upper_bound(values: np.ndarray, quantile: float = 0.99, confidence:
 def quantile_interval_ranks(runs: int, quantile: float, confidence: float = 0.95) -> tuple[int | None, int | None]:
     """Ranks (1 = smallest) of the two order statistics that enclose a quantile; None for an end that no run bounds.
 
-    Each side has half of the risk; as ranks are whole numbers, the interval covers the quantile more often than said.
+    Each side has half of the risk; as ranks are whole numbers, the interval covers the quantile more often than stated.
     """
     tail = (1.0 - confidence) / 2.0
     low = int(binom.ppf(tail, runs, quantile))

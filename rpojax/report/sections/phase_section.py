@@ -14,7 +14,8 @@ from rpojax.report.sections.phase_visits import PhaseVisits, goal_of, phase_visi
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _RANGES: Final = ("least_range_m", "final_range_m", FINAL_DRIFT_RANGE)
-"""Of a run that has aborted: least range from then on, range at the end, least one in 24 h of drift after the end."""
+"""Ranges of an aborted run: least range after the abort, range at the end, and least range from the last burn to 24 h
+of free drift after the end."""
 _LISTED: Final = 5
 _FIGURES: Final = (
     ("delta_v_m_s", "Delta-v [m/s]", 1.0),
@@ -57,7 +58,7 @@ def abort_content(campaign: CampaignResults, visits: PhaseVisits) -> dict[str, A
 
 
 def abort_sentences(found: Mapping[str, Any]) -> list[tuple[str, bool]]:
-    """What the aborts came to, each with whether it is an alert."""
+    """Sentences on the result of the aborts, and whether each is an alert."""
     count = found["count"]
     if not count:
         return [(f"None of {found['runs']} runs aborted.", False)]

@@ -217,10 +217,10 @@ def _estimated(
     watch.show(compiled=False)
     simulated.compile()
     watch.show(compiled=True)
-    remembered = log.watched(folder.remembered(simulated))
-    calls = LimitStateCalls(lambda points: watch.counted(points, remembered), simulated.latent, settings.budget)
+    cached = log.watched(folder.cached(simulated))
+    calls = LimitStateCalls(lambda points: watch.counted(points, cached), simulated.latent, settings.budget)
     found = estimate_by_method.estimate(calls, np.random.default_rng(seed), settings.method)
-    repeats = repeated_with_own_noise(log, remembered, np.random.default_rng([seed, 1]), _REPEATS)
+    repeats = repeated_with_own_noise(log, cached, np.random.default_rng([seed, 1]), _REPEATS)
     return to_json_types(
         {
             **_without_points(found),
