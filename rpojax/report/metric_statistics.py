@@ -73,7 +73,7 @@ def _intervals(defined: np.ndarray, undefined: int, deviation: float | None) -> 
 
 
 def _p99_upper_bound(badness: np.ndarray, undefined: int) -> float | None:
-    """Upper 95 % bound of the 99th percentile of badness (n,); undefined runs are the worst; None if it is one."""
+    """Upper 95 % bound of the 99th percentile of badness (n,), undefined runs being worst; None if it is infinite."""
     bound = quantile_upper_bound(np.concatenate([badness, np.full(undefined, np.inf)]), 0.99, 0.95)
     return bound if bound is not None and np.isfinite(bound) else None
 

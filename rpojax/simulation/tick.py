@@ -79,7 +79,8 @@ class Tick:
         burn_error: execution error of the present burn
         innovation: of the orbit filter, None before navigation
         mode: () pointing mode, None before guidance
-        confirmed: () bool, whether boxes of other servicers take the place of one of its own; None without others
+        confirmed: () bool, whether boxes of other servicers take the place of one of its own; None without other
+            servicers
         peers: what is known of the other servicers, None unless a team is coordinated
     """
 

@@ -48,7 +48,7 @@ class LinearCovarianceAnalysis:
         seed: of the sampled runs
         covariance: mean and covariance over a run
         budget: contributions of the error sources
-        sample: sampled runs; None without any
+        sample: sampled runs; None if no runs were sampled
         agreement: of every compared component with the sampled runs
     """
 

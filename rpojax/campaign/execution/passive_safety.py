@@ -162,7 +162,7 @@ class PassiveSafety:
     def _metrics(
         self, starts: Sequence[DriftStarts], least: np.ndarray, entry: np.ndarray, window: np.ndarray
     ) -> dict[str, np.ndarray]:
-        """Metrics of drifts from the ticks of a window, NaN for runs without any.
+        """Metrics of drifts from the ticks of a window, NaN for runs without a drift in it.
 
         Args:
             starts: drifts of each run
@@ -342,5 +342,5 @@ def _horizons(params: Params, spans: Spans) -> Array:
 
 
 def _least(ranges: np.ndarray) -> float:
-    """Least of some ranges, NaN without any."""
+    """Least of some ranges, NaN if there are none."""
     return float(ranges.min()) if len(ranges) else math.nan

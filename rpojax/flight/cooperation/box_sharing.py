@@ -49,7 +49,7 @@ def predict(
 ) -> JointEstimate:
     """Joint estimate after the motion of a tick, with the target relative to this servicer as its `own` filter has it.
 
-    An estimate that guidance has reopened since the update is so here, too.
+    An estimate that guidance has reopened since the update is reopened here, too.
     """
     moved = [
         baseline_motion.propagate(link.settings.zonal_degree, state[: MOTION.size], motion, link.tick_s)

@@ -112,7 +112,7 @@ def _group(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _least(runs: list[dict[str, Any]], name: str) -> dict[str, Any] | None:
-    """Least value of a range, the run that has it, and the number of runs that have a value; None without any."""
+    """Least value of a range, the run that has it, and the number of runs that have a value; None if no run has one."""
     known = [run for run in runs if math.isfinite(run[name])]
     if not known:
         return None
@@ -174,7 +174,7 @@ def content(campaign: CampaignResults) -> dict[str, Any] | None:
 
 
 def _goal_content(campaign: CampaignResults) -> dict[str, Any] | None:
-    """How many runs came to the goal of the mission, and when; None without, and for results of older versions."""
+    """How many runs came to the mission's goal, and when; None without a goal and for results of older versions."""
     reached_at, goal = campaign.phases.get("goal_reached_at_s"), goal_of(campaign.info["scenario"])
     if reached_at is None or goal is None:
         return None
@@ -192,7 +192,7 @@ def goal_text(found: Mapping[str, Any]) -> str:
 
 
 def quantiles(values: np.ndarray) -> dict[str, float | None]:
-    """Median, 5th and 95th percentile of the defined ones of `values`; None without any."""
+    """Median, 5th and 95th percentile of the defined ones of `values`; None if all are undefined."""
     defined = values[np.isfinite(values)]
     names = ("p5", "p50", "p95")
     if not len(defined):
