@@ -6,7 +6,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from rpojax.benchmark import vision_speed
-from rpojax.benchmark.multi_device_program import MultiDeviceProgram
+from rpojax.benchmark.timed_device_programs import MultiDeviceProgram
 
 
 @cache

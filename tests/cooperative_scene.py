@@ -17,13 +17,13 @@ from rpojax.flight.cooperation.baseline_motion import TickMotion
 from rpojax.flight.cooperation.sharing import SharingMemory
 from rpojax.flight.cooperation.team_records import TeamRecords, of_pairs
 from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, LinkSettings, ServicerTuning
-from rpojax.flight.navigation import burn_execution_error, combined_orbit_filter, lasting_effects, shape_errors
+from rpojax.flight.navigation import burn_execution_error, combined_orbit_filter, lasting_error_effects, shape_errors
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import linearise_box
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
-from rpojax.flight.navigation.relative_state import VIEW_STATES
+from rpojax.flight.navigation.relative_filter_state import VIEW_STATES
 from rpojax.sensors import link_range
 from rpojax.sensors.link_range import LinkRange
 
@@ -253,7 +253,7 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
 
     def predict(orbit, delta_v, size):
         return combined_orbit_filter.predict(
-            tuning, DEGREE, orbit, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+            tuning, DEGREE, orbit, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_error_effects.none(), 1.0
         )
 
     def burn_covariance(delta_v, size):

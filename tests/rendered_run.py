@@ -9,6 +9,7 @@ import numpy as np
 from named_loops import name_loop
 
 from rpojax.campaign import single_run
+from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.flight.stages import Stages
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
@@ -16,7 +17,6 @@ from rpojax.simulation import camera_models, noise
 from rpojax.simulation.channels import compute_channels
 from rpojax.simulation.state import State
 from rpojax.simulation.step import step
-from rpojax.simulation.step_stages import sun_and_moon_at
 
 TICKS = 8
 SEED, RUN = 5, 3

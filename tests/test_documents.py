@@ -17,7 +17,7 @@ from element_sets import TLE
 from markdown_blocks import code_blocks
 
 import rpojax
-from rpojax.analysis.statistics.intervals import runs_for_bound
+from rpojax.analysis.statistics.tolerance_bounds import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_sections import Design
@@ -37,7 +37,7 @@ from rpojax.scenario.sections import StartSection
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.simulation import channels
 from rpojax.simulation.channels import Channels, compute_channels
-from rpojax.simulation.metrics import trace_channels
+from rpojax.simulation.metrics import decimated_traces
 from rpojax.simulation.rollout import rollout
 from rpojax.simulation.step import step
 from rpojax.value_types import Section
@@ -353,7 +353,7 @@ def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> Non
 
 
 def test_the_folder_page_names_every_trace() -> None:
-    assert set(trace_channels.TRACE_UNITS) == set(quoted(section(FOLDER_PAGE, "Traces")))
+    assert set(decimated_traces.TRACE_UNITS) == set(quoted(section(FOLDER_PAGE, "Traces")))
 
 
 def test_the_folder_page_lists_every_channel_of_a_history() -> None:

@@ -130,7 +130,7 @@ def test_a_circle_is_found() -> None:
     ("importer", "imported"),
     [
         ("core.frames", "physics.plant"),
-        ("runtime.device_programs", "core.frames"),
+        ("runtime.programs_per_device", "core.frames"),
         ("flight.computer", "physics.plant"),
         ("physics.plant", "vision.pinhole"),
         ("flight.guidance.attitude_guidance", "sensors.gps"),

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.benchmark.multi_device_program import compile_for_devices
+from rpojax.benchmark.timed_device_programs import compile_for_devices
 from rpojax.training.detector import evaluate_detector
 from rpojax.training.detector.average_precision import long_side, pair_kind
 from rpojax.training.radiance_field import evaluate_field
@@ -30,8 +30,8 @@ from rpojax.vision.detector.multiscale_detection import detect_multiscale
 from rpojax.vision.detector.scored_box import ScoredBox, box_edges
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
 from rpojax.vision.imaging import image_files, srgb
+from rpojax.vision.imaging.random_sky import random_sky
 from rpojax.vision.imaging.sky_background import background
-from rpojax.vision.imaging.sky_maps import random_sky
 from rpojax.vision.intersection_over_union import pairwise_iou
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.field_file import load_field

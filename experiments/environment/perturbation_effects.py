@@ -13,9 +13,9 @@ import rpojax
 from rpojax.core.frames import hill_frame
 from rpojax.core.orbits import sun_moon_ephemeris
 from rpojax.core.orbits.keplerian_elements import mean_motion
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.vectors import apply
 from rpojax.physics import equipment_faults, plant, plant_state
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.thruster import BurnError, ValveCommand, thrust_over_step
 from rpojax.scenario import params as parameters

@@ -14,7 +14,7 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 import numpy as np
 
 import rpojax
-from rpojax.analysis.statistics.intervals import quantile_upper_bound
+from rpojax.analysis.statistics.tolerance_bounds import quantile_upper_bound
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.flight.guidance.pointing_modes import Mode
 

@@ -9,13 +9,13 @@ from jaxtyping import Array
 
 import rpojax
 from rpojax.core.orbits import keplerian_elements
+from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import replace
 from rpojax.physics import equipment_faults, free_drift, plant
 from rpojax.physics.free_drift import STEP_S, Drift, Environment
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation.step_stages import sun_and_moon_at
 
 DAY_S = 86400.0
 MISSIONS: dict[str, tuple[str, ...]] = {

@@ -10,7 +10,7 @@ import numpy as np
 from mission_campaigns import Case
 
 import rpojax
-from rpojax.scenario.warnings import all_warnings
+from rpojax.scenario.warnings import mission_warnings
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 CASES = (
@@ -33,7 +33,7 @@ def main() -> int:
         completed = result.outcomes == Outcome.COMPLETED
         farthest = float(np.max(distance[completed], initial=0.0))
         astray += int((distance[completed] > 10.0).sum())
-        warnings = all_warnings.mission_warnings(rpojax.load(case.scenario, list(case.overrides)))
+        warnings = mission_warnings.mission_warnings(rpojax.load(case.scenario, list(case.overrides)))
         counts = [str(int((result.outcomes == kind).sum())) for kind in KINDS]
         mission_campaigns.row(case.name, *counts, f"{farthest:.1f} m", "; ".join(warnings) or "-")
     return int(astray > 0)

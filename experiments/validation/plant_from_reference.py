@@ -13,11 +13,11 @@ from rpojax.core import quaternion
 from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, SPEED_OF_LIGHT
 from rpojax.core.numerics.runge_kutta import Method
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.orbits.zonal_gravity import GravityField
 from rpojax.core.pytree import pytree
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Target, Truth

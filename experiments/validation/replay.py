@@ -31,8 +31,8 @@ from experiments.validation.replay_errors import largest_errors
 from experiments.validation.step_schedule import StepSchedule, make_step_schedule
 from rpojax.core import quaternion
 from rpojax.core.numerics.runge_kutta import Method
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.physics import plant
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import healthy
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth

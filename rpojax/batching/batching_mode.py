@@ -32,10 +32,10 @@ def chosen_mode() -> BatchingMode:
 
 
 def check_mode(name: str, mode: Any) -> BatchingMode:
-    """The mode, if it is one.
+    """The mode, checked to be one that exists.
 
     Raises:
-        RpojaxError: it is none; `name` says where it was found.
+        RpojaxError: there is no such mode; `name` says where it was found.
     """
     if mode not in get_args(BatchingMode):
         raise RpojaxError(f"{name}: found {mode!r:.60}, expected one of {', '.join(get_args(BatchingMode))}")

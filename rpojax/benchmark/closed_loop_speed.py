@@ -15,7 +15,7 @@ from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import RpojaxError
-from rpojax.runtime.device_programs import share_runs
+from rpojax.runtime.programs_per_device import share_runs
 from rpojax.scenario.schema import ScenarioFile
 
 DEFAULT_BATCHES = (1, 64, 512, 2048)

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
 from rpojax.benchmark.synthetic_filter_inputs import (
     NOISES_PER_UPDATE,
     FilterInputs,
@@ -17,14 +16,15 @@ from rpojax.benchmark.synthetic_filter_inputs import (
     nominal_setup,
     simulate_measurements,
 )
+from rpojax.benchmark.timed_device_programs import MultiDeviceProgram, compile_for_devices
 from rpojax.flight import stage_use
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter, lasting_effects
+from rpojax.flight.navigation import combined_orbit_filter, lasting_error_effects
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.runtime.device_programs import choose_devices
+from rpojax.runtime.programs_per_device import choose_devices
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
@@ -70,7 +70,7 @@ def predict_and_update(
     """Estimate a second later, updated with the measurements at its end, and the state of the outlier gate."""
     burn = (inputs.delta_v_N, inputs.burn_delta_v, inputs.covariance_inflation)
     degree, dt = scenario.navigation_zonal_degree, scenario.tick_s
-    motion = (*burn, inputs.third_body_acceleration_N, lasting_effects.none())
+    motion = (*burn, inputs.third_body_acceleration_N, lasting_error_effects.none())
     estimate = combined_orbit_filter.predict(tuning, degree, estimate, *motion, dt)
     estimate, gate, _ = combined_orbit_filter.update(
         tuning, scenario.box_gating, focal_px, estimate, gate, inputs.gps, inputs.q_KN, inputs.box

@@ -8,9 +8,9 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
+from rpojax.benchmark.timed_device_programs import MultiDeviceProgram, compile_for_devices
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
-from rpojax.runtime.device_programs import choose_devices
+from rpojax.runtime.programs_per_device import choose_devices
 
 Vectors = Float[Array, "3 n"]
 

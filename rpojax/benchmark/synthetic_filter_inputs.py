@@ -15,7 +15,7 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.navigation import combined_orbit_filter, lasting_effects
+from rpojax.flight.navigation import combined_orbit_filter, lasting_error_effects
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.physics import plant_state
@@ -72,7 +72,7 @@ def propagate_truth(scenario: Scenario, flight: FlightParams, truth: OrbitEstima
     zero, none = jnp.zeros((), dtype=jnp.float64), jnp.zeros(3, dtype=jnp.float64)
     degree, dt = scenario.navigation_zonal_degree, scenario.tick_s
     return combined_orbit_filter.predict(
-        flight.navigation, degree, truth, none, zero, zero + 1.0, none, lasting_effects.none(), dt
+        flight.navigation, degree, truth, none, zero, zero + 1.0, none, lasting_error_effects.none(), dt
     )
 
 

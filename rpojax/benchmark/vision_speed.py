@@ -9,19 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
+from rpojax.benchmark.timed_device_programs import MultiDeviceProgram, compile_for_devices
 from rpojax.campaign import single_run
 from rpojax.campaign.execution import batch_engine
 from rpojax.core import random_streams
+from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import replace
-from rpojax.runtime.device_programs import choose_devices
+from rpojax.runtime.programs_per_device import choose_devices
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import rendered_camera
 from rpojax.simulation import camera_models
 from rpojax.simulation.state import State, elapsed_time
-from rpojax.simulation.step_stages import sun_and_moon_at
 from rpojax.vision.detector import box_decoding, two_stage_detector
 
 _RANGE_M = 30.0

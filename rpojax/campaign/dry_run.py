@@ -14,7 +14,7 @@ from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.core.pytree import concatenate
 from rpojax.errors import RpojaxError
-from rpojax.runtime import device_programs
+from rpojax.runtime import programs_per_device
 from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
@@ -90,9 +90,9 @@ def plan_campaign(
         raise RpojaxError.of_argument(
             "runs", f"found {runs}, expected at most {MAX_PLAN_BYTES // bytes_per_run} for a plan"
         )
-    available = device_programs.choose_devices(devices)
+    available = programs_per_device.choose_devices(devices)
     size = options.block_size or batch_engine.fitted_block_size(file, runs, len(available))
-    used_devices = device_programs.choose_devices(available, most=-(-runs // size))
+    used_devices = programs_per_device.choose_devices(available, most=-(-runs // size))
     design = experiment_design.make_design(file, seed, options.design_range)
     engine = BatchEngine(file, size, used_devices, design=design)
     blocks = [engine.draw_values(seed, first_run + begin + np.arange(size)) for begin in range(0, runs, size)]

@@ -17,9 +17,9 @@ from rpojax.dispersions.designs.design_sections import (
     TableDesign,
 )
 from rpojax.dispersions.designs.latin_hypercube import latin_hypercube
-from rpojax.dispersions.designs.listed_designs import grid_points, grid_size, table_rows, table_size
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.dispersions.designs.sobol_sequence import sobol_sequence
+from rpojax.dispersions.designs.table_and_grid import grid_points, grid_size, table_rows, table_size
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.scenario.dispersed_numbers.dispersion_keys import coordinate_count, design_keys
 from rpojax.scenario.parameter_keys import nominal_value, parse_key

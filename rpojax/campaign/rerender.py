@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8
 
 from rpojax.campaign import single_run
+from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import replace
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import ResultError, RpojaxError
@@ -26,7 +27,6 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import camera_models, noise
 from rpojax.simulation.state import elapsed_time
-from rpojax.simulation.step_stages import sun_and_moon_at
 
 History = Mapping[str, np.ndarray]
 """Channel -> (ticks, ...)."""

@@ -3,9 +3,9 @@
 import shutil
 from pathlib import Path
 
+from rpojax.campaign.argument_checks import MAX_BLOCKS, existing_parent
 from rpojax.campaign.experiment_design import design_bytes
 from rpojax.campaign.options.campaign_options import CampaignOptions
-from rpojax.campaign.preflight import MAX_BLOCKS, existing_parent
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 

@@ -9,7 +9,7 @@ from typing import Any, Unpack
 import jax
 import jax.numpy as jnp
 
-from rpojax.campaign import experiment_design, preflight, resource_estimates
+from rpojax.campaign import argument_checks, experiment_design, resource_estimates
 from rpojax.campaign.execution import block_runner, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size, fitted_block_size
 from rpojax.campaign.execution.executor import Executor, LocalExecutor
@@ -27,7 +27,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.metrics.metric_catalogue import METRICS
-from rpojax.runtime import device_programs
+from rpojax.runtime import programs_per_device
 from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
@@ -145,14 +145,14 @@ def start_campaign(
     """
     used = execution or Execution()
     if used.shard is None:
-        preflight.check_folder(out, force)
+        argument_checks.check_folder(out, force)
     # Processes that share a campaign need blocks of the same size, whatever each has of cores.
     is_shared = used.shard is not None or used.executor is not None
-    most = len(device_programs.choose_devices(used.devices))
+    most = len(programs_per_device.choose_devices(used.devices))
     fitted = default_block_size(file) if is_shared else fitted_block_size(file, options.runs, most)
     size = options.block_size or fitted
     options = replace(options, block_size=size)
-    devices = device_programs.choose_devices(used.devices, most=-(-options.runs // size))
+    devices = programs_per_device.choose_devices(used.devices, most=-(-options.runs // size))
     resource_estimates.check_resources(file, options, size, len(devices), out)
     design = experiment_design.make_design(file, options.seed, options.design_range)
     stages = provenance.replaced_stages(plugin_registry.stages_of(file, used.stages))
@@ -210,7 +210,7 @@ def resume_campaign(
         found = plugin_registry.stages_of(campaign.file, stages)
         provenance.check_same_stages(campaign.configuration.stages, found)
         if executor is None:
-            devices = device_programs.choose_devices(None, most=len(blocks))
+            devices = programs_per_device.choose_devices(None, most=len(blocks))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
             chosen: Executor = LocalExecutor(campaign, engine)
         else:
@@ -282,7 +282,7 @@ def _simulate_selected_histories(
     total = len(run_ids)
     if engine is None:
         on_progress(Progress(done=0.0, total=total, failed=0, compiled=False))
-        devices = device_programs.choose_devices(None, most=-(-total // campaign.configuration.block_size))
+        devices = programs_per_device.choose_devices(None, most=-(-total // campaign.configuration.block_size))
         engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
 
     def report_runs(done: float) -> None:

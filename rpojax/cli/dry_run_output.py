@@ -3,8 +3,8 @@
 import datetime
 from pathlib import Path
 
+from rpojax.campaign import argument_checks
 from rpojax.campaign import dry_run as plans
-from rpojax.campaign import preflight
 from rpojax.campaign.dry_run import Plan
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.storage.atomic_outputs import write_atomically
@@ -29,7 +29,7 @@ def show(
         RpojaxError: the campaign would be refused, or the table cannot be written.
     """
     if out is not None:
-        preflight.check_folder(out, force)
+        argument_checks.check_folder(out, force)
     with stage("drawing", quiet=as_json):
         plan = plans.plan_campaign(file, options, speed=dry_run.speed)
     if dry_run.plan is not None:

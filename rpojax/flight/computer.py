@@ -29,10 +29,11 @@ from rpojax.flight.guidance.attitude_guidance import GuidanceTick
 from rpojax.flight.guidance.target_acquisition import Sighting
 from rpojax.flight.navigation import (
     attitude_ekf,
+    differential_drag,
     lasting_adaptation,
-    lasting_effects,
+    lasting_error_effects,
+    relative_filter_state,
     relative_orbit_ekf,
-    relative_state,
     thrust_estimator,
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -40,9 +41,9 @@ from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.lasting_adaptation import Adaptation
-from rpojax.flight.navigation.lasting_effects import LastingEffects
+from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -240,7 +241,7 @@ def guide(
     )
     pointing, mode = attitude_guidance.guide(guidance, memory.pointing, tick)
     reopened = pointing.search_failed & ~burn_conditions.may_be_too_small(params, memory)
-    orbit = replace(memory.orbit, relative=relative_state.reopen(memory.orbit.relative, reopened))
+    orbit = replace(memory.orbit, relative=relative_filter_state.reopen(memory.orbit.relative, reopened))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit, reopened=reopened), mode
 
 
@@ -342,8 +343,8 @@ def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionO
     """Effect of lasting errors over a tick with that `motion`."""
     servicer = memory.orbit.servicer
     return LastingEffects(
-        thrust_axes_N=lasting_effects.thrust_axes(motion.q_BN_before, params.vehicle.thrust_direction),
-        ballistic_N=lasting_effects.ballistic_acceleration(
+        thrust_axes_N=lasting_error_effects.thrust_axes(motion.q_BN_before, params.vehicle.thrust_direction),
+        ballistic_N=differential_drag.ballistic_acceleration(
             params.atmosphere, servicer.r_SN_N, servicer.v_SN_N, motion.sun_N
         ),
     )

@@ -33,7 +33,7 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilt
 from rpojax.flight.navigation.believed_sensor import SensorRows
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
-from rpojax.flight.navigation.lasting_effects import LastingEffects
+from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import phase_assignment

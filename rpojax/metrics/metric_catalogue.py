@@ -73,7 +73,7 @@ def register(metrics: Iterable[Metric]) -> None:
 
 @contextmanager
 def metrics_of_scenario(own: Mapping[str, Metric]) -> Iterator[None]:
-    """Names are those of the package and of the metrics of one scenario's plugin, by name, and no others."""
+    """Within it, only metrics of the package and those of one scenario's plugin, `own` by name, have names."""
     token = _OF_SCENARIO.set(own)
     try:
         yield

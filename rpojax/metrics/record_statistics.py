@@ -20,12 +20,12 @@ def ratio(part: NDArray[np.number], whole: NDArray[np.number]) -> Floats:
 
 
 def conditional_mean(given: WeightedValue, _: RunTiming) -> Floats:
-    """Mean over the ticks with a weight; NaN without one."""
+    """Mean over the ticks with a weight; NaN if no tick has one."""
     return ratio(sum_in_time(np.where(given.weight, given.value, 0.0)), sum_in_time(given.weight))
 
 
 def percentile(percent: float) -> RecordStatistic:
-    """Percentile of the values with a weight; NaN without one."""
+    """Percentile of the values with a weight; NaN if no value has one."""
 
     def reduce(given: WeightedValue, _: RunTiming) -> Floats:
         values = np.where(given.weight, given.value, np.nan).astype(float)
@@ -51,7 +51,7 @@ def lag_1_autocorrelation(given: WeightedValue, _: RunTiming) -> Floats:
 
 
 def time_to_first(flags: WeightedValue, timing: RunTiming) -> Floats:
-    """Time of the first true flag [s]; NaN without one."""
+    """Time of the first true flag [s]; NaN if no flag is true."""
     value = flags.value
     return np.where(value.any(axis=1), value.argmax(axis=1) * timing.tick_s, np.nan)
 

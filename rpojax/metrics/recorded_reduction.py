@@ -59,7 +59,7 @@ def _reduced(metric: Metric, value: np.ndarray, weight: np.ndarray | None) -> Fl
 def reduce_in_window(
     metric: Metric, records: Mapping[str, np.ndarray], ticks: NDArray[np.bool_], timing: RunTiming, *, is_event: bool
 ) -> Floats:
-    """Metric (runs,) of the flagged `ticks` (runs, ticks) in place of its own window; NaN for runs without any.
+    """Metric (runs,) of the flagged `ticks` (runs, ticks) in place of its own window; NaN without a flagged tick.
 
     A total since the start is what has been added from each of these ticks to the next, or the total at an event.
 

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import third_body_gravity
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import cross
 from rpojax.physics import reaction_wheels, thruster
@@ -15,7 +16,6 @@ from rpojax.physics.environment.drag import drag
 from rpojax.physics.environment.gravity_gradient_torque import gravity_gradient_torque
 from rpojax.physics.environment.solar_radiation_pressure import solar_radiation_pressure, sunlit_fraction
 from rpojax.physics.environment.spacecraft_surface import Surface
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import SEIZURE_TIME_CONSTANT, Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth

@@ -18,13 +18,12 @@ from rpojax.batching import batching_mode
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
-from rpojax.core.orbits import sun_moon_ephemeris, zonal_gravity
+from rpojax.core.orbits import zonal_gravity
 from rpojax.core.orbits.closest_approach import Approach, closest_approach, entry_place, least_square_until
-from rpojax.core.orbits.sun_moon_ephemeris import Epoch
+from rpojax.core.orbits.sun_moon_ephemeris import Epoch, SunMoonPositions, sun_and_moon_at
 from rpojax.core.pytree import pytree, replace
 from rpojax.physics import forces_and_torques
 from rpojax.physics.environment.solar_radiation_pressure import sunlit_fraction
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import Motion, PlantParams, Truth
 
@@ -95,10 +94,7 @@ class Environment:
 
     def sky(self, time: Scalar) -> SunMoonPositions:
         """Positions of Sun and Moon at a time of the run [s]."""
-        return SunMoonPositions(
-            sun_N=sun_moon_ephemeris.sun_position(time, self.epoch),
-            moon_N=sun_moon_ephemeris.moon_position(time, self.epoch),
-        )
+        return sun_and_moon_at(self.epoch, time)
 
     def accelerations(
         self, motion: Motion, mass: Scalar, sky: SunMoonPositions, sunlit: Scalar

@@ -10,10 +10,10 @@ from rpojax.core.numerics import double_single, runge_kutta
 from rpojax.core.numerics.gradient_safe import norm
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.encke_reference import EnckeReference
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.core.quaternion import conjugate, rotate
 from rpojax.physics import forces_and_torques, rigid_body
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth

@@ -174,7 +174,7 @@ def runs_are_independent(campaign: CampaignResults) -> bool:
 
 
 def probability_interval(campaign: CampaignResults, count: int, total: int) -> list[float] | None:
-    """95 % interval of a probability from `count` of `total` runs; None without runs and for dependent ones."""
+    """95 % interval of a probability from `count` of `total` runs; None without runs and for dependent runs."""
     return list(clopper_pearson_interval(count, total)) if total and runs_are_independent(campaign) else None
 
 

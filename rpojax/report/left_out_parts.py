@@ -36,7 +36,7 @@ class Notes:
         self.sentences: list[str] = []
 
     def part(self, title: str, work: Callable[[CampaignResults], Part], campaign: CampaignResults) -> Part:
-        """Part of a report, made of a campaign; without its numbers, with a note, where they do not allow it.
+        """Part of a report made from a campaign; if its numbers are too extreme, the part without numbers, and a note.
 
         Errors of the package, such as of a damaged folder, are raised.
         """
@@ -48,7 +48,7 @@ class Notes:
             return part
 
     def derived(self, title: str, work: Callable[[], Part], otherwise: Part) -> Part:
-        """Part of a report that is made of others; `otherwise`, with a note, where their numbers do not allow it."""
+        """Part of a report made from other parts; if their numbers are too extreme, `otherwise`, and a note."""
         try:
             return work()
         except _OF_NUMBERS as error:

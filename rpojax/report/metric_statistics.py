@@ -4,13 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals import (
-    Z_95,
-    deviation_interval,
-    mean_interval,
-    quantile_interval_ranks,
-    quantile_upper_bound,
-)
+from rpojax.analysis.statistics.intervals import Z_95, deviation_interval, mean_interval
+from rpojax.analysis.statistics.tolerance_bounds import quantile_interval_ranks, quantile_upper_bound
 from rpojax.metrics.metric_catalogue import unit_of
 
 _PERCENTILES = {"min": 0.0, "p1": 1.0, "p5": 5.0, "p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
@@ -78,7 +73,7 @@ def _intervals(defined: np.ndarray, undefined: int, deviation: float | None) -> 
 
 
 def _p99_upper_bound(badness: np.ndarray, undefined: int) -> float | None:
-    """Upper 95 % bound of the 99th percentile of badness (n,); undefined runs are the worst; None if it is one."""
+    """Upper 95 % bound of the 99th percentile of badness (n,), undefined runs being worst; None if it is infinite."""
     bound = quantile_upper_bound(np.concatenate([badness, np.full(undefined, np.inf)]), 0.99, 0.95)
     return bound if bound is not None and np.isfinite(bound) else None
 

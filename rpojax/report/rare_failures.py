@@ -287,7 +287,7 @@ def _farthest(dispersions: Sequence[Mapping[str, Any]]) -> list[tuple[str, float
 
 
 def section_values(entries: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]] | None:
-    """Estimates and wanted estimates of the section of a campaign's report; None without any."""
+    """Estimates and wanted estimates of the section of a campaign's report; None if there are none."""
     if not entries:
         return None
     estimates = [

@@ -26,7 +26,7 @@ from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics.plant_state import PlantParams
 from rpojax.physics.radio_link import RadioLink
-from rpojax.scenario import phase_table
+from rpojax.scenario import mission_from_phases
 from rpojax.scenario.numbers import key_units
 from rpojax.scenario.numbers.section_records import array, record_of, section_record
 from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
@@ -93,7 +93,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     flight = FlightParams(
         vehicle=_nominal_vehicle(plant, rest["camera"], width_px, height_px),
         navigation=_navigation(tables),
-        mission=phase_table.mission_tuning(tables),
+        mission=mission_from_phases.mission_tuning(tables),
         atmosphere=plant.atmosphere,
         sensors=_sensor_numbers(tables, believed=True),
         **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere")),
@@ -200,7 +200,7 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
     section, _, name = key.rpartition(".")
     leaf, factor = key_units.split_unit(name)
     if key.split(".")[0] in ("phases", "mission"):
-        return ("flight", "mission", *phase_table.leaf_path(key)), factor
+        return ("flight", "mission", *mission_from_phases.leaf_path(key)), factor
     if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):
         is_belief = any(name in each.beliefs for each in sensor_classes(section))
         if params is not None:

@@ -8,7 +8,7 @@ from rpojax.flight.flight_records import FilterSettings
 from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.physics.plant_options import Effects
-from rpojax.scenario.phase_table import mission_settings
+from rpojax.scenario.mission_from_phases import mission_settings
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.plugins.custom_metrics import POSE_CHANNELS
 from rpojax.scenario.schema import ScenarioFile

@@ -14,7 +14,7 @@ from rpojax.vision.bounding_box import BoundingBox
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
 from rpojax.vision.imaging.exposure import Exposure
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene, form_image
-from rpojax.vision.imaging.sky_maps import Sky
+from rpojax.vision.imaging.random_sky import Sky
 from rpojax.vision.intersection_over_union import intersection_over_union
 from rpojax.vision.radiance_field.ray_budget import RaySampling
 from rpojax.vision.radiance_field.target_field import RadianceField

@@ -8,8 +8,8 @@ from rpojax.core.constants import RADIUS_EARTH
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.numerics.gradient_safe import normalize
 from rpojax.core.orbits import camera_visibility, earth_rotation, eclipse
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params

@@ -12,8 +12,8 @@ from rpojax.core.random_streams import Stream
 from rpojax.flight import computer
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.navigation import combined_orbit_filter, relative_state, servicer_orbit_ekf
-from rpojax.flight.navigation.relative_state import SLOW_STATES, VIEW_STATES
+from rpojax.flight.navigation import combined_orbit_filter, relative_filter_state, servicer_orbit_ekf
+from rpojax.flight.navigation.relative_filter_state import SLOW_STATES, VIEW_STATES
 from rpojax.flight.stages import Stages
 from rpojax.physics import plant_state
 from rpojax.physics.plant_state import Truth
@@ -110,7 +110,10 @@ def _sensor_errors(params: Params, noise: InitialNoise) -> SensorErrors:
 def _handover_error(params: Params, truth: Truth, normals: Float[Array, "12"]) -> Float[Array, "12"]:
     """Errors in N of the servicer's position and velocity and of those of the target from it, from normal numbers."""
     navigation, handover = params.flight.navigation, params.handover
-    told = [servicer_orbit_ekf.initial_sigma(navigation)[: MOTION.size], relative_state.initial_sigma(navigation)]
+    told = [
+        servicer_orbit_ekf.initial_sigma(navigation)[: MOTION.size],
+        relative_filter_state.initial_sigma(navigation),
+    ]
     told_error = jnp.concatenate(told) * normals
     if handover is None:
         return told_error

@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
-from rpojax.core.orbits import sun_moon_ephemeris, third_body_gravity
-from rpojax.core.orbits.sun_moon_ephemeris import Epoch
+from rpojax.core.orbits import third_body_gravity
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions, sun_and_moon_at
 from rpojax.core.pytree import replace, select
 from rpojax.flight import computer
 from rpojax.flight.decisions import burn_decision, mission_decision
@@ -18,7 +18,6 @@ from rpojax.flight.guidance import burn_schedule, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, thrust_over_step
@@ -33,13 +32,6 @@ from rpojax.simulation.tick_measurements import advance_sensor_errors, measure, 
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
-
-
-def sun_and_moon_at(epoch: Epoch, time: Scalar) -> SunMoonPositions:
-    """Positions of Sun and Moon at `time` [s] since the start; equal for all runs of a batch."""
-    return SunMoonPositions(
-        sun_N=sun_moon_ephemeris.sun_position(time, epoch), moon_N=sun_moon_ephemeris.moon_position(time, epoch)
-    )
 
 
 def command_camera(loop: Loop, state: State) -> State:

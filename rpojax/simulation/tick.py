@@ -6,6 +6,7 @@ from typing import Any
 
 from jaxtyping import Array
 
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import pytree
 from rpojax.flight import stage_use
 from rpojax.flight.flight_records import FlightMemory, Measurements
@@ -14,7 +15,6 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages
 from rpojax.flight.team_guidance.team_knowledge import KnownPeers
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
@@ -36,7 +36,7 @@ class Loop:
         stages: replaceable parts of the flight software
 
     Raises:
-        RpojaxError: a stage is replaced that such a scenario does not use.
+        RpojaxError: `stages` replaces a stage that this scenario does not use.
     """
 
     scenario: Scenario
@@ -79,7 +79,8 @@ class Tick:
         burn_error: execution error of the present burn
         innovation: of the orbit filter, None before navigation
         mode: () pointing mode, None before guidance
-        confirmed: () bool, whether what other servicers see stands for an own box; None without others
+        confirmed: () bool, whether boxes of other servicers take the place of one of its own; None without other
+            servicers
         peers: what is known of the other servicers, None unless a team is coordinated
     """
 
@@ -99,7 +100,7 @@ class Tick:
 
 
 def tick_axes(axis: int) -> Tick:
-    """Batch axis of each field of `Tick`: `axis`, but None for the number of the tick."""
+    """Batch axis of each field of `Tick`: `axis`, or None for the tick number."""
     axes: dict[str, Any] = {field.name: axis for field in dataclasses.fields(Tick)}
     return Tick(**{**axes, "state": state_axes(axis)})
 

@@ -4,9 +4,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import double_single, gradient_safe
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.flight.flight_records import Measurements
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError

@@ -24,7 +24,7 @@ from rpojax.metrics import metric_catalogue, surface_coverage, team
 from rpojax.runtime.progress import Progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import trace_channels
+from rpojax.simulation.metrics import decimated_traces
 
 ONE_DEVICE = jax.devices()[:1]
 
@@ -47,7 +47,7 @@ def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campai
     of_others = {metric.name for metric in (*surface_coverage.METRICS, *team.METRICS)}
     assert set(three_runs.metrics) == set(metric_catalogue.UNITS) - of_others
     assert all(values.shape == (3,) for values in three_runs.metrics.values())
-    assert set(three_runs.traces) == set(trace_channels.TRACE_UNITS)
+    assert set(three_runs.traces) == set(decimated_traces.TRACE_UNITS)
     assert all(values.shape == (3, 40) for values in three_runs.traces.values())
     np.testing.assert_array_equal(three_runs.trace_time_s, np.arange(0.0, 400.0, 10.0))
     assert set(three_runs.drawn) == {dispersion.key for dispersion in mission.dispersions}

@@ -10,7 +10,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight import control_effort
 from rpojax.flight.control_effort import ControlEffort
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 INTERVAL, BURNS = 50, 600
 BURN_SIGMA, NOISE = 0.01, np.array([0.05, 0.2, 1.0])

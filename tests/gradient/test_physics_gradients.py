@@ -13,12 +13,12 @@ from numpy_reference import axis_angle_quaternion
 from penumbra_geometry import SUN_N, behind, touching
 
 from rpojax.core.numerics.runge_kutta import Method
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.physics import equipment_faults, plant, plant_state, reaction_wheels, rigid_body
 from rpojax.physics.environment.drag import drag
 from rpojax.physics.environment.gravity_gradient_torque import gravity_gradient_torque
 from rpojax.physics.environment.solar_radiation_pressure import solar_radiation_pressure, sunlit_fraction
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth
 from rpojax.physics.thruster import BurnError, ValveCommand, center_of_mass_shift, thrust_over_step

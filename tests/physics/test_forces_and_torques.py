@@ -13,9 +13,9 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, rotation_matrix, un
 from scipy.integrate import solve_ivp
 
 from rpojax.core.orbits import eclipse
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.physics import equipment_faults, forces_and_torques, plant, plant_state
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth

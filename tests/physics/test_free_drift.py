@@ -10,15 +10,13 @@ from scipy.integrate import solve_ivp
 from rpojax.campaign.single_run import nominal_parameters
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import keplerian_elements
-from rpojax.core.orbits.sun_moon_ephemeris import J2000
+from rpojax.core.orbits.sun_moon_ephemeris import J2000, SunMoonPositions, sun_and_moon_at
 from rpojax.physics import equipment_faults, free_drift, plant, plant_state
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.free_drift import STEP_S, Drift, DriftRange, Environment
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import Motion
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
-from rpojax.simulation.step_stages import sun_and_moon_at
 
 RHO = np.array([[0.0, -30.0, 0.0], [5.0, 40.0, 8.0], [-10.0, 12.0, -6.0]])
 RHO_DOT = np.array([[0.002, -0.0012, 0.001], [0.01, -0.008, 0.02], [0.0, 0.022, -0.01]])

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy_reference import IDENTITY, gravity, rotation_matrix
 from scipy.integrate import solve_ivp
 
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.physics import equipment_faults, plant, plant_state
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth

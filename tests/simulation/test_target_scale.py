@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import replace
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params
@@ -17,7 +18,6 @@ from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation import camera_models, initial_state
 from rpojax.simulation.noise import camera_key, draw_tick_noise, run_key
 from rpojax.simulation.state import State
-from rpojax.simulation.step_stages import sun_and_moon_at
 
 SMALL = ["camera.width_px=64", "camera.height_px=64", "camera.field_of_view_deg=5.0"]
 NEAR = ["initial.relative_position_m=[0.0, -30.0, 0.0]", "navigation.initial_relative_position_sigma_m=0.2"]

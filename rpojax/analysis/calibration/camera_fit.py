@@ -180,7 +180,7 @@ def _maximise(
 
 
 def outcome_summary(outcomes: DetectionOutcomes, threshold: float) -> dict[str, float | None]:
-    """Detection rate, rate of false boxes, median overlap, and bias and sigma of the edges [px]; None without any."""
+    """Detection rate, rate of false boxes, median overlap, and bias and sigma of the edges [px]; None if undefined."""
     rows = _likelihood_inputs(outcomes, threshold)
     kind = np.asarray(rows["kind"])
     error = (outcomes.edges - outcomes.outline)[kind == 1]

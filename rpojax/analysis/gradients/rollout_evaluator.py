@@ -21,7 +21,7 @@ from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
-from rpojax.runtime.device_programs import share_runs
+from rpojax.runtime.programs_per_device import share_runs
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
 from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
 from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
@@ -36,10 +36,10 @@ class Gradient:
     Attributes:
         run_ids: (runs,)
         metrics: metric -> (runs,), NaN where undefined
-        derivatives: metric -> key -> (runs, ...), the key's own shape behind the runs; NaN where the
-            metric is undefined
+        derivatives: metric -> key -> (runs, ...), first the runs, then the key's own axes; NaN where the metric is
+            undefined
         completed: (runs,) bool; other runs ended early and have no metrics
-        events: (runs,) hash of accepted boxes and guidance modes; runs of the same hash differ smoothly
+        events: (runs,) hash of accepted boxes and guidance modes; runs with the same hash differ smoothly
         mode: of differentiation, 'forward' or 'reverse'
         compile_s: time to compile [s]
     """
@@ -76,7 +76,7 @@ class Gradient:
         return self.completed & np.isfinite(self.metrics[metric])
 
     def _counted(self, metric: str, least: int) -> dict[str, np.ndarray]:
-        """Key -> derivatives of a metric in the runs that count, at least so many."""
+        """Key -> derivatives of a metric in the runs that count; an error if these are fewer than `least`."""
         counted = self.counts(metric)
         if counted.sum() < least:
             raise RpojaxError(f"{metric}: found {counted.sum()} completed runs with a value, expected at least {least}")
@@ -114,13 +114,13 @@ def gradient(
     """Derivatives of metrics of single runs with respect to scenario keys, by automatic differentiation.
 
     A key that is dispersed is shifted by the same amount in all runs. Boxes, gates and burns are decided as in the
-    run itself: the derivative holds between two changes of such an event. Near the gate and the dead band it has a
-    slope in place of the step, and so may differ by some percent from a difference of runs, which has none. Flight
-    software keeps its own model of the vehicle, as with dispersions.
+    run itself, so the derivative holds as long as no decision changes. Near the gate and the dead band the step is
+    replaced by a slope, so the derivative may differ by a few percent from a finite difference of runs, which keep the
+    step. Flight software keeps its own model of the vehicle, as with dispersions.
 
     Args:
         file: scenario with independent runs and the geometric or statistical camera
-        keys: such as `formation.delta_v_weight`; a vector counts with all its components
+        keys: such as `formation.delta_v_weight`; a vector stands for all its components
         metrics: names of metrics with a derivative; by default those of the scenario's requirements
         runs: number of runs, those of a campaign with the same seed
         first_run: number of the first run
@@ -131,9 +131,9 @@ def gradient(
         progress: show progress on stderr
 
     Raises:
-        RpojaxError: a key is no number of the scenario, a metric has no derivative, or runs are not independent.
+        RpojaxError: a key names no number of the scenario, a metric has no derivative, or runs are not independent.
     """
-    preflight.check_numbers(runs, first_run, seed, None)
+    argument_checks.check_numbers(runs, first_run, seed, None)
     if mode not in ("auto", "forward", "reverse"):
         raise RpojaxError(f"mode: found {mode!r}, expected 'auto', 'forward' or 'reverse'")
     if not has_independent_runs(file):
@@ -179,7 +179,8 @@ def _nominal_of(file: ScenarioFile, key: str) -> np.ndarray:
     """Nominal value of a key.
 
     Raises:
-        ScenarioError: it is no number that `Params` hold.
+        ScenarioError: it does not name a number of a scenario.
+        RpojaxError: that number is not continuous, or this scenario does not have it.
     """
     leaf_path_and_factor(key)
     value = nominal_of_key(file, key)

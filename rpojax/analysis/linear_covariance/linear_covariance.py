@@ -19,7 +19,7 @@ from rpojax.analysis.linear_covariance.covariance_propagation import (
 )
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, ChannelAgreement, MonteCarloSample
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_atomically, write_json
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
@@ -48,7 +48,7 @@ class LinearCovarianceAnalysis:
         seed: of the sampled runs
         covariance: mean and covariance over a run
         budget: contributions of the error sources
-        sample: sampled runs; None without any
+        sample: sampled runs; None if no runs were sampled
         agreement: of every compared component with the sampled runs
     """
 
@@ -173,7 +173,7 @@ def linear_covariance(
         raise RpojaxError.of_argument("runs", f"found {runs}, expected 0 or at least {_MIN_RUNS}")
     if members < 2:
         raise RpojaxError.of_argument("members", f"found {members}, expected at least 2")
-    preflight.check_numbers(max(runs, 1), 0, seed, None)
+    argument_checks.check_numbers(max(runs, 1), 0, seed, None)
     check_scenario(file)
     with stage("linear covariance: compiling, then propagating", quiet=not progress):
         found = propagate_covariance(file, members, stages=stages)

@@ -13,7 +13,7 @@ from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default
 from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
-from rpojax.runtime.device_programs import share_runs
+from rpojax.runtime.programs_per_device import share_runs
 from rpojax.scenario.schema import ScenarioFile
 
 CHANNELS = {"rho_H": ("x", "y", "z"), "relative_error_H": ("x", "y", "z"), "delta_v_m_s": ("",)}

@@ -61,8 +61,8 @@ class SearchResult:
     """Result of a search.
 
     Attributes:
-        nearest_violation: point beyond the limit nearest to the origin; None without any
-        first_violation: point beyond the limit that was met first; None without any
+        nearest_violation: point beyond the limit nearest to the origin; None if no point is beyond it
+        first_violation: point beyond the limit that was met first; None if no point is beyond it
         smallest_margin: point with the least margin
         alignment: cosine of the angle between the nearest violation and its steepest descent, 1 at a design point; None
             without a derivative there

@@ -198,7 +198,7 @@ def _linearised_steps(search: _SearchState, gradient: np.ndarray, max_distance: 
 
 
 def _best_candidate(search: _SearchState, candidates: np.ndarray, margins: np.ndarray) -> _SearchState | None:
-    """The search at its best candidate; with shorter steps where that gains little, None after the shortest ones."""
+    """The search at its best candidate; with shorter steps if that gains little, None if they are the shortest."""
     beyond = margins <= 0.0
     distances = np.linalg.norm(candidates, axis=1)
     row = int(np.argmin(np.where(beyond, distances, np.inf)) if beyond.any() else np.argmin(margins))

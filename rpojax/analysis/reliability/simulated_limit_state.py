@@ -169,7 +169,7 @@ class SimulatedLimitState:
 
 
 def make_evaluator(space: StandardNormalSpace, metrics: Sequence[str], starts: int) -> RolloutEvaluator:
-    """Metrics of runs as a function of the standard normal variables of a scenario, for so many starts at a time."""
+    """Metrics of runs as a function of the standard normal variables of a scenario, for `starts` starts at a time."""
     return RolloutEvaluator(space.file, space.values_at, space.dimension, metrics, runs=starts)
 
 

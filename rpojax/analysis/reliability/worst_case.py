@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
-from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
+from rpojax.analysis.reliability.described_points import dispersions_at, run_command, values_of
 from rpojax.analysis.reliability.evaluation_log import EvaluatedPoint, SearchResult
 from rpojax.analysis.reliability.form_search import find_design_point
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
@@ -28,7 +28,7 @@ from rpojax.analysis.reliability.simulated_limit_state import (
     measure_costs,
     select_limit,
 )
-from rpojax.campaign import preflight, run_and_resume
+from rpojax.campaign import argument_checks, run_and_resume
 from rpojax.campaign.storage import folder_creation
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_atomically, write_json
 from rpojax.errors import RpojaxError
@@ -252,7 +252,7 @@ def find_worst_case(
         RpojaxError: an option names no limit or no search, nothing can be moved, or the folder cannot be used.
     """
     if run_directory is not None:
-        preflight.check_folder(Path(run_directory), force)
+        argument_checks.check_folder(Path(run_directory), force)
     refuse_team(file, "derivatives of runs")
     chosen = select_limit(file, choice)
     space = standard_normal_space.make_space(file)

@@ -1,7 +1,7 @@
 """Search for margins: steps to one side of a quantity are doubled until one breaks, then bisected.
 
-Steps are sizes in believed sigmas; all sides that still search are asked for one step at a time, so that the steps of a
-round can be simulated together.
+Step sizes are in believed sigmas. In each round every unfinished side asks for one step, so that the steps of a round
+can be simulated together.
 """
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -23,7 +23,7 @@ class StepVerdict:
     """What the runs of a step say.
 
     Attributes:
-        broken: names of what breaks by the fraction of the runs, the worst first; empty where all holds
+        broken: names of the requirements that too many of the runs violate, the worst first; empty if there are none
         surely_broken: whether something breaks with confidence
         surely_holds: whether all holds with confidence
         record: further content, for a report
@@ -43,19 +43,19 @@ class SideSearch:
     """
 
     def __init__(self, farthest: float = COARSE[-1]) -> None:
-        """`farthest` is the size of the last step [sigmas]: beyond, the quantity has no meaning."""
+        """`farthest` is the size of the last step [sigmas]: beyond it the quantity has no meaning."""
         last = min(farthest, COARSE[-1])
         self._coarse = [size for size in COARSE if size < last] + [last]
         self.steps: dict[float, StepVerdict] = {}
 
     @property
     def breaks(self) -> float | None:
-        """Least size that breaks; None without any."""
+        """Smallest size that breaks; None if none does."""
         return min((size for size, step in self.steps.items() if step.broken), default=None)
 
     @property
     def holds(self) -> float:
-        """Greatest size below all that break; 0 without any."""
+        """Largest size tried below every size that breaks; 0 if there is none."""
         breaks = self.breaks
         return max((size for size in self.steps if breaks is None or size < breaks), default=0.0)
 
@@ -67,17 +67,17 @@ class SideSearch:
 
     @property
     def interval(self) -> tuple[float | None, float | None]:
-        """Greatest size below all that break that holds with confidence, and least that breaks with it."""
+        """Largest size that surely holds, below every size that breaks, and smallest size that surely breaks."""
         low = [size for size, step in self.steps.items() if step.surely_holds and size <= self.holds]
         high = [size for size, step in self.steps.items() if step.surely_broken]
         return max(low, default=None), min(high, default=None)
 
     def next_size(self) -> float | None:
-        """Size of the next step; None at the end."""
+        """Size of the next step; None when the search is finished."""
         if self.breaks is None:
             return next((size for size in self._coarse if size not in self.steps), None)
-        found = self.breaks - self.holds > max(RESOLUTION * self.breaks, FINEST)
-        return 0.5 * (self.breaks + self.holds) if found else None
+        is_too_wide = self.breaks - self.holds > max(RESOLUTION * self.breaks, FINEST)
+        return 0.5 * (self.breaks + self.holds) if is_too_wide else None
 
 
 def search(

@@ -6,8 +6,8 @@ from typing import Any, Final
 import jax
 import numpy as np
 
+from rpojax.analysis.robustness.believed_quantities import Quantity
 from rpojax.analysis.robustness.margin_search import StepVerdict
-from rpojax.analysis.robustness.quantities import Quantity
 from rpojax.analysis.statistics.intervals import success_bounds
 from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.campaign.execution import block_runner
@@ -18,7 +18,7 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.design_sections import GridDesign
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.runtime import device_programs
+from rpojax.runtime import programs_per_device
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersion_keys import varied_keys
 from rpojax.scenario.parameter_keys import nominal_of_key
@@ -52,7 +52,7 @@ class StepRuns:
         self._values = values_of_runs(file, [key for each in quantities for key in each.keys], seed, self._ids)
         grid = GridDesign.model_construct(kind="grid", values={key: [] for key in self._values})
         assigned = file.model_copy(update={"dispersions": [], "design": grid})
-        devices = device_programs.choose_devices()
+        devices = programs_per_device.choose_devices()
         size = fitted_block_size(file, _STEPS_AT_ONCE * runs, len(devices))
         self._engine = BatchEngine(assigned, size, devices, design=Design(RunRange(0, runs), self._values))
         if not free_drifts:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from rpojax.analysis.robustness.believed_quantities import Quantity, find_quantities, with_handover
 from rpojax.analysis.robustness.margin_search import SideSearch, StepVerdict, search
-from rpojax.analysis.robustness.quantities import Quantity, find_quantities, with_handover
 from rpojax.analysis.robustness.step_runs import (
     DEFAULT_PROBABILITY,
     DEFAULT_RISK,
@@ -13,8 +13,8 @@ from rpojax.analysis.robustness.step_runs import (
     judge_step,
     requirement_names,
 )
-from rpojax.analysis.statistics.intervals import runs_for_bound
-from rpojax.campaign import preflight
+from rpojax.analysis.statistics.tolerance_bounds import runs_for_bound
+from rpojax.campaign import argument_checks
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
@@ -100,7 +100,7 @@ def check(file: ScenarioFile, runs: int, seed: int) -> None:
         RpojaxError: naming the argument or the key.
     """
     refuse_team(file, "robustness")
-    preflight.check_numbers(runs, 0, seed, None)
+    argument_checks.check_numbers(runs, 0, seed, None)
     if runs > _MOST_RUNS:
         raise RpojaxError.of_argument("runs", f"found {runs}, expected at most {_MOST_RUNS} runs of each step")
     if design_keys(file):

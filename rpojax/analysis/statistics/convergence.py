@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals import clopper_pearson_interval, quantile_interval_ranks, quantile_upper_bound
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
+from rpojax.analysis.statistics.tolerance_bounds import quantile_interval_ranks, quantile_upper_bound
 
 _SAMPLE_SIZES = 20
 _SMALLEST_SAMPLE = 10

@@ -26,9 +26,9 @@ _PROMISING_P = 0.1
 _LARGEST = 1e100
 """Values beyond it, or differences below its inverse, are scaled."""
 _WIDTH_RUNS = 200
-"""From about so many runs on, the width of a kernel is taken from a part of them."""
+"""Number of runs, about, above which the width of a kernel is taken from a part of them."""
 _MAX_EXACT_PAIRS = 10_000
-"""Two groups with at most so many pairs are compared exactly."""
+"""Most pairs of two groups that are still compared exactly."""
 MIN_RUNS = 10
 """With fewer runs nothing is ranked."""
 _LEVEL = 0.05

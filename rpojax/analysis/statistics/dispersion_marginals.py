@@ -19,7 +19,7 @@ class Marginal:
 
     Attributes:
         name: its key; with the component in brackets for a vector, or the axis of rotation for a rotated quaternion
-        values: (runs,) in the unit of the key; [deg] of a rotation
+        values: (runs,) in the unit of the key, in degrees for a rotation
         distribution: as declared; None where the scenario declares none, or a constant
     """
 
@@ -29,7 +29,7 @@ class Marginal:
 
 
 def drawn_marginals(scenario: Mapping[str, Any], drawn: Mapping[str, np.ndarray]) -> list[Marginal]:
-    """Marginals of `drawn` values (runs,) or (runs, k) by key, with their distributions by the tables of a scenario."""
+    """Marginals of `drawn` values (runs,) or (runs, k) by key, with the distributions that a scenario declares."""
     distributions: dict[str, Distribution | None] = {}
     shown: dict[str, dict[str, np.ndarray]] = {}
     entries = [recorded_dispersion(table) for table in scenario.get("dispersions") or []]

@@ -1,31 +1,31 @@
-"""Requirements that plain runs cannot verify in practice: how many they would take, and the command that does."""
+"""Requirements that plain runs cannot verify in practice: runs they would take, and the command that verifies them."""
 
 from pathlib import Path
 from typing import Final
 
-from rpojax.analysis.statistics import intervals
+from rpojax.analysis.statistics import tolerance_bounds
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.plugins.command_lines import command_line
 
 RARE: Final = 1e-3
-"""Probability of failure below which a requirement counts as rare."""
+"""Allowed probability of failure below which a requirement counts as rare."""
 
 ESTIMATED_SOURCES: Final = ("records", "drifts", "plugin")
 """Sources of metrics whose probabilities of failure can be estimated."""
 
 
 def is_rare(probability: float) -> bool:
-    """Whether a requirement with this least probability of success allows fewer failures than one in a thousand."""
+    """Whether this required probability of success allows less than one failure in a thousand runs."""
     return 1.0 - probability < RARE
 
 
 def plain_runs(probability: float, consumer_risk: float) -> int:
-    """Runs without a violation that verify a least probability of success at a consumer's risk."""
-    return intervals.runs_for_bound(probability, 1.0 - consumer_risk)
+    """Number of runs, none in violation, that verifies a required probability of success at a consumer's risk."""
+    return tolerance_bounds.runs_for_bound(probability, 1.0 - consumer_risk)
 
 
 def can_be_estimated(metric: str, servicers: int) -> bool:
-    """Whether the probability that a metric breaks its limit can be estimated: not of teams, coverage or phases."""
+    """Whether the probability that a metric breaks its limit can be estimated; not for teams, coverage or phases."""
     found = metric_catalogue.find(metric)
     return not servicers and found is not None and found.source in ESTIMATED_SOURCES and "," not in metric
 

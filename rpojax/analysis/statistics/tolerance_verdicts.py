@@ -11,12 +11,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from rpojax.analysis.statistics.intervals import (
-    allowed_failures,
-    consumer_risk_reached,
-    runs_for_bound,
-    success_bounds,
-)
+from rpojax.analysis.statistics.intervals import success_bounds
+from rpojax.analysis.statistics.tolerance_bounds import allowed_failures, consumer_risk_reached, runs_for_bound
 from rpojax.scenario.schema import RequirementSection
 
 _MAX_IDS = 20
@@ -45,16 +41,16 @@ class RequirementEvaluation:
         requirement: that was evaluated
         verdict: on it
         more_runs: fewest further runs, none of them in violation, that would verify; where only some of the runs count,
-            about so many that enough of them do; None with another verdict
+            about as many as it takes for enough of them to count; None with another verdict
         runs: that were evaluated: those that count
         not_counted: runs of another outcome than the requirement's, or never in its phase if it is of those that are
         violations: runs beyond the limit, without the metric, or never in the phase
-        allowed: most violations with which so many runs verify; None if too few
+        allowed: most violations with which this number of runs verifies; None if there are too few runs
         rank: of the run that must keep the limit, 1 is the best; None if too few runs
         order_statistic: value of that run; None if too few runs, or if it has no metric
         margin: from that value to the limit, positive inside; None without it
-        without_value: those of them that do not have the metric, as after the end at the keep-out sphere
-        worst: worst value of the others; None without any
+        without_value: violating runs that do not have the metric, as after the end at the keep-out sphere
+        worst: worst value of the runs that have one; None if none has
         success_fraction: fraction of runs without violation; None without runs
         success_interval: exact bounds of the probability of success, each of them wrong with the consumer's risk
         risk_reached: smallest consumer's risk at which the runs would verify

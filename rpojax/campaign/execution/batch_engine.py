@@ -26,8 +26,8 @@ from rpojax.core.numerics.counted_scan import scan_to_count
 from rpojax.core.pytree import concatenate
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
-from rpojax.runtime import compiler_options, device_programs, garbage_collection
-from rpojax.runtime.device_programs import DevicePrograms, DeviceTraces
+from rpojax.runtime import compiler_options, garbage_collection, programs_per_device
+from rpojax.runtime.programs_per_device import DevicePrograms, DeviceTraces
 from rpojax.runtime.thread_pools import thread_pool
 from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
@@ -174,7 +174,7 @@ class BatchEngine:
         self.batching: BatchingMode = tick_batching_mode(self.scenario, batching)
         self.is_single_precision = file.precision == "single"
         self.runs_per_device = runs_per_device or default_block_size(file)
-        self.devices = device_programs.choose_devices(devices)
+        self.devices = programs_per_device.choose_devices(devices)
         self.stages = plugin_registry.stages_of(file, stages)
         self.dispersed_keys = dispersion_keys.varied_keys(file)
         self.compile_s = self.loop_compile_s = 0.0
@@ -245,7 +245,7 @@ class BatchEngine:
     def _loop_traces(self) -> DeviceTraces:
         arguments = self._loop_arguments()
         with self._tracing_precision():
-            return device_programs.trace_for_devices(self._advance, arguments, self.devices, donate=(2,))
+            return programs_per_device.trace_for_devices(self._advance, arguments, self.devices, donate=(2,))
 
     def _tracing_precision(self) -> contextlib.AbstractContextManager[None]:
         return single_precision.tracing_in_single() if self.is_single_precision else contextlib.nullcontext()
@@ -332,7 +332,7 @@ class BatchEngine:
             _DeviceBatch(program, self.scenario.ticks, *inputs, redrawn=part)
             for program, inputs, part in zip(self._programs[1].programs, prepared.device_inputs, parts, strict=True)
         ]
-        segments = device_programs.call_in_threads([batch.advance for batch in batches], self.segment_count)
+        segments = programs_per_device.call_in_threads([batch.advance for batch in batches], self.segment_count)
         with contextlib.closing(segments):
             # A map, not a loop: no local variable keeps a device's records alive while the caller works.
             yield from map(self._segment, itertools.count(), segments)
@@ -406,7 +406,7 @@ class _DeviceBatch:
         count = np.int32(min(SEGMENT_TICKS, self.ticks - self.number * SEGMENT_TICKS))
         self.number += 1
         self.state, channels = self.program(self.nominal, self.values, self.state, count)
-        channels = jax.block_until_ready(device_programs.copied_to_host(channels))
+        channels = jax.block_until_ready(programs_per_device.copied_to_host(channels))
         # Copies: the state itself is donated to the next segment.
         return _DeviceSegment(channels, np.array(self.state.failure), np.array(self.state.failed_at))
 

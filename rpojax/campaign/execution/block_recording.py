@@ -24,7 +24,7 @@ from rpojax.runtime.rows_in_parts import in_parts
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import drift_starts, phase_records, recorded_metrics, team_metrics, trace_channels
+from rpojax.simulation.metrics import decimated_traces, drift_starts, phase_records, recorded_metrics, team_metrics
 from rpojax.simulation.outcomes import judgement
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 
@@ -216,7 +216,7 @@ def _servicer_arrays(results: ServicerResults, rows: slice) -> dict[str, np.ndar
         ticks = records["running"].shape[1]
         time_s = np.arange(ticks)[::stride] / file.rates.camera_hz
         ended = frozen[:, None] & (time_s > since_s[:, None])
-        for name, values in trace_channels.decimated_traces(file, records, used, stride).items():
+        for name, values in decimated_traces.decimated_traces(file, records, used, stride).items():
             arrays[f"traces/{name}"] = np.where(ended, np.float32(np.nan), values)
     arrays |= {f"phases/{name}": values for name, values in phase_records.evaluate(file, records).items()}
     arrays |= {f"coverage/{name}": values[rows] for name, values in coverage.maps.items()}

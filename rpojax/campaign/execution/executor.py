@@ -18,7 +18,7 @@ from rpojax.runtime.thread_pools import thread_pool
 from rpojax.scenario.plugins import plugin_registry
 
 MAX_ATTEMPTS = 3
-"""A block is given up after so many workers have died while simulating it."""
+"""Number of workers that may die while simulating a block before it is given up."""
 
 ExecutorProgressCallback = Callable[[float, int, bool], None]
 """Called with the runs done, fractions included, the runs failed so far, and whether programs are compiled."""

@@ -16,8 +16,8 @@ from rpojax.core.pytree import pytree, replace
 from rpojax.metrics import passive_safety as metrics
 from rpojax.physics import free_drift
 from rpojax.physics.free_drift import STEP_S, Drift, DriftRange, Environment, Propagation
-from rpojax.runtime import compiler_options, device_programs
-from rpojax.runtime.device_programs import DevicePrograms
+from rpojax.runtime import compiler_options, programs_per_device
+from rpojax.runtime.programs_per_device import DevicePrograms
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
@@ -162,7 +162,7 @@ class PassiveSafety:
     def _metrics(
         self, starts: Sequence[DriftStarts], least: np.ndarray, entry: np.ndarray, window: np.ndarray
     ) -> dict[str, np.ndarray]:
-        """Metrics of drifts from the ticks of a window, NaN for runs without any.
+        """Metrics of drifts from the ticks of a window, NaN for runs without a drift in it.
 
         Args:
             starts: drifts of each run
@@ -202,7 +202,7 @@ class PassiveSafety:
         numbers: dict[str, Any] = {
             name: jax.ShapeDtypeStruct((*shape, count, size), dtype) for name, (shape, dtype) in _FIELDS.items()
         }
-        traces = device_programs.trace_for_devices(
+        traces = programs_per_device.trace_for_devices(
             self._drift, (self.nominal, values, StartBatch(**numbers), self._spans), self.devices
         )
         self._programs = traces.compile(compiler_options.LOOP_OPTIONS)
@@ -342,5 +342,5 @@ def _horizons(params: Params, spans: Spans) -> Array:
 
 
 def _least(ranges: np.ndarray) -> float:
-    """Least of some ranges, NaN without any."""
+    """Least of some ranges, NaN if there are none."""
     return float(ranges.min()) if len(ranges) else math.nan

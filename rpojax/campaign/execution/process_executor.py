@@ -107,7 +107,7 @@ class _BatchQueue:
     error: RpojaxError | None = None
 
     def next_batch(self) -> list[int] | None:
-        """Takes the next batch; None without one, or after an error."""
+        """Takes the next batch; None if none is left, or after an error."""
         with self.lock:
             return self.pending.popleft() if self.pending and self.error is None else None
 

@@ -12,8 +12,8 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import concatenate, pytree
 from rpojax.metrics import surface_coverage as metrics
-from rpojax.runtime import device_programs
-from rpojax.runtime.device_programs import DevicePrograms
+from rpojax.runtime import programs_per_device
+from rpojax.runtime.programs_per_device import DevicePrograms
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
@@ -121,7 +121,7 @@ class SurfaceCoverage:
         )
         numbers = _shape((_SAMPLES_AT_ONCE,), np.int32)
         arguments = (self.nominal, self._nominal_surface(), values, instants, numbers, self._nothing())
-        self._programs = device_programs.trace_for_devices(self._tally_runs, arguments, self.devices).compile()
+        self._programs = programs_per_device.trace_for_devices(self._tally_runs, arguments, self.devices).compile()
 
     def evaluate(
         self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], nominal: Params | None = None

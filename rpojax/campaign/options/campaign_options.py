@@ -7,7 +7,7 @@ from typing import Annotated, Any, TypedDict
 
 from tyro.conf import AvoidSubcommands, Fixed, arg
 
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.errors import RpojaxError
@@ -51,7 +51,7 @@ class CampaignOptions:
     report: Fixed[bool] = False
 
     def __post_init__(self) -> None:
-        preflight.check_numbers(self.runs, self.first_run, self.seed, self.block_size)
+        argument_checks.check_numbers(self.runs, self.first_run, self.seed, self.block_size)
         self.histories.check_run_ids(self.first_run, self.runs)
 
     @property

@@ -134,7 +134,7 @@ class Retention:
         return [(metric, numbers[0]) for kind, numbers, metric in terms if kind == "worst"]
 
     def max_histories(self, first_run: int, runs: int, requirements: int = 0) -> int:
-        """Largest number of histories, failures excluded, of a scenario with so many requirements."""
+        """Largest number of histories, failures excluded, of a scenario with that number of `requirements`."""
         selected = sum(count for _, count in self.worst_kept) + (requirements if self.keeps_requirements else 0)
         return min(runs, len(self.unconditional_run_ids(first_run, runs)) + selected)
 

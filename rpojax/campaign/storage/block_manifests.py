@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from rpojax.campaign.preflight import MAX_RUN_ID
+from rpojax.campaign.argument_checks import MAX_RUN_ID
 from rpojax.campaign.storage import atomic_files, campaign_seal, safe_paths
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import ResultError
@@ -161,7 +161,7 @@ def read_all(directory: Path, configuration: CampaignConfiguration, blocks: Iter
 
 
 def timing(manifests: Sequence[Manifest], duration_s: float) -> dict[str, float]:
-    """Computation time and speed of finished blocks of runs of `duration_s` [s]; empty without any.
+    """Computation time and speed of finished blocks of runs of `duration_s` [s]; empty if no block is finished.
 
     `run_s` is the time in which at least one block was computed, `devices` the largest number of blocks at once.
     """

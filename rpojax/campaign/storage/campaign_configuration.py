@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from rpojax.campaign.argument_checks import MAX_BLOCKS, MAX_RUN_ID, MAX_SEED
 from rpojax.campaign.options.campaign_options import CampaignOptions
-from rpojax.campaign.preflight import MAX_BLOCKS, MAX_RUN_ID, MAX_SEED
 from rpojax.campaign.storage import atomic_files, campaign_seal, safe_paths
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.untrusted.file_reading import FileKind

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import tomli_w
 
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.campaign.storage import atomic_files, campaign_configuration, campaign_seal, safe_paths
 from rpojax.campaign.storage.campaign_configuration import FORMAT_VERSION, CampaignConfiguration
 from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
@@ -72,7 +72,7 @@ def create_folder(directory: Path, configuration: CampaignConfiguration, force: 
     Raises:
         OutputError: the folder exists and `force` is not given, or it holds something that is no campaign.
     """
-    preflight.check_folder(directory, force)
+    argument_checks.check_folder(directory, force)
     if not _move_into_place(directory, configuration, force):
         raise OutputError.of_argument(
             "out", f"found {str(directory)!r}, which has just been made, expected no such folder"
@@ -86,7 +86,7 @@ def join_folder(directory: Path, configuration: CampaignConfiguration) -> None:
         RpojaxError: what exists is no campaign, or one with another configuration.
     """
     if not os.path.lexists(directory):
-        preflight.check_folder(directory, force=False)
+        argument_checks.check_folder(directory, force=False)
         if _move_into_place(directory, configuration, force=False):
             return
     campaign_configuration.check_compatible(directory, campaign_configuration.read(directory), configuration)
@@ -135,7 +135,7 @@ def made_whole(directory: Path, force: bool) -> Iterator[Path]:
     Raises:
         OutputError: there is something that `force` does not let it replace, or the folder cannot be moved.
     """
-    preflight.check_folder(directory, force)
+    argument_checks.check_folder(directory, force)
     place = Path(os.path.realpath(directory))
     try:
         with _temporary_folder(place) as made:

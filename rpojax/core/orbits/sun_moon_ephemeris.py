@@ -106,6 +106,24 @@ def epoch_at(seconds: float) -> Epoch:
 J2000: Final = epoch_at(0.0)
 
 
+@pytree
+class SunMoonPositions:
+    """Positions of the Sun and the Moon from the Earth's centre.
+
+    Attributes:
+        sun_N: (3,) [m]
+        moon_N: (3,) [m]
+    """
+
+    sun_N: Array
+    moon_N: Array
+
+
+def sun_and_moon_at(epoch: Epoch, time: Scalar) -> SunMoonPositions:
+    """Positions of Sun and Moon at `time` [s] since the start; equal for all runs of a batch."""
+    return SunMoonPositions(sun_N=sun_position(time, epoch), moon_N=moon_position(time, epoch))
+
+
 def sun_position(seconds: Scalar, epoch: Epoch = J2000) -> Vector:
     """Position [m] of the Sun from the Earth in N, `seconds` after `epoch`."""
     anomaly, perigee = _angles_at(epoch.sun_angles, _SUN_ANGLES, seconds)

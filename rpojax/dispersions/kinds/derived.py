@@ -52,7 +52,7 @@ class Derived(DispersionKind):
         return total
 
     def change(self, size: int, changes: Sequence[np.ndarray | None]) -> np.ndarray | None:
-        """Change (size, inputs) of the value per sigma of the inputs of one source of deviations, None without any.
+        """Change (size, inputs) of the value per sigma of the inputs of a source of deviations; None without effect.
 
         `changes` (1 or size, inputs) are those of the keys of the terms, None where the source has no effect.
         """

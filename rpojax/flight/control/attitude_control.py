@@ -46,7 +46,7 @@ def wheel_torque(
     command: AttitudeCommand,
     wheel_speed: Vector,
 ) -> Vector:
-    """Motor torque command of each wheel [N m], within the torque limit with its direction kept.
+    """Motor torque command of each wheel [N m], scaled to the torque limit without a change of direction.
 
     `allocation` (3, 3) comes from `wheel_torque_allocation.allocation_matrix`; `wheel_speed` [rad/s] from the
     tachometers.

@@ -11,9 +11,9 @@ from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.received_messages import ReceivedMessages
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, ServicerTuning
-from rpojax.flight.navigation import relative_orbit_ekf, relative_state
+from rpojax.flight.navigation import relative_filter_state, relative_orbit_ekf
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 
 def update(
@@ -49,7 +49,7 @@ def predict(
 ) -> JointEstimate:
     """Joint estimate after the motion of a tick, with the target relative to this servicer as its `own` filter has it.
 
-    An estimate that guidance has reopened since the update is so here, too.
+    An estimate that guidance has reopened since the update is reopened here, too.
     """
     moved = [
         baseline_motion.propagate(link.settings.zonal_degree, state[: MOTION.size], motion, link.tick_s)
@@ -57,5 +57,5 @@ def predict(
     ]
     peers = jnp.concatenate([jnp.stack(moved), estimate.peers[:, MOTION.size :]], axis=1)
     means = replace(estimate, own=own, peers=peers)
-    wider = joint_filter.widen(estimate, relative_state.reopening_factor(motion.reopened))
+    wider = joint_filter.widen(estimate, relative_filter_state.reopening_factor(motion.reopened))
     return joint_filter.propagate(tuning, wider, means, motion, link.tick_s)

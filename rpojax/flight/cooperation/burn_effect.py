@@ -1,10 +1,10 @@
 """Effect of a servicer's own burns on its motion: displacement from free motion since the start, and its covariance.
 
-A message carries both, so that a receiver without a message for a while knows what the burns in between did, however
-many there were. They are kept as they would have been at the start: sums that only grow, whose difference is what the
-burns in between added, less than zero by rounding alone. Had each side propagated the effect for itself, the
-difference of two great covariances, each in the gravity gradient of another place, would have outweighed what it should
-tell.
+A message carries both, so that a receiver without a message for a while knows what the burns in between did, whatever
+their number. Both are mapped back to the start: so they are sums that only grow, and the difference of two of them is
+what the burns in between added, negative by rounding alone. If each side propagated the effect for itself, the
+difference of two large covariances, each in the gravity gradient of another place, would exceed the effect of the
+burns.
 """
 
 import jax.numpy as jnp
@@ -34,12 +34,12 @@ class BurnEffect:
 
 @pytree
 class BurnSum:
-    """Effect of all burns, and the transitions between the start and now.
+    """Sum of the effects of all burns, and the transitions between the start and now.
 
     Attributes:
-        at_start: effect that, at the start, would have had that of all burns
+        at_start: effect of all burns, mapped back to the start
         from_start: (6, 6) state transition matrix from the start to now
-        to_start: (6, 6) the one back
+        to_start: (6, 6) state transition matrix from now to the start
     """
 
     at_start: BurnEffect
@@ -53,7 +53,7 @@ def none() -> BurnEffect:
 
 
 def initial() -> BurnSum:
-    """At the start."""
+    """Sum at the start: no burns."""
     return BurnSum(at_start=none(), from_start=jnp.eye(6), to_start=jnp.eye(6))
 
 

@@ -26,11 +26,11 @@ from rpojax.flight.cooperation.message import TargetTrack
 from rpojax.flight.cooperation.received_messages import ReceivedMessages
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, ServicerTuning
-from rpojax.flight.navigation import believed_sensor, orbit_covariance, relative_orbit_ekf, relative_state
+from rpojax.flight.navigation import believed_sensor, orbit_covariance, relative_filter_state, relative_orbit_ekf
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import box_view
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 Matrix = Float[Array, "3 3"]
 
@@ -138,12 +138,12 @@ def update(tuning: ServicerTuning, memory: EstimateSharing, records: TeamRecords
     inflation = relative_orbit_ekf.recovery_variance(tuning.filter, local.layout, local.r_TS_N, recovered)
     gains, P = kalman_update.reduced_by_rows(local.covariance + jnp.diag(drift), rows)
     correlated = kalman_update.part_after(correlated, rows, gains) + jnp.diag(inflation)
-    local = relative_state.corrected(local, gains.deviation, P + jnp.diag(inflation))
+    local = relative_filter_state.corrected(local, gains.deviation, P + jnp.diag(inflation))
     if records.rows is not None:
         rows = believed_sensor.at_estimate(records.rows, local)
         gains, P = kalman_update.reduced_by_rows(local.covariance, rows)
         correlated = kalman_update.part_after(correlated, rows, gains)
-        local = relative_state.corrected(local, gains.deviation, P)
+        local = relative_filter_state.corrected(local, gains.deviation, P)
     return replace(memory, local=replace(local, outline=records.orbit.relative.outline), correlated=correlated)
 
 
@@ -165,7 +165,7 @@ def receive(
     independent = local.covariance - memory.correlated
     own = SplitEstimate(mean=local.vector, correlated=memory.correlated, independent=independent)
     mean, P = covariance_intersection.fuse(own, _others(tracks), tracks.known)
-    return replace(memory, baselines=baselines, tracks=tracks), relative_state.moved_to(local, mean, P)
+    return replace(memory, baselines=baselines, tracks=tracks), relative_filter_state.moved_to(local, mean, P)
 
 
 def _others(tracks: Tracks) -> list[SplitEstimate]:
@@ -190,7 +190,7 @@ def receive_naively(
     for k in range(received.used.shape[0]):
         total = arrived.correlated[k] + arrived.independent[k] + baselines.of_own[k, : MOTION.size, : MOTION.size]
         mean, P = covariance_intersection.independent_fusion(mean, P, arrived.mean[k], total, received.used[k])
-    return replace(memory, baselines=baselines), relative_state.moved_to(own, mean, P)
+    return replace(memory, baselines=baselines), relative_filter_state.moved_to(own, mean, P)
 
 
 def _updated_baselines(baseline: BaselineTuning, baselines: Baselines, received: ReceivedMessages) -> Baselines:
@@ -318,8 +318,8 @@ def predict(link: Link, tuning: OrbitFilterTuning, memory: EstimateSharing, moti
     of_own = jnp.stack([grown(memory.tracks.of_own[k], burn_covariance) for k in range(count)])
     state = MOTION.split(moved(MOTION.vector(position=memory.local.r_TS_N, velocity=memory.local.v_TS_N)))
     target = replace(memory.local, r_TS_N=state["position"], v_TS_N=state["velocity"])
-    local = relative_orbit_ekf.predict(tuning, relative_state.reopen(target, motion.reopened), step)
-    correlated = relative_state.reopen(replace(target, covariance=memory.correlated), motion.reopened)
+    local = relative_orbit_ekf.predict(tuning, relative_filter_state.reopen(target, motion.reopened), step)
+    correlated = relative_filter_state.reopen(replace(target, covariance=memory.correlated), motion.reopened)
     correlated = relative_orbit_ekf.predict(tuning, correlated, replace(step, velocity_covariance=zero))
     tracks = replace(memory.tracks, estimates=estimates, of_own=of_own)
     return replace(memory, local=local, correlated=correlated.covariance, tracks=tracks)

@@ -1,9 +1,10 @@
 """Joint filter of one servicer: the target relative to it, the baselines to its peers, and the errors of all views.
 
 Bodies are the target and the peers, each with position and velocity from this servicer in N. Slow errors are the slow
-states of the own filter (`relative_state`), then those of each peer (`peer_layout`): slow part of the size error of its
-boxes, bearing bias of its camera, slow error of the difference of GPS positions, and bias of the range over the link
-if that is measured. The fast errors of the peers' boxes, which are a tumble's, count as noise (`joint_measurements`).
+states of the own filter (`relative_filter_state`), then those of each peer (`peer_layout`): slow part of the size error
+of its boxes, bearing bias of its camera, slow error of the difference of GPS positions, and bias of the range over the
+link if that is measured. The fast errors of the peers' boxes, which are a tumble's, count as noise
+(`joint_measurements`).
 """
 
 import jax
@@ -18,9 +19,9 @@ from rpojax.flight.cooperation.baseline_motion import TickMotion, peer_layout
 from rpojax.flight.cooperation.joint_covariance import JointCovariance
 from rpojax.flight.cooperation.received_messages import ReceivedMessages
 from rpojax.flight.cooperation.team_settings import BaselineTuning, Link
-from rpojax.flight.navigation import relative_state, shape_errors
+from rpojax.flight.navigation import relative_filter_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 Matrix = Float[Array, "3 3"]
 Scalar = Float[Array, ""]
@@ -81,7 +82,7 @@ def initial(
         velocities.append(motion[MOTION["velocity"]])
         slow += [
             shape_errors.scale_variance(of_peer)[:1],
-            jnp.full(2, relative_state.lasting_variance(of_peer.bearing_bias_sigma)),
+            jnp.full(2, relative_filter_state.lasting_variance(of_peer.bearing_bias_sigma)),
             jnp.full(3, baseline.error_sigma**2),
             *([baseline.range_bias_sigma[None] ** 2] if has_ranges else []),
         ]
@@ -124,7 +125,7 @@ def propagate(
 ) -> JointEstimate:
     """Estimate `dt` [s] later, the `means` of which are propagated; errors of the peers' views wait for messages."""
     own, burn_covariance = means.own, motion.burn_covariance
-    decay, own_variance = relative_state.slow_process(tuning, estimate.own, own.r_TS_N, own.v_TS_N, dt)
+    decay, own_variance = relative_filter_state.slow_process(tuning, estimate.own, own.r_TS_N, own.v_TS_N, dt)
     identity = jnp.eye(3, dtype=burn_covariance.dtype)
     unmodelled = tuning.relative_acceleration_noise**2 * dt * identity
     # A burn moves the servicer away from target and peers alike; half of an unmodelled acceleration is its own.
@@ -202,7 +203,7 @@ def _peer_process(
     view = replace(own, slow={**own.slow, "size": jnp.pad(state["size"], (0, 1))})
     decay, variance = (
         estimate.own_slow.split(values)
-        for values in relative_state.slow_process(
+        for values in relative_filter_state.slow_process(
             received.tuning.filter, view, own.r_TS_N - state["position"], own.v_TS_N - state["velocity"], dt
         )
     )

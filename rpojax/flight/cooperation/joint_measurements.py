@@ -21,13 +21,13 @@ from rpojax.flight.cooperation.team_settings import BaselineTuning, ServicerTuni
 from rpojax.flight.navigation import (
     believed_sensor,
     outline_correlation,
+    relative_filter_state,
     relative_orbit_ekf,
-    relative_state,
     shape_errors,
 )
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.shape_errors import ShapeErrors
 
 Scalar = Float[Array, ""]
@@ -300,6 +300,6 @@ def _corrected(estimate: JointEstimate, rows: MeasurementRows, HP: Float[Array, 
 
     count = estimate.peers.shape[0]
     peers = [of_body(1 + k, own_size + k * columns, columns) for k in range(count)]
-    own = relative_state.corrected(estimate.own, of_body(0, 0, own_size), estimate.own.covariance)
+    own = relative_filter_state.corrected(estimate.own, of_body(0, 0, own_size), estimate.own.covariance)
     covariance = joint_covariance.reduced(estimate.covariance, gains)
     return JointEstimate(own=own, peers=estimate.peers + jnp.stack(peers), covariance=covariance)

@@ -52,7 +52,8 @@ class Message:
         attitude_variance: () sum of the changes of that attitude's variance since the start [rad^2]
         box: box that passed the sender's gate, None where boxes are not shared
         track: estimate of the target, None where estimates are not shared
-        ranges: (peers,) ranges that it measured over the links [m], None without; kept for itself
+        ranges: (peers,) ranges that it measured over the links [m], None if ranges are not measured; kept for
+            itself
     """
 
     time: Array

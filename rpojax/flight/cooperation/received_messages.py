@@ -80,7 +80,7 @@ class ReceivedMessages:
         measured: (peers,) bool, there is one
         own: this servicer at the time stamp
         tuning: of the peers
-        ranges: (peers,) ranges over the links at the time stamp [m], None without
+        ranges: (peers,) ranges over the links at the time stamp [m], None if ranges are not measured
     """
 
     messages: Message
@@ -102,7 +102,7 @@ def of_peer(received: ReceivedMessages, peer: int) -> ReceivedMessages:
 
 
 def initial(count: int) -> LastReceived:
-    """Nothing received of so many peers; the first message is one of a peer without burns."""
+    """Nothing received of `count` peers; the first message is one of a peer without burns."""
     burns = jax.tree.map(lambda leaf: jnp.stack([leaf] * count), burn_effect.none())
     return LastReceived(time=jnp.zeros(count), burns=burns, attitude_variance=jnp.zeros(count))
 

@@ -29,7 +29,7 @@ from rpojax.flight.cooperation.team_records import TeamRecords, for_receivers
 from rpojax.flight.cooperation.team_settings import Link, ServicerTuning
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
 

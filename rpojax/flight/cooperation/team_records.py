@@ -27,8 +27,10 @@ class TeamRecords:
         gps: positions, by code or carrier phase, whose differences are the baselines
         q_KN: (4, N) attitudes of the cameras by the attitude filters
         running: (N,) bool, a servicer that failed neither sends nor hears
-        ranges: (peers, N) that each measures to its peers over the links [m], None without
-        rows: of the additional sensors that the filters believe, as of a state of zero, None without
+        ranges: (peers, N) that each measures to its peers over the links [m], None if ranges are not
+            measured
+        rows: of the additional sensors that the filters believe, as of a state of zero, None without such
+            sensors
     """
 
     orbit: OrbitEstimate

@@ -128,7 +128,7 @@ far as the packaged `mission.abort_margin_m`."""
 
 
 def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
-    """True if the target should have been seen for too long and was not.
+    """True if the target has stayed unseen for too long while it should have been visible.
 
     A burn is not based on a target that has been out of sight for some seconds. An abort waits: at the edge of light
     the camera may see nothing before the estimate says so, and burns keep the motion safe for two control periods.

@@ -1,4 +1,4 @@
-"""Burns after an abort: one, and another one only for a reason that was measured since.
+"""Permission of burns after an abort: one, and another one only for a reason that was measured since.
 
 An abort decides once about a burn, as soon as the thruster works: the smallest one whose free drift stays clear over
 the horizon, or none. Without a measurement the estimate can only become less certain, which is no reason to burn

@@ -114,7 +114,7 @@ def least_clearance(
 def _least_over(
     square_distances: Callable[[Scalar], Float[Array, "n d k"]], times: Float[Array, " t"], none: Float[Array, "n d k"]
 ) -> Float[Array, "n d k"]:
-    """Least value of a function of time at even `times` but the first, and between them; `none` is infinite."""
+    """Least value of a function of time at evenly spaced `times` but the first and between them; `none` is infinite."""
 
     def sample(
         before: tuple[Array, Array, Array], at: tuple[Scalar, Array, Scalar, Scalar]

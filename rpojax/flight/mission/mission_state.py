@@ -72,7 +72,7 @@ class MissionState:
         has_seen_target: () bool, whether the target was ever seen
         abort_reason: () int32, an `AbortReason`
         abort_burns: burns since an abort
-        team: decisions because of other servicers, None without any
+        team: decisions because of other servicers, None unless a team is coordinated
     """
 
     phase: Array

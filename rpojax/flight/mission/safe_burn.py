@@ -57,8 +57,8 @@ _DIRECTIONS: Final = np.array(
 def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Flag, improves: bool = False) -> Vector:
     """Velocity change [m/s] of the next burn: as much of the planned one as is safe, else the smallest that is safe.
 
-    If nothing is safe, the one with the greatest clearance is made; of those without any, the best by the estimate
-    alone. A planned change that is not finite is returned.
+    If nothing is safe, the burn with the greatest clearance is made; if no burn has clearance, the best one by the
+    estimate alone. A planned change that is not finite is returned.
     A servicer that may wait makes no other burn while the drift is safe by the estimate alone: to know more is better
     than to leave a safe orbit for an uncertain one.
 

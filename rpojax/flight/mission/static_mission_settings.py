@@ -28,7 +28,8 @@ class PhaseSettings:
         passively_safe: whether no planned burn may make the free drift unsafe
         has_corridor: whether leaving its corridor is a reason for an abort
         stops_in_the_dark: whether it stops before the target gets dark, as its reference waits for it
-        gain_tables: number of tables of gains for so many burns, whose places lie between one another's
+        gain_tables: number of tables of gains, each for `burns_per_orbit` burns; the places of one table lie between
+            those of another
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What the mission of a servicer in a team has beyond that of a servicer alone."""
+"""Additional mission state of a servicer that belongs to a team."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -10,13 +10,13 @@ Scalar = Float[Array, ""]
 
 @pytree
 class PhaseShift:
-    """Angle by which a servicer's relative orbit is ahead of the plan; it goes to another one at a constant rate.
+    """Angle by which a servicer's relative orbit is ahead of the plan; it moves to a new angle at a constant rate.
 
     Attributes:
         start: () at the latest decision [rad]
-        begins_at: () time of that [s]
-        wanted: () angle to which it goes [rad]
-        present: (servicers,) bool, those that were in the team then, by what was known on board
+        begins_at: () time of that decision [s]
+        wanted: () angle to which it moves [rad]
+        present: (servicers,) bool, servicers that were in the team at that time, as far as known on board
     """
 
     start: Array
@@ -27,12 +27,12 @@ class PhaseShift:
 
 @pytree
 class TeamMission:
-    """Record of the decisions that the other servicers brought about.
+    """Record of the decisions that other servicers changed.
 
     Attributes:
         changed_at: () time of the latest burn decision that another servicer changed [s], minus infinity before
         changed_for: () int32, place in the team of that servicer, -1 before
-        shift: of the relative orbit, None where it is that of the plan all the time
+        shift: of the relative orbit, None if it always follows the plan
         rate: () at which the shift changes [rad/s]
     """
 
@@ -43,7 +43,7 @@ class TeamMission:
 
 
 def initial(zero: Scalar, rate: Scalar | None = None, servicers: int = 1) -> TeamMission:
-    """Before the first decision; the phases of so many servicers can shift if there is a `rate` for it [rad/s]."""
+    """State before the first decision; with a `rate` [rad/s] the relative orbits of a team of `servicers` can shift."""
     team = TeamMission(changed_at=jnp.full_like(zero, -jnp.inf), changed_for=jnp.full((), -1, dtype=jnp.int32))
     if rate is None:
         return team
@@ -53,7 +53,7 @@ def initial(zero: Scalar, rate: Scalar | None = None, servicers: int = 1) -> Tea
 
 
 def angle(team: TeamMission, time: Scalar) -> Scalar:
-    """Shift at a time [s] since the start, at or after the latest decision, or as it was then [rad]."""
+    """Shift [rad] at `time` [s] since the start; before the latest decision, the shift at that decision."""
     assert team.shift is not None
     assert team.rate is not None
     way = team.shift.wanted - team.shift.start

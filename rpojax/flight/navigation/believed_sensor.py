@@ -17,10 +17,10 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
-from rpojax.flight.navigation import relative_state
+from rpojax.flight.navigation import relative_filter_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 
@@ -61,7 +61,7 @@ class SensorView:
         estimate = self.relative
 
         def at(vector: Array) -> Array:
-            return expected(relative_state.moved_to(estimate, vector, estimate.covariance))
+            return expected(relative_filter_state.moved_to(estimate, vector, estimate.covariance))
 
         if (shape := jnp.shape(values := expected(estimate))) != jnp.shape(measured):
             raise RpojaxError(f"rows: found expected of shape {shape}, expected {jnp.shape(measured)} as measured")
@@ -122,7 +122,7 @@ def update(
     result = kalman_update.update(estimate.covariance, gated_rows)
     as_of_zero = replace(gated_rows, residual=gated_rows.residual + _along(rows, estimate.vector))
     innovation = SensorInnovation.of_update(result, jnp.any(present, axis=0), jnp.any(result.used, axis=0), as_of_zero)
-    return relative_state.corrected(estimate, result.deviation, result.covariance), innovation
+    return relative_filter_state.corrected(estimate, result.deviation, result.covariance), innovation
 
 
 def rows_of(innovations: Mapping[str, SensorInnovation]) -> MeasurementRows | None:

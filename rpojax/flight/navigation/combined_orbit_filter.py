@@ -20,18 +20,18 @@ from rpojax.core.pytree import pytree, replace
 from rpojax.flight.navigation import (
     believed_sensor,
     burn_execution_error,
+    relative_filter_state,
     relative_orbit_ekf,
-    relative_state,
     servicer_orbit_ekf,
 )
 from rpojax.flight.navigation.believed_sensor import SensorRows
 from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
-from rpojax.flight.navigation.lasting_effects import LastingEffects
+from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
-from rpojax.flight.navigation.relative_state import SLOW_STATES, RelativeEstimate, SlowState
+from rpojax.flight.navigation.relative_filter_state import SLOW_STATES, RelativeEstimate, SlowState
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 
@@ -75,7 +75,7 @@ def initial(
     """Estimate at hand-over with positions [m] and velocities [m/s] as means, and these slow states of the target."""
     return OrbitEstimate(
         servicer=servicer_orbit_ekf.initial(tuning, r_SN_N, v_SN_N),
-        relative=relative_state.initial(tuning, r_TS_N, v_TS_N, slow_states),
+        relative=relative_filter_state.initial(tuning, r_TS_N, v_TS_N, slow_states),
     )
 
 
@@ -97,10 +97,10 @@ def predict(
     Moon, `lasting` the effect of errors that last.
     """
     servicer, relative = estimate.servicer, estimate.relative
-    effects = relative_state.velocity_effects(relative.layout, lasting, delta_v_N, dt)
-    delta_v_N = relative_state.expected_delta_v(relative, lasting, delta_v_N)
+    effects = relative_filter_state.velocity_effects(relative.layout, lasting, delta_v_N, dt)
+    delta_v_N = relative_filter_state.expected_delta_v(relative, lasting, delta_v_N)
     acceleration = delta_v_N / dt
-    pushed_apart = relative_state.lasting_acceleration(relative, lasting) - acceleration
+    pushed_apart = relative_filter_state.lasting_acceleration(relative, lasting) - acceleration
     reference = encke_reference.reference_orbit(
         EARTH_GRAVITY, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.orbit_low
     )

@@ -15,10 +15,10 @@ from jaxtyping import Array, Float
 
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation import relative_state
+from rpojax.flight.navigation import relative_filter_state
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
 
@@ -55,7 +55,7 @@ def _names(estimate: RelativeEstimate) -> list[str]:
     None where it has no state that acts on the motion: servicers that share estimates or boxes take theirs from a joint
     filter, which does not adapt.
     """
-    states = [state for state in relative_state.SLOW_STATES if state.name in estimate.slow]
+    states = [state for state in relative_filter_state.SLOW_STATES if state.name in estimate.slow]
     adapts = any(state.acts_on_motion for state in states)
     return [state.name for state in states if state.is_lasting and adapts]
 
@@ -74,7 +74,7 @@ def initial(estimate: RelativeEstimate) -> LastingPriors:
 
 def _growth(tuning: OrbitFilterTuning, estimate: RelativeEstimate, box: BoxMeasurement) -> Float[Array, " k"]:
     """Variance (k,) that the processes of the errors have added since the box before."""
-    process = relative_state.process_variances(tuning, estimate, _names(estimate), box.interval)
+    process = relative_filter_state.process_variances(tuning, estimate, _names(estimate), box.interval)
     # The camera's attitude is part of its bearing bias.
     turned = {"bearing_bias": box.attitude_variance_change}
     return jnp.concatenate([process[name] + turned.get(name, 0.0) for name in process])
@@ -110,6 +110,8 @@ def adapt(
     column = jnp.sum(jnp.where(chosen[None, :], columns, 0.0), axis=1)
     value, own = (jnp.sum(jnp.where(chosen, each, 0.0), axis=0) for each in (found, variance))
     gain = less / (1.0 - less * own)
-    moved = relative_state.moved_to(estimate, x + gain * value * column, P + gain * column[:, None] * column[None, :])
+    moved = relative_filter_state.moved_to(
+        estimate, x + gain * value * column, P + gain * column[:, None] * column[None, :]
+    )
     greatest = jnp.max(jnp.where(is_heard, ratio, 0.0), axis=0)
     return Adaptation(moved, LastingPriors(declared=declared, adapted=adapted), greatest)

@@ -1,6 +1,6 @@
 """Extended Kalman filter of the target relative to the servicer, with bounding boxes as measurements.
 
-Its state is that of `relative_state`, its measurement that of `box_measurement`.
+Its state is that of `relative_filter_state`, its measurement that of `box_measurement`.
 """
 
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import apply, product
-from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_state, shape_errors
+from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_filter_state, shape_errors
 from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import (
     ExpectedBox,
@@ -27,7 +27,7 @@ from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxView
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 Vector = Float[Array, "3"]
@@ -141,7 +141,9 @@ def _iterated_position(
 
 def predict(tuning: OrbitFilterTuning, moved: RelativeEstimate, step: OrbitStep) -> RelativeEstimate:
     """Estimate after a step, of which position and velocity have `moved` already."""
-    decay, slow_process_variance = relative_state.slow_process(tuning, moved, moved.r_TS_N, moved.v_TS_N, step.dt)
+    decay, slow_process_variance = relative_filter_state.slow_process(
+        tuning, moved, moved.r_TS_N, moved.v_TS_N, step.dt
+    )
     noisy = step.with_acceleration_noise(tuning.relative_acceleration_noise)
     factors = moved.layout.after("velocity").split(decay)
     return replace(
@@ -168,7 +170,7 @@ def update(
         inflation_variance=recovery_variance(tuning, estimate.layout, estimate.r_TS_N, recover),
     )
     outline = _updated_outline(tuning, view, estimate, decision.accepted)
-    after = relative_state.corrected(replace(estimate, outline=outline), result.deviation, result.covariance)
+    after = relative_filter_state.corrected(replace(estimate, outline=outline), result.deviation, result.covariance)
     innovation = SensorInnovation.of_update(result, view.box.present, decision.accepted)
     return after, gate, innovation, expected_box(prior, view.box)
 

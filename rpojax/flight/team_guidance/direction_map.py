@@ -1,8 +1,8 @@
 """Map of the directions in the target's Hill frame from which a team has seen the target in sunlight.
 
 Flight software does not know the attitude of an uncooperative target. So it can only tell from which sides it was
-seen, in a frame that it knows. If the target tumbles, another part of it comes to that side: what was seen is worth
-less and less with time.
+seen, in a frame that it knows. If the target tumbles, another part of it turns to that side, so a view loses its
+value with time.
 """
 
 import math
@@ -58,7 +58,7 @@ def is_seen(
 def seen_by_any(
     tuning: TeamTuning, places_H: Float[Array, "3 n"], sees: Bool[Array, " n"], sun_H: Vector
 ) -> Bool[Array, " directions"]:
-    """Sides that are seen by those servicers, from their places [m], that `sees` is true for."""
+    """Sides seen from the places [m] of the servicers for which `sees` is true."""
     suns_H = jnp.broadcast_to(sun_H[:, None], places_H.shape)
     return jnp.any(is_seen(tuning, places_H, suns_H) & sees[None], axis=1)
 

@@ -184,7 +184,7 @@ class _LiveRun:
             self._records[name][0, self.ticks] = value
 
     def metrics(self) -> dict[str, float]:
-        """Metrics of a run that reached its end, none of others."""
+        """Metrics of a run that reached its end; empty for other runs."""
         if not self.reached_end:
             return {}
         inputs = self._file, self._records, self._varied

@@ -21,7 +21,7 @@ MAX_POINTS = 800
 """Most points of a line, so that the page stays small."""
 _MAX_BINS = 36
 _FARTHEST_SPANS: Final = 12.0
-"""A limit farther from the values than so many times their span is marked at the edge, so that they stay visible."""
+"""Spans of the values beyond which a limit is marked at the edge of the chart, so that the values stay visible."""
 
 
 def rounded_values(values: np.ndarray) -> list[float | None]:

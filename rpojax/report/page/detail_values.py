@@ -21,7 +21,7 @@ _SELECTION_METRIC = "formation_error_rms_m"
 class WorstRun:
     """Worst run in a metric among those with a history: the metric, its value, and the value of the median run.
 
-    `worst_id` is the worst run of all. Where that has no history, `remark` says so, and a better one stands for it.
+    `worst_id` is the worst run of all. If that has no history, `remark` says so, and a better run is shown instead.
     """
 
     run_id: int

@@ -136,7 +136,7 @@ def outcome_sentence(content: Mapping[str, Any]) -> str:
 
 
 def weakest_requirement(requirements: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
-    """Requirement with the smallest margin, relative to its limit; None without any that has one.
+    """Requirement with the smallest margin, relative to its limit; None if no requirement has a margin.
 
     The margin is that of the compared rank, or of the worst run where there are too few runs for a rank. None, too,
     where a run without a value stands there: nothing is weaker than that.

@@ -93,7 +93,7 @@ def thinned_time(time_s: np.ndarray) -> list[float | None]:
 
 
 def thinned_peaks(values: np.ndarray, low_is_bad: bool) -> np.ndarray:
-    """Largest, or smallest, finite value (spans,) of each span of `values` (ticks,); NaN without any."""
+    """Largest, or smallest, finite value (spans,) of each span of `values` (ticks,); NaN if none is finite."""
     stride = _stride(len(values))
     padded = np.full(-(-len(values) // stride) * stride, np.nan)
     padded[: len(values)] = values
@@ -177,7 +177,7 @@ def _desired(campaign: CampaignResults, history: Mapping[str, np.ndarray]) -> li
 
 
 def _mesh(scenario: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Corners and triangles of the target in its body axes [m]; its hull if there is no mesh, None without either."""
+    """Corners and triangles of the target in its body axes [m]; of its hull if there is no mesh; None if neither is."""
     # Imported here because meshes need packages that other pages do without.
     from rpojax.scenario.trained.coverage_surface import HULL, surface_triangles
 

@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency import AverageNees, average_nees, mean_square_interval, whiteness_bound
+from rpojax.analysis.statistics.filter_consistency_intervals import (
+    AverageNees,
+    average_nees,
+    mean_square_interval,
+    whiteness_bound,
+)
 from rpojax.analysis.statistics.intervals import coverage_per_axis
 from rpojax.metrics.metric_catalogue import find
 from rpojax.report.campaign_results import CampaignResults, probability_interval, runs_are_independent

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.consistency import mean_square_interval
+from rpojax.analysis.statistics.filter_consistency_intervals import mean_square_interval
 from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.report.campaign_results import CampaignResults, keep_out_radii
 from rpojax.report.figures.colours import BLUE, GREEN, VERMILLION
@@ -34,7 +34,7 @@ _NEES_COMPONENTS = 12
 def worst_run(channel: ChannelLabel, values: np.ndarray, ended: np.ndarray) -> int | None:
     """Row of the run with the largest mean of `values` (runs, m) over the last third, of those that `ended` (runs,).
 
-    If low values are bad, the run with the smallest value. None without any.
+    If low values are bad, the run with the smallest value. None if no such run has a value.
     """
     part = values if channel.low_is_bad else values[:, 2 * values.shape[1] // 3 :]
     candidates = np.flatnonzero(ended & np.isfinite(part).any(axis=1))

@@ -14,7 +14,8 @@ from rpojax.report.sections.phase_visits import PhaseVisits, goal_of, phase_visi
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _RANGES: Final = ("least_range_m", "final_range_m", FINAL_DRIFT_RANGE)
-"""Of a run that has aborted: least range from then on, range at the end, least one in 24 h of drift after the end."""
+"""Ranges of an aborted run: least range after the abort, range at the end, and least range from the last burn to 24 h
+of free drift after the end."""
 _LISTED: Final = 5
 _FIGURES: Final = (
     ("delta_v_m_s", "Delta-v [m/s]", 1.0),
@@ -57,7 +58,7 @@ def abort_content(campaign: CampaignResults, visits: PhaseVisits) -> dict[str, A
 
 
 def abort_sentences(found: Mapping[str, Any]) -> list[tuple[str, bool]]:
-    """What the aborts came to, each with whether it is an alert."""
+    """Sentences on the result of the aborts, and whether each is an alert."""
     count = found["count"]
     if not count:
         return [(f"None of {found['runs']} runs aborted.", False)]
@@ -111,7 +112,7 @@ def _group(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _least(runs: list[dict[str, Any]], name: str) -> dict[str, Any] | None:
-    """Least value of a range, the run that has it, and the number of runs that have a value; None without any."""
+    """Least value of a range, the run that has it, and the number of runs that have a value; None if no run has one."""
     known = [run for run in runs if math.isfinite(run[name])]
     if not known:
         return None
@@ -173,7 +174,7 @@ def content(campaign: CampaignResults) -> dict[str, Any] | None:
 
 
 def _goal_content(campaign: CampaignResults) -> dict[str, Any] | None:
-    """How many runs came to the goal of the mission, and when; None without, and for results of older versions."""
+    """How many runs came to the mission's goal, and when; None without a goal and for results of older versions."""
     reached_at, goal = campaign.phases.get("goal_reached_at_s"), goal_of(campaign.info["scenario"])
     if reached_at is None or goal is None:
         return None
@@ -191,7 +192,7 @@ def goal_text(found: Mapping[str, Any]) -> str:
 
 
 def quantiles(values: np.ndarray) -> dict[str, float | None]:
-    """Median, 5th and 95th percentile of the defined ones of `values`; None without any."""
+    """Median, 5th and 95th percentile of the defined ones of `values`; None if all are undefined."""
     defined = values[np.isfinite(values)]
     names = ("p5", "p50", "p95")
     if not len(defined):

@@ -190,7 +190,7 @@ def _compared(entry: Mapping[str, Any], unit: str) -> str:
 
 
 def violation_kinds(entry: Mapping[str, Any]) -> str:
-    """Addition on the violating runs without a value, empty without any."""
+    """Words on the violating runs without a value, empty if there are none."""
     if not entry["without_value"]:
         return ""
     return f" ({entry['beyond_limit']} beyond the limit, {entry['without_value']} without a value)"
@@ -204,12 +204,12 @@ def _share(entry: Mapping[str, Any]) -> str:
 
 
 def _reached(entry: Mapping[str, Any]) -> str:
-    """Addition on how many runs came to the requirement's phase, empty without one."""
+    """Words on how many runs came to the requirement's phase, empty if it has no phase."""
     return f"; {entry['reached_text']}" if "reached_text" in entry else ""
 
 
 def _not_counted(entry: Mapping[str, Any]) -> str:
-    """Addition on runs that do not count, empty without any."""
+    """Words on runs that do not count, empty if all count."""
     if not entry.get("not_counted"):
         return ""
     return f"; {entry['not_counted']} do not count, as they ended otherwise or were never there"

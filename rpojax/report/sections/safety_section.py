@@ -162,7 +162,7 @@ def _is_within(campaign: CampaignResults, name: str, keep_out: np.ndarray) -> np
 
 
 def _radius_of_entry(campaign: CampaignResults, keep_out: np.ndarray) -> np.ndarray:
-    """Radius (runs,) [m] within which a run is that entered a sphere: that of the servicer that did."""
+    """Radius (runs,) [m] of the keep-out sphere of the servicer that entered its sphere; the largest if none did."""
     runs = len(campaign.completed)
     if not campaign.servicer_names:
         return np.broadcast_to(keep_out, runs)
@@ -188,7 +188,7 @@ def _proportion(campaign: CampaignResults, events: np.ndarray, known: np.ndarray
 
 
 def worst_value_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
-    """Value with its unit and run; empty texts without one."""
+    """Value with its unit and run; empty texts if there is no value."""
     if found is None:
         return "", ""
     bound = "at most " if found.get("at_most") else ""

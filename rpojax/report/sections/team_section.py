@@ -171,7 +171,7 @@ def content(campaign: CampaignResults) -> dict[str, Any] | None:
     """Part of report.json; None for one servicer alone.
 
     Metrics of each servicer are in the part `metrics`, as `NAME/SERVICER`. Shares of ticks with an accepted box are
-    means over the runs with a stored history, None without any.
+    means over the runs with a stored history, None if there are no such runs.
     """
     if not campaign.servicer_names:
         return None

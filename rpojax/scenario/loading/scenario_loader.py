@@ -223,7 +223,7 @@ def _read_text(source: str | Path) -> tuple[str, Path]:
 
 
 def _instead_of(missing: Path) -> str:
-    """What was expected in place of a file that is not there, with the scenario or the file beside it most like it."""
+    """What was expected in place of a missing file, with the most similar name of a scenario or of a file beside it."""
     try:
         beside = sorted(path.name for path in itertools.islice(missing.parent.glob("*.toml"), _MOST_BESIDE))
     except (OSError, ValueError):  # a name with a zero byte is a ValueError

@@ -4,10 +4,10 @@ import math
 
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_files, member_names
-from rpojax.scenario.warnings import all_warnings
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.filter_beliefs import Belief, judged_beliefs
 from rpojax.scenario.warnings.link_uses import link_warnings
+from rpojax.scenario.warnings.mission_warnings import mission_warnings as servicer_warnings
 
 
 def mission_warnings(file: ScenarioFile) -> list[str]:
@@ -16,7 +16,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
     What holds for all servicers is said once, what holds for some begins with `servicers.NAME`.
     """
     if not file.servicers:
-        return all_warnings.mission_warnings(file)
+        return servicer_warnings(file)
     found: dict[str, list[str]] = {}
     for name, member in zip(member_names(file), member_files(file), strict=True):
         for warning in _of_member(member, shares=file.navigation.sharing != "none"):
@@ -29,7 +29,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
 
 
 def _of_member(member: ScenarioFile, shares: bool) -> list[str]:
-    warnings = all_warnings.mission_warnings(member)
+    warnings = servicer_warnings(member)
     reach = DispersedReach(member)
     return [*warnings, *link_warnings(member, reach), *(difference_warnings(member, reach) if shares else [])]
 

@@ -10,7 +10,7 @@ from rpojax.sensors.rendered_camera import Networks
 from rpojax.untrusted.file_reading import FileKind, is_regular, read_bytes
 from rpojax.vision import weight_files
 from rpojax.vision.detector.detector_file import load_detector
-from rpojax.vision.imaging.sky_maps import random_sky
+from rpojax.vision.imaging.random_sky import random_sky
 from rpojax.vision.radiance_field.field_file import load_field
 
 PACKAGED = "packaged"

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rpojax.flight.navigation import lasting_effects
+from rpojax.flight.navigation import differential_drag
 from rpojax.scenario.numbers.start_and_limits import HANDOVER_KEYS
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
@@ -112,9 +112,9 @@ def _ballistic_difference(file: ScenarioFile, reach: DispersedReach) -> float:
 
     kinds = []
     if file.effects.drag and reach.low("orbit.semi_major_axis_m") < _WITHOUT_AIR_M:
-        kinds.append(("drag_coefficient", lasting_effects.DRAG_COEFFICIENT))
+        kinds.append(("drag_coefficient", differential_drag.DRAG_COEFFICIENT))
     if file.effects.solar_pressure:
-        kinds.append(("pressure_coefficient", lasting_effects.PRESSURE_COEFFICIENT))
+        kinds.append(("pressure_coefficient", differential_drag.PRESSURE_COEFFICIENT))
     return max((abs(of("target", *kind) - of("servicer", *kind)) for kind in kinds), default=0.0)
 
 

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     import jax
 
     from rpojax.core.kalman_update import MeasurementRows
+    from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
     from rpojax.flight.navigation.believed_sensor import SensorView
-    from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
     from rpojax.physics.plant_state import Truth
 
 

@@ -30,10 +30,11 @@ def joined(metric: Metric | None, each: Floats) -> Floats:
 
     Least values of a run give the least one, greatest and longest ones and unsafe fractions the greatest. Values at one
     instant, such as the last range or the time of the first box, give their worst one, and so does a user's function of
-    whole runs, which may be anything. Means, sums and counts of a run give their mean. Undefined of one
-    servicer it is undefined of the team: that it never saw the target must not pass for the times of the others. But of
-    what need not happen, and of free drifts, those count that there are: without a burn none is stuck on. How long, or
-    when, a team was in a phase is said by the last of them to come there: a team was there if all its servicers were.
+    whole runs, which may be anything. Means, sums and counts of a run give their mean. A metric
+    that is undefined for one servicer is undefined for the team: a servicer that never saw the target must not be
+    hidden by the times of the others. Only of events that need not happen, and of free drifts, the defined values
+    count: without a burn, no thruster is stuck on. How long, or when, a team was in a phase is decided by its last
+    servicer to come there: a team is in a phase if all its servicers are.
     """
     window = None if metric is None else split_name(metric.name)[0]
     if window == DURATION.name:

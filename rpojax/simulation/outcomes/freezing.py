@@ -34,7 +34,7 @@ def freeze_if_failed(params: Params, before: State, after: State, time: Scalar) 
 
 
 def _finiteness_witnesses(state: State) -> tuple[object, ...]:
-    """Part of a state that becomes non-finite whenever any of it does.
+    """Part of a state that becomes non-finite whenever any number of the state does.
 
     Covariances are represented by their traces, which any other element enters within one update and prediction.
     """

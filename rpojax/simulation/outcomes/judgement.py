@@ -2,8 +2,9 @@
 
 It is evaluated after the simulation, so that the loop pays nothing. A flag is raised when a run is lost, diverged, off
 station or out of propellant, and cleared when it recovers; the outcome is that of the flags raised at the end. A run
-without any is unfinished if it missed the goal of its mission, and not judged if it ends before it must be on station.
-One that would be completed has diverged nevertheless if its filter was sure of itself and wrong for a tenth of it.
+without a flag at the end is unfinished if it missed the goal of its mission, and not judged if it ends before it must
+be on station. A run that would otherwise be completed has diverged if its position errors were outside 3 sigma for more
+than a tenth of it.
 """
 
 from collections.abc import Mapping

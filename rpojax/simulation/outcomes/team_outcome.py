@@ -24,7 +24,7 @@ def worst(servicers: Sequence[JudgedRuns]) -> JudgedRuns:
 
 
 def _joined(servicers: Sequence[EventArrays]) -> EventArrays:
-    """Events of all servicers in order of time, the first ones."""
+    """First events of all servicers, in order of time."""
     codes, raised, cleared = (
         np.concatenate([getattr(each, name) for each in servicers], axis=1)
         for name in ("code", "raised_at_s", "cleared_at_s")

@@ -89,9 +89,10 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
 
 
 def _confirmed(params: Params, tick: Tick, messages_used: Bool[Array, " peers"]) -> Bool[Array, ""]:
-    """Whether what others see stands for a box of one's own.
+    """Whether boxes of other servicers take the place of one of its own.
 
-    Until the target is acquired it must tell that the target is in the own frame: else the camera would not search.
+    Until the target is acquired, the estimate must also be within the servicer's frame: else its camera would not
+    search.
     """
     sigmas, half_frame = params.flight.pointing.search_sigmas, tick.measurements.box.half_frame_tangent
     is_in_frame = line_of_sight_uncertainty.is_within_frame(tick.flight.orbit, sigmas, half_frame)

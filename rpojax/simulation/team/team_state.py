@@ -15,7 +15,7 @@ class LinkState:
     Attributes:
         in_burst: (N, N) bool, whether a link from sender (column) to receiver (row) is in a burst of losses
         carrier_error_N: (3, N) slow error of each receiver's position by carrier phase [m]
-        range_bias: (N, N) biases of the ranges over the links [m], None without
+        range_bias: (N, N) biases of the ranges over the links [m], None if ranges are not measured
     """
 
     in_burst: Array

@@ -275,7 +275,7 @@ def _intervals(matches: Sequence[Matches], best: Sequence[np.ndarray], empty: np
 
 
 def noticed_labels(found: ImageDetections, data: DetectionDataset) -> tuple[str, ...]:
-    """What is unlikely about labels by what was detected, told to the user as a `Notice`."""
+    """What the detections show to be unlikely about labels, told to the user as a `Notice`."""
     return noticed("labels", implausible_labels(found.boxes, found.scores, data))
 
 

@@ -20,7 +20,7 @@ from rpojax.untrusted.file_reading import FileKind, is_regular
 from rpojax.untrusted.text_reading import read_text
 
 _SPLITS = ("val", "validation", "validate", "test", "train")
-"""Parts of an edition, of which the first one that is there counts: pictures that are not meant for training first."""
+"""Parts of an edition, of which the first one that exists counts: those not meant for training come first."""
 _ENDINGS = ("", " labels", "_labels")
 _SUFFIXES = (".png", ".jpg")
 

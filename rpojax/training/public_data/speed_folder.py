@@ -44,7 +44,7 @@ pictures as in Park, Sharma and D'Amico, Towards Robust Learning-Based Pose Esti
 """
 _RADIUS_M = float(np.linalg.norm(TANGO_POINTS, axis=1).max())
 LABEL_FILES = ("test.json", "validation.json", "train.json")
-"""Names of label files, of which the first one that is there counts: pictures that are not meant for training first."""
+"""Names of label files, of which the first one that exists counts: those not meant for training come first."""
 _POSITION = "r_Vo2To_vbs_true"
 _ATTITUDES = ("q_vbs2tango_true", "q_vbs2tango")
 

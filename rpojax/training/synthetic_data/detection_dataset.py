@@ -187,8 +187,8 @@ def summary(folder: Path) -> dict[str, int]:
 def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> DetectionDataset:
     """Data set of a folder with `annotations.json` in COCO format; images are resized and padded to squares.
 
-    With `limit` only so many images are read. What is unlikely about the boxes is in `notes`, and each note is a
-    `Notice`. Raises `DatasetError` if the folder, its annotations or an image cannot be used.
+    At most `limit` images are read. `notes` say what is unlikely about the boxes, and each note is a `Notice`. Raises
+    `DatasetError` if the folder, its annotations or an image cannot be used.
     """
     path = folder / ANNOTATIONS
     listed = read_annotations(path)

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.vision.imaging.sky_maps import Sky
+from rpojax.vision.imaging.random_sky import Sky
 
 _SCALE_HEIGHT = 0.003
 _AIR_COLOR = (0.25, 0.45, 0.9)

@@ -5,8 +5,8 @@ from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.vision.imaging.exposure import Exposure, expose
+from rpojax.vision.imaging.random_sky import Sky
 from rpojax.vision.imaging.sky_background import background
-from rpojax.vision.imaging.sky_maps import Sky
 from rpojax.vision.imaging.srgb import linear_to_srgb
 from rpojax.vision.pinhole import Intrinsics
 from rpojax.vision.radiance_field.ray_budget import RaySampling

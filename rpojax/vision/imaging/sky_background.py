@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.vision.imaging.earth_background import render_earth
-from rpojax.vision.imaging.sky_maps import Sky
+from rpojax.vision.imaging.random_sky import Sky
 from rpojax.vision.imaging.star_field import render_stars
 from rpojax.vision.pinhole import Intrinsics
 

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.vision.imaging.sky_maps import Sky
+from rpojax.vision.imaging.random_sky import Sky
 
 
 def render_stars(sky: Sky, center: Array, focal: Array, shape: tuple[int, int], R_KN: Array) -> Array:

@@ -55,7 +55,7 @@ def _grid_extent(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.
 
 
 def _nodes_near_surface(surface: np.ndarray, first: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
-    """Whether nodes (x, y, z) are corners of a cell that holds a point of the surface, or neighbours of such."""
+    """Whether nodes (x, y, z) are corners of a cell that holds a point of the surface, or neighbours of one."""
     occupied = np.zeros(shape, bool)
     occupied[tuple(np.floor((surface - first) / spacing).astype(np.int64).T)] = True
     cell = np.argwhere(occupied)

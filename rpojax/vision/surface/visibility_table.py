@@ -14,8 +14,8 @@ def visibility_table(facets: Facets, triangles: np.ndarray) -> np.ndarray:
     """Whether each facet is seen past the surface from the directions of each cell (cells^2, facets).
 
     A facet is hidden in a cell if the surface hides it in a corner or the middle of the cell, above the facet's
-    horizon, so that what the table calls visible is so. The horizon itself is left to the incidence. All that hides are
-    `triangles` (triangles, 3, 3) [m].
+    horizon, so that what the table calls visible is visible. The horizon itself is left to the incidence. The surface
+    is that of `triangles` (triangles, 3, 3) [m].
     """
     directions, of_cells = octahedral_map.cell_directions(CELLS)
     free = free_directions(facets.centers, facets.normals, triangles, directions)

@@ -15,7 +15,7 @@ import pytest
 
 import rpojax
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.runtime.device_programs import DeviceTraces
+from rpojax.runtime.programs_per_device import DeviceTraces
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 

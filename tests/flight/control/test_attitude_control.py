@@ -8,6 +8,7 @@ from hypothesis import given
 from numpy_reference import IDENTITY, SEEDS, attitude_difference, axis_angle_quaternion, random_unit
 
 from rpojax.core import quaternion
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.flight.control import attitude_control
 from rpojax.flight.control.attitude_control import AttitudeCommand
@@ -15,7 +16,6 @@ from rpojax.flight.guidance import slew_profile
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.physics import equipment_faults, plant, plant_state
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params

@@ -18,7 +18,7 @@ from rpojax.flight.cooperation.received_messages import OwnThen, ReceivedMessage
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.navigation.relative_state import VIEW_STATES, RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import VIEW_STATES, RelativeEstimate
 
 DELAY = 5.0
 NOISE, ERROR, TIME_CONSTANT, RANGE_NOISE, RANGE_BIAS = 0.05, 0.02, 700.0, 0.1, 0.05

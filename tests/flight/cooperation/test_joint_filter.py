@@ -17,10 +17,10 @@ from rpojax.flight.cooperation.burn_effect import BurnEffect
 from rpojax.flight.cooperation.joint_filter import JointEstimate
 from rpojax.flight.cooperation.received_messages import OwnThen, ReceivedMessages
 from rpojax.flight.cooperation.team_settings import BaselineTuning, Link, LinkSettings, ServicerTuning
-from rpojax.flight.navigation import outline_correlation, relative_state, shape_errors
+from rpojax.flight.navigation import outline_correlation, relative_filter_state, shape_errors
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_state import VIEW_STATES
+from rpojax.flight.navigation.relative_filter_state import VIEW_STATES
 from rpojax.scenario import params as parameters
 from rpojax.scenario.loading import scenario_loader
 
@@ -56,7 +56,7 @@ def peer_tuning() -> OrbitFilterTuning:
 
 @jax.jit
 def initial() -> JointEstimate:
-    own = relative_state.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3), VIEW_STATES)
+    own = relative_filter_state.initial(tuning(), jnp.array([0.0, 0.0, 30.0]), jnp.zeros(3), VIEW_STATES)
     return joint_filter.initial(LINK, tuning(), peer_tuning(), own, PLACES)
 
 
@@ -128,7 +128,7 @@ def peer_process(estimate: JointEstimate, peer: int) -> tuple[jax.Array, jax.Arr
     return joint_filter._peer_process(BASELINE, estimate, peer, of_peer)
 
 
-slow_process = jax.jit(lambda own: relative_state.slow_process(tuning(), own, own.r_TS_N, own.v_TS_N, 1.0))
+slow_process = jax.jit(lambda own: relative_filter_state.slow_process(tuning(), own, own.r_TS_N, own.v_TS_N, 1.0))
 widen = jax.jit(joint_filter.widen)
 update_ranges = jax.jit(joint_measurements.update_ranges)
 

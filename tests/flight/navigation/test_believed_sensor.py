@@ -15,7 +15,7 @@ from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import believed_sensor
 from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 
 SIGMA = np.array([*np.full(3, 0.3), *np.full(3, 2e-3), 0.065, 0.14, 5e-4, 5e-4, 5e-3, 5e-3, 0.015, 0.01, 0.01, 5e-3])

@@ -9,7 +9,7 @@ from numpy_reference import random_covariance
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter, lasting_effects
+from rpojax.flight.navigation import combined_orbit_filter, lasting_error_effects
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
@@ -22,7 +22,7 @@ FIRST_ORDER = 2e-6
 def burn(tuning: OrbitFilterTuning, estimate: OrbitEstimate, delta_v: jax.Array = DELTA_V) -> OrbitEstimate:
     size = jnp.linalg.norm(delta_v)
     return combined_orbit_filter.predict(
-        tuning, 2, estimate, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+        tuning, 2, estimate, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_error_effects.none(), 1.0
     )
 
 

@@ -12,18 +12,18 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter, lasting_effects, relative_state
+from rpojax.flight.navigation import combined_orbit_filter, lasting_error_effects, relative_filter_state
 from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.stages import Stages
 from rpojax.physics import equipment_faults, plant, plant_state
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.params import Params
 
@@ -63,7 +63,7 @@ def coast(
         np.float64(burn_delta_v),
         np.float64(burn_sigma_inflation),
         third_body_acceleration_N,
-        lasting_effects.none(),
+        lasting_error_effects.none(),
         1.0,
     )
 
@@ -107,11 +107,19 @@ def transitions(tuning: OrbitFilterTuning, estimate: OrbitEstimate) -> tuple[jax
     def after(servicer: jax.Array, relative: jax.Array) -> tuple[jax.Array, jax.Array]:
         moved = OrbitEstimate(
             servicer=replace(estimate.servicer, r_SN_N=servicer[:3], v_SN_N=servicer[3:6], gps_error_N=servicer[6:]),
-            relative=relative_state.moved_to(estimate.relative, relative, estimate.relative.covariance),
+            relative=relative_filter_state.moved_to(estimate.relative, relative, estimate.relative.covariance),
         )
         return means(
             combined_orbit_filter.predict(
-                tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+                tuning,
+                2,
+                moved,
+                jnp.zeros(3),
+                jnp.zeros(()),
+                jnp.ones(()),
+                jnp.zeros(3),
+                lasting_error_effects.none(),
+                1.0,
             )
         )
 

@@ -10,7 +10,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import lasting_adaptation
 from rpojax.flight.navigation.lasting_adaptation import LastingPriors
-from rpojax.flight.navigation.relative_state import SIGMA_MARGIN, RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import SIGMA_MARGIN, RelativeEstimate
 
 PLACE = 12
 """Of the scale of burns in the filter's vector."""

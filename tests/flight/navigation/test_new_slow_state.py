@@ -9,10 +9,15 @@ import rendezvous_scene
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import cross
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import believed_sensor, combined_orbit_filter, lasting_effects, relative_state
+from rpojax.flight.navigation import (
+    believed_sensor,
+    combined_orbit_filter,
+    lasting_error_effects,
+    relative_filter_state,
+)
 from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.navigation.relative_state import SLOW_STATES, SlowState
+from rpojax.flight.navigation.relative_filter_state import SLOW_STATES, SlowState
 
 SIGMA = 0.02
 """Of the misalignment about each axis [rad]."""
@@ -32,7 +37,7 @@ MISALIGNED_THRUST = SlowState(
 @pytest.fixture
 def states(monkeypatch: pytest.MonkeyPatch) -> tuple[SlowState, ...]:
     declared = (*SLOW_STATES, MISALIGNED_THRUST)
-    monkeypatch.setattr(relative_state, "SLOW_STATES", declared)
+    monkeypatch.setattr(relative_filter_state, "SLOW_STATES", declared)
     return declared
 
 
@@ -54,7 +59,7 @@ def test_burns_teach_the_filter_the_misalignment_of_its_thrust(
         size = jnp.sqrt(jnp.sum(delta_v**2))
         truth, known = (
             combined_orbit_filter.predict(
-                tuning, 2, each, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_effects.none(), 1.0
+                tuning, 2, each, delta_v, size, jnp.ones(()), jnp.zeros(3), lasting_error_effects.none(), 1.0
             )
             for each in carry
         )

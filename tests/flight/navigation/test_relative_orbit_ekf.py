@@ -15,7 +15,7 @@ from rpojax.flight.navigation.box_measurement import box_measurement_model, outl
 from rpojax.flight.navigation.box_measurement.box_measurement_model import LinearisedBox
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.scenario.params import Params
 
 TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding

@@ -9,7 +9,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.flight.navigation import outline_correlation
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.interop.ros2 import message_builders, odometry
 from rpojax.interop.ros2.message_builders import tick_messages

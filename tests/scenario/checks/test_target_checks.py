@@ -10,7 +10,7 @@ import rpojax
 from rpojax.cli import main
 from rpojax.errors import ScenarioError
 from rpojax.scenario.trained import packaged_hull
-from rpojax.scenario.warnings.all_warnings import mission_warnings
+from rpojax.scenario.warnings.mission_warnings import mission_warnings
 
 HULL = rpojax.load("inspection").target.hull_m
 CUBE = [[x, y, z] for x in (-0.4, 0.4) for y in (-0.4, 0.4) for z in (-0.5, 0.5)]

@@ -3,7 +3,7 @@
 import pytest
 
 from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.warnings.all_warnings import mission_warnings
+from rpojax.scenario.warnings.mission_warnings import mission_warnings
 
 CASES = {
     "no burn in any direction": (

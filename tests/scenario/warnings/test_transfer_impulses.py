@@ -14,7 +14,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.phases.reference_sections import TransferSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings import transfer_impulses
-from rpojax.scenario.warnings.all_warnings import mission_warnings
+from rpojax.scenario.warnings.mission_warnings import mission_warnings
 
 MU = 3.986004418e14
 state_of = jax.jit(transfer.state)

@@ -8,9 +8,9 @@ import pytest
 from rpojax import Stages
 from rpojax.analysis.linear_covariance.covariance_propagation import check_scenario
 from rpojax.campaign.single_run import initialise_run
+from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.sensors.additional.additional_sensor import SensedScene

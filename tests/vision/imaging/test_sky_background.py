@@ -7,7 +7,7 @@ import pytest
 
 from rpojax.core.pytree import replace
 from rpojax.vision.imaging import sky_background
-from rpojax.vision.imaging.sky_maps import Sky, random_sky
+from rpojax.vision.imaging.random_sky import Sky, random_sky
 from rpojax.vision.pinhole import pinhole_intrinsics
 
 background = jax.jit(sky_background.background, static_argnums=(2, 3))

@@ -50,7 +50,7 @@ _FINAL_RATE: Final = 0.05
 """Size of the last step over that of the first."""
 _ADAM_B2: Final = 0.95
 _RESTART_STEPS: Final = 20
-"""After so many steps, up to the middle of the descent, Adam is restarted: far from the optimum gradients are a
+"""Number of steps after which Adam is restarted, up to the middle of the descent: far from the optimum gradients are a
 thousand times longer, and while its second moments remember them, less sensitive numbers do not move."""
 _METHOD: Final = [_AVERAGED_FRACTION, _FINAL_RATE, _ADAM_B2, _RESTART_STEPS, "undefined counts as the worst"]
 """What must be the same for a descent to be resumed."""

@@ -23,7 +23,7 @@ from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.optional_packages import require_package
-from rpojax.runtime.device_programs import share_runs
+from rpojax.runtime.programs_per_device import share_runs
 from rpojax.runtime.progress import items
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.flight.navigation.relative_state import SLOW_STATES
+from rpojax.flight.navigation.relative_filter_state import SLOW_STATES
 from rpojax.scenario import params as parameters
 from rpojax.scenario.params import Params
 from rpojax.simulation.noise import TickNoise

@@ -12,6 +12,7 @@ from rpojax.analysis.linear_covariance.linearisation.deviation_vector import Dev
 from rpojax.analysis.linear_covariance.linearisation.target_outline_ensemble import RelativeBox, TargetEnsemble
 from rpojax.batching import batching_mode
 from rpojax.core.frames import hill_frame
+from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replace_leaves
 from rpojax.core.vectors import apply
@@ -29,7 +30,6 @@ from rpojax.simulation.channels import compute_channels
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import State, elapsed_time, true_relative_state
 from rpojax.simulation.step import step as simulate_tick
-from rpojax.simulation.step_stages import sun_and_moon_at
 from rpojax.simulation.telemetry import Telemetry
 from rpojax.simulation.tick import Loop
 

@@ -1,4 +1,4 @@
-"""Estimates by a method that was asked for, or by the one that suits what was found."""
+"""Probability of failure by the method asked for, or by the one that suits the failures found so far."""
 
 import dataclasses
 import math
@@ -26,16 +26,19 @@ _BATCH = 4096
 _PLAIN_VARIATION = 0.06
 """Coefficient of variation that plain sampling must reach with the whole budget to be chosen."""
 _ROUND_SHARE = 0.07
+"""Share of the budget for each round that adapts the proposal of importance sampling."""
 _POOR_VARIATION = 0.35
-"""Expected coefficient of variation of importance sampling above which subset simulation is asked, too."""
+"""Expected coefficient of variation of importance sampling above which subset simulation is used instead."""
 _MIN_ROUND_EFFECTIVE = 12.0
-"""Effective failures of the last round below which its weights say nothing about themselves."""
+"""Effective failures of the last round below which its weights are too few to show whether they can be trusted."""
 _SURPRISE = 3.0
 """Standard deviations by which two estimates must differ to contradict each other."""
 _SUBSET_CAUTION = 1.3
-"""Factor on the coefficient of variation of subset simulation for the dependence of its levels."""
+"""Factor on the coefficient of variation of subset simulation to allow for the dependence between its levels."""
 _ANNEALING_VARIATION = 0.7
+"""Coefficient of variation assumed of the probability by scale annealing."""
 _UNCOVERED = 0.1
+"""Share of failures where the proposal hardly draws, above which it is said to miss a part of failure."""
 _ASKED = "asked for"
 """Reason of a method that the user names."""
 Samples = tuple[LatentPoints, np.ndarray]
@@ -44,7 +47,7 @@ Samples = tuple[LatentPoints, np.ndarray]
 def plain_estimate(
     calls: LimitStateCalls, rng: np.random.Generator, reason: str, earlier: Sequence[np.ndarray] = ()
 ) -> ProbabilityEstimate:
-    """Probability from all evaluations that are left, and from margins of independent points that are there already."""
+    """Probability from the remaining evaluations and from `earlier` margins of independent points."""
     margins = list(earlier)
     while calls.left > 0:
         margins.append(calls.margins(calls.space.sample(rng, min(_BATCH, calls.left))))
@@ -109,7 +112,7 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
 
 
 def _plain_is_enough(margins: np.ndarray, budget: int) -> bool:
-    """Whether plain sampling with the whole budget is accurate enough, by first margins."""
+    """Whether plain sampling with the whole budget is accurate enough, judged by the first margins."""
     share = float((margins <= 0.0).mean())
     return share * budget * _PLAIN_VARIATION**2 >= 1.0 - share
 
@@ -147,7 +150,8 @@ def _by_importance(
 def _missed_failures(found: Exploration, last: Round) -> list[str]:
     """Warnings about earlier estimates so much larger that importance sampling must have missed failures.
 
-    A small subset simulation may be far off, too: its failures must also lie where the proposal hardly draws.
+    A small subset simulation may itself be far off, so there is a warning only if its failures also lie where the
+    proposal hardly draws.
     """
     faults = []
     for name, probability, variation, x in (
@@ -181,7 +185,7 @@ def _by_subset(
     earlier: tuple[SubsetResult, ...] = (),
     rounds: list[Round] | None = None,
 ) -> ProbabilityEstimate:
-    """Estimate by two subset simulations, the second with as many points as the first one leaves."""
+    """Estimate by two subset simulations, the second with the evaluations that the first leaves."""
     results = list(earlier)
     if not results:
         results.append(subset_simulation.simulate(calls, rng, max(60, calls.budget // 20), calls.left, first))
@@ -222,7 +226,7 @@ def _by_subset(
 
 
 def _subset_faults(results: list[SubsetResult], complete: list[SubsetResult], variation: float) -> list[str]:
-    """What speaks against subset simulations."""
+    """Reasons to distrust the subset simulations."""
     faults = []
     if any(result.flat for result in results):
         faults.append("margins are flat: subset simulation cannot rank the points")
@@ -248,7 +252,7 @@ def _without_failure(
     faults: list[str],
     reason: str,
 ) -> ProbabilityEstimate:
-    """Plain estimate with what is left of the budget where chains did not reach failure."""
+    """Plain estimate with the rest of the budget, if the chains did not reach failure."""
     reason = f"subset simulation, {reason}, did not reach failure" if reason == _ASKED else reason
     found = plain_estimate(calls, rng, reason, (first[1],))
     levels = (*(level for result in results for level in result.levels), *found.levels)

@@ -53,7 +53,7 @@ class AnnealingResult:
 
 
 def anneal(calls: LimitStateCalls, rng: np.random.Generator, per_scale: int, most: int) -> AnnealingResult:
-    """Failures at the nominal scale from `per_scale` points on each scale, with at most so many evaluations."""
+    """Failures at the nominal scale from `per_scale` points on each scale, with at most `most` evaluations."""
     end = calls.used + min(most, calls.left)
     points, scale, logarithm, levels = _first_failures(calls, rng, per_scale, end)
     families, factor = np.arange(len(points)), _FIRST_STEP
@@ -153,7 +153,7 @@ class Exploration:
 
     @property
     def failures(self) -> WeightedFailures | None:
-        """Failures that were found, each search weighted by its number of independent chains; None without any."""
+        """Failures found, each search weighted by its number of independent chains; None if none was found."""
         points, chains = self.subset.failures
         parts: list[tuple[np.ndarray, np.ndarray, float]] = []
         if len(points):

@@ -87,7 +87,7 @@ def effective_size(weights: np.ndarray) -> float:
 
 
 def draw_round(calls: LimitStateCalls, rng: np.random.Generator, proposal: Mixture, count: int) -> Round:
-    """A round of so many points, with fresh noise."""
+    """A round of `count` points, with fresh noise."""
     points = calls.space.with_fresh_noise(rng, proposal.sample(rng, count))
     margins = calls.margins(points)
     nominal = log_nominal(points.x)
@@ -130,7 +130,7 @@ def _tempering(weights: np.ndarray) -> float:
 
 
 def _joint_failures(rounds: list[Round]) -> WeightedFailures | None:
-    """Failures of all rounds, with the weights of the mixture of their proposals; None without any."""
+    """Failures of all rounds, with the weights of the mixture of their proposals; None if there are none."""
     counts = np.array([len(each.margins) for each in rounds], dtype=float)
     joint = mixture([(count, each.proposal) for count, each in zip(counts, rounds, strict=True)])
     failed = [drawn_round.margins <= 0.0 for drawn_round in rounds]

@@ -158,7 +158,7 @@ def _judged(
     warnings: list[str],
     reason: str,
 ) -> ProbabilityEstimate:
-    """Estimate from probabilities along lines, of their far side and next to steps, and what speaks against it."""
+    """Estimate from probabilities along lines, of their far side and next to steps, and reasons to distrust it."""
     probabilities, other_side = along.probabilities, along.other_side
     lines, probability = len(probabilities), float(probabilities.mean())
     share_unknown, variation = 0.0, math.inf

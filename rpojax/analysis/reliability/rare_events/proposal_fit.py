@@ -61,7 +61,7 @@ class GaussianMixture:
 
 
 def fit(rng: np.random.Generator, y: np.ndarray, weights: np.ndarray, components: int) -> GaussianMixture:
-    """Mixture of so many components for points (n, r) with weights (n,) of sum 1."""
+    """Mixture of `components` components for points (n, r) with weights (n,) of sum 1."""
     effective = 1.0 / float(np.sum(weights**2))
     means = _spread_starts(rng, y, weights, components)
     distances = np.stack([np.sum((y - mean) ** 2, axis=1) for mean in means])
@@ -183,7 +183,7 @@ def _folds(rng: np.random.Generator, groups: np.ndarray) -> np.ndarray:
 
 
 def _component_counts(points: int, size: int) -> tuple[int, ...]:
-    """Numbers of components that so many failures can tell apart; a single one without a subspace."""
+    """Numbers of components that `points` failures can tell apart; only 1 without a subspace."""
     if size == 0:
         return (1,)
     return tuple(k for k in _COMPONENTS if k == 1 or k * (size + 1) * _POINTS_PER_NUMBER <= points)
@@ -211,7 +211,7 @@ def _bases(x: np.ndarray, weights: np.ndarray, failures: WeightedFailures) -> li
 def _informative_subspace(x: np.ndarray, weights: np.ndarray, effective: float) -> np.ndarray:
     """Directions (k, r) along which the second moment of failures differs from 1 by more than sampling explains.
 
-    The bounds are those of eigenvalues of a sample covariance of so many independent points (Marchenko and Pastur
+    The bounds are those of eigenvalues of a sample covariance of `effective` independent points (Marchenko and Pastur
     1967); the largest information comes first.
     """
     values, vectors = np.linalg.eigh((weights[:, None] * x).T @ x)

@@ -154,7 +154,7 @@ def simulate(
     most: int,
     first: tuple[LatentPoints, np.ndarray] | None = None,
 ) -> SubsetResult:
-    """One subset simulation with `per_level` points on each level and at most so many evaluations.
+    """One subset simulation with `per_level` points on each level and at most `most` evaluations.
 
     `first` are points of the nominal distribution with their margins, for the first level.
     """

@@ -1,8 +1,8 @@
 """Folder of an estimate: what was asked, the margins of every batch of runs, and the result.
 
-An estimate is a function of scenario, options and seed. A resumed one goes through the same steps again and takes the
-margins of batches that are there from the folder, so that it ends with the same bits. Every file is written whole and
-carries a digest of its content; the margins also that of the points they belong to.
+An estimate is a function of scenario, options and seed. A resumed one goes through the same steps again and reads the
+margins of finished batches from the folder, so its result is the same to the last bit. Every file is written whole and
+carries a digest of its content; files of margins also carry a digest of their points.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ from rpojax.untrusted.file_reading import FileKind
 
 CONFIGURATION_NAME, RESULT_NAME, BATCHES_NAME = "estimate.json", "probability.json", "evaluations"
 _MOST_POINTS = 4096
-"""Points of one file."""
+"""Most points in one file."""
 _TYPES: dict[str, type] = {"scenario": dict, "failure": dict, "budget": int, "method": str, "seed": int}
 _METHODS = get_args(get_type_hints(EstimateSettings)["method"])
 
@@ -46,11 +46,12 @@ class EstimateFolder:
         return (self.directory / CONFIGURATION_NAME).exists()
 
     def begin(self, configuration: dict[str, Any], force: bool) -> None:
-        """Makes the folder, or checks that the one that is there is of the same estimate.
+        """Creates the folder, or checks that an existing one holds the same estimate.
 
         Raises:
-            OutputError: it holds something else, and is not to be replaced by `force`.
-            ResultError: its configuration is no longer what was written, or other versions of the packages began it.
+            OutputError: it holds other files, or another estimate and `force` is false.
+            ResultError: its configuration is no longer what was written, or it was begun with other versions of the
+                packages.
             UnfinishedError: it cannot be made.
         """
         if self.directory.is_symlink() or (self.directory.exists() and not self.directory.is_dir()):
@@ -107,8 +108,8 @@ class EstimateFolder:
         """Whether there is a result."""
         return (self.directory / RESULT_NAME).exists()
 
-    def remembered(self, function: LimitFunction) -> LimitFunction:
-        """The function, whose margins are kept in the folder, and taken from there where they are."""
+    def cached(self, function: LimitFunction) -> LimitFunction:
+        """`function` with its margins cached in the folder."""
 
         def margins(points: LatentPoints) -> np.ndarray:
             parts = []
@@ -155,7 +156,7 @@ def _digest_of_points(points: LatentPoints) -> str:
 
 @dataclass(frozen=True)
 class RecordedEstimate:
-    """What decides the bits of an estimate, besides the versions of the packages.
+    """Everything that determines an estimate to the last bit, except the versions of the packages.
 
     Attributes:
         file: the scenario
@@ -175,7 +176,7 @@ def read_estimate(directory: Path) -> RecordedEstimate:
 
     Raises:
         ResultError: the folder has no estimate, or one that is not as it was written.
-        RpojaxError: its scenario is not one.
+        RpojaxError: its scenario is invalid.
     """
     record = EstimateFolder(directory).read(CONFIGURATION_NAME)
     path = directory / CONFIGURATION_NAME
@@ -273,7 +274,7 @@ def read_result(directory: Path) -> dict[str, Any]:
     """Content of the result in a folder.
 
     Raises:
-        ResultError: there is none, or it has not what a result has.
+        ResultError: there is none, or one of its entries is missing or invalid.
     """
     content = EstimateFolder(directory).read(RESULT_NAME)
     try:

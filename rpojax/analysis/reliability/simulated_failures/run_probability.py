@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from rpojax.analysis.reliability.dispersed_points import dispersions_at, run_command, values_of
+from rpojax.analysis.reliability.described_points import dispersions_at, run_command, values_of
 from rpojax.analysis.reliability.rare_events import estimate_by_method
 from rpojax.analysis.reliability.rare_events.estimate_probability import MIN_BUDGET
 from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, LimitFunction, LimitStateCalls
@@ -21,7 +21,7 @@ from rpojax.analysis.reliability.simulated_failures import failure_margin
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder, read_result
 from rpojax.analysis.reliability.simulated_failures.failure_margin import Failure, choose_failure
 from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.campaign.storage.atomic_outputs import to_json_types, write_atomically
 from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
@@ -185,9 +185,9 @@ def run_probability(
 
 
 def _check_settings(settings: EstimateSettings, seed: int) -> None:
-    if not MIN_BUDGET <= settings.budget <= preflight.MAX_RUN_ID:
+    if not MIN_BUDGET <= settings.budget <= argument_checks.MAX_RUN_ID:
         raise RpojaxError.of_argument("budget", f"found {settings.budget}, expected at least {MIN_BUDGET} runs")
-    preflight.check_numbers(1, 0, seed, None)
+    argument_checks.check_numbers(1, 0, seed, None)
 
 
 def _configuration(file: ScenarioFile, failure: Failure, settings: EstimateSettings, seed: int) -> dict[str, Any]:
@@ -217,10 +217,10 @@ def _estimated(
     watch.show(compiled=False)
     simulated.compile()
     watch.show(compiled=True)
-    remembered = log.watched(folder.remembered(simulated))
-    calls = LimitStateCalls(lambda points: watch.counted(points, remembered), simulated.latent, settings.budget)
+    cached = log.watched(folder.cached(simulated))
+    calls = LimitStateCalls(lambda points: watch.counted(points, cached), simulated.latent, settings.budget)
     found = estimate_by_method.estimate(calls, np.random.default_rng(seed), settings.method)
-    repeats = repeated_with_own_noise(log, remembered, np.random.default_rng([seed, 1]), _REPEATS)
+    repeats = repeated_with_own_noise(log, cached, np.random.default_rng([seed, 1]), _REPEATS)
     return to_json_types(
         {
             **_without_points(found),

@@ -123,7 +123,7 @@ class SimulatedMargins:
         return random_streams.fold_in(random_streams.fold_in(master, number), stream)
 
     def _redrawn_noise(self, points: LatentPoints) -> RedrawnNoise | None:
-        """Keys of the streams that are not the runs' own; None without any."""
+        """Keys of the streams that are not the runs' own; None if no stream is redrawn."""
         numbers = points.keys[:, 1:]
         if not numbers.any():
             return None

@@ -15,7 +15,7 @@ from zarr.storage import MemoryStore
 
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.numbers import key_units
-from rpojax.simulation.metrics import phase_records, trace_channels
+from rpojax.simulation.metrics import decimated_traces, phase_records
 
 _MAX_CHUNK_RUNS = 64
 """Largest number of runs in an inner chunk of a shard, which can be read without the rest of the block."""
@@ -164,7 +164,7 @@ def array_units(group: str, name: str) -> str:
         case "metrics":
             unit = metric_catalogue.unit_of(name)
         case "traces":
-            unit = trace_channels.TRACE_UNITS.get(name, "-")
+            unit = decimated_traces.TRACE_UNITS.get(name, "-")
         case "status" | "events":
             unit = "s" if name.endswith("_s") else "-"
         case "phases":

@@ -22,7 +22,7 @@ from rpojax.untrusted.file_reading import FileKind, is_regular, read_bytes
 from rpojax.untrusted.json_reading import parse_json
 
 _BYTES_OF_ANY_ARRAY: Final = 64_000_000
-"""Arrays of at most so many bytes may be of any shape."""
+"""Most bytes of an array that may be of any shape."""
 _BYTES_PER_STORED_BYTE: Final = 20_000
 """Best ratio of compression, of values that are all equal."""
 _OPTIONAL_GROUPS = ("drawn", "used", "events", "coverage", "phases")

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from rpojax.campaign import preflight
+from rpojax.campaign import argument_checks
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.output import BridgeCommand
 from rpojax.cli.scenario_files import load, show_unused_keys
@@ -24,7 +24,7 @@ def bridge(asked: BridgeCommand) -> int:
     """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
     show_unused_keys(file, quiet=asked.session.as_json)
-    preflight.check_numbers(1, asked.run_id, asked.seed, None)
+    argument_checks.check_numbers(1, asked.run_id, asked.seed, None)
     settings = replace(asked.settings, send_images=not asked.no_pictures)
 
     outcome = live_run.simulate_live(

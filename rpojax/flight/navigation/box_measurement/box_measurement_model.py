@@ -10,7 +10,7 @@ from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply, apply_transposed, product
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, BoxView
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]

@@ -243,7 +243,7 @@ def _from_xml(text: str, key: str) -> list[Segment]:
 
 
 def _check_container(element: ElementTree.Element, key: str) -> None:
-    """Refuses text and attributes of an element that holds others, which mean nothing there."""
+    """Refuses text and attributes of an element that holds other elements: they have no meaning there."""
     texts = [element.text, *(each.tail for each in element)]
     loose = next((text.strip() for text in texts if text and text.strip()), None)
     if loose is not None:

@@ -95,7 +95,7 @@ def resolve_start(tables: dict[str, Any]) -> dict[str, Any]:
 
 
 def _tell_what_changed(start: Mapping[str, Any]) -> None:
-    """Tells which files are no longer those that were read: the scenario is that of the files then."""
+    """Tells which files have changed since they were read; the scenario keeps what they held then."""
     for who in _SET_BY:
         path = start.get(who)
         if not isinstance(path, str) or f"{who}_sha256" not in start or not is_regular(Path(path)):

@@ -20,8 +20,8 @@ from rpojax.training.synthetic_data.scenery.earth_views import (
     unit,
     unit_rows,
 )
+from rpojax.vision.imaging.random_sky import Sky, random_sky
 from rpojax.vision.imaging.sky_background import background
-from rpojax.vision.imaging.sky_maps import Sky, random_sky
 from rpojax.vision.pinhole import Intrinsics
 
 Rng = np.random.Generator

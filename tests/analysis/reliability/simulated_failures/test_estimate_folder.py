@@ -24,7 +24,7 @@ def begun(directory: Path) -> EstimateFolder:
     folder = EstimateFolder(directory)
     folder.begin(CONFIGURATION, force=False)
     values = np.array([0.1, -0.0, np.inf, -np.inf, np.nan, 1e-300, 2.0 / 3.0])
-    np.testing.assert_array_equal(folder.remembered(lambda _: values)(points(7)), values)
+    np.testing.assert_array_equal(folder.cached(lambda _: values)(points(7)), values)
     return folder
 
 
@@ -36,7 +36,7 @@ def test_margins_are_taken_from_the_folder_to_the_bit(tmp_path: Path) -> None:
     def simulated(_: LatentPoints) -> np.ndarray:
         raise AssertionError("simulated again")
 
-    found = again.remembered(simulated)(points(7))
+    found = again.cached(simulated)(points(7))
     expected = np.array([0.1, -0.0, np.inf, -np.inf, np.nan, 1e-300, 2.0 / 3.0])
     assert found.tobytes() == expected.tobytes()
 
@@ -44,7 +44,7 @@ def test_margins_are_taken_from_the_folder_to_the_bit(tmp_path: Path) -> None:
 def test_margins_of_other_points_are_refused(tmp_path: Path) -> None:
     folder = begun(tmp_path / "a")
     with pytest.raises(ResultError, match="margins of other points"):
-        EstimateFolder(folder.directory).remembered(lambda _: np.zeros(7))(
+        EstimateFolder(folder.directory).cached(lambda _: np.zeros(7))(
             LatentPoints(points(7).x + 1e-15, points(7).keys)
         )
 
@@ -54,7 +54,7 @@ def test_spoilt_margins_are_refused_in_one_line(tmp_path: Path, content: str) ->
     folder = begun(tmp_path / "a")
     (folder.directory / "evaluations" / "000000.json").write_text(content)
     with pytest.raises(ResultError) as error:
-        EstimateFolder(folder.directory).remembered(lambda _: np.zeros(7))(points(7))
+        EstimateFolder(folder.directory).cached(lambda _: np.zeros(7))(points(7))
     assert "\n" not in str(error.value)
 
 

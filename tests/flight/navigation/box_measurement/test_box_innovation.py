@@ -11,12 +11,12 @@ from numpy_reference import SEEDS, random_covariance, random_unit, rotation_matr
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import relative_state
+from rpojax.flight.navigation import relative_filter_state
 from rpojax.flight.navigation.box_measurement import box_measurement_model
 from rpojax.flight.navigation.box_measurement.box_measurement_model import ExpectedBox, PriorBox
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, box_view
-from rpojax.flight.navigation.relative_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 FOCAL = 731.5
 """Of the camera [px]."""
@@ -66,7 +66,7 @@ class Scene:
             attitude_variance_change=jnp.asarray(self.growth),
             interval=jnp.ones(()),
         )
-        estimate = relative_state.initial(tuning, jnp.asarray(self.r), jnp.zeros(3))
+        estimate = relative_filter_state.initial(tuning, jnp.asarray(self.r), jnp.zeros(3))
         self.prior, self.expected = both(
             tuning,
             self.q_KN,
@@ -172,6 +172,8 @@ def test_a_bearing_is_wide_against_a_box_that_is_not_truncated(
     scene = Scene(tuning, 7, truncated=True)
     P = np.zeros((12, 12))
     P[8 + axis, 8 + axis] = (factor * sigma) ** 2
-    estimate = replace(relative_state.initial(tuning, jnp.asarray(scene.r), jnp.zeros(3)), covariance=jnp.asarray(P))
+    estimate = replace(
+        relative_filter_state.initial(tuning, jnp.asarray(scene.r), jnp.zeros(3)), covariance=jnp.asarray(P)
+    )
     still = replace(scene.box, attitude_variance_change=jnp.zeros(()))
     assert bool(both(tuning, scene.q_KN, estimate, still)[0].is_wide) == is_wide

@@ -270,7 +270,7 @@ def _vertex_colors(file: GltfFile, attributes: dict[str, Any], count: int) -> np
 
 
 def _texture_places(file: GltfFile, attributes: dict[str, Any], look: _Look, count: int) -> np.ndarray | None:
-    """Texture coordinates (n, 2), v upwards; None, with a note, if the picture's are not there."""
+    """Texture coordinates (n, 2), v upwards; None, with a note, if those of the picture are missing."""
     name = f"TEXCOORD_{look.uv_set}"
     if name not in attributes:
         file.source.notes.add("pictures without their texture coordinates, not used", name)

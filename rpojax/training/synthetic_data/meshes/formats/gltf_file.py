@@ -144,7 +144,7 @@ class GltfFile:
             raise self.source.fault("data in a uri that is no base64", "it") from None
 
     def picture(self, index: Any) -> np.ndarray | None:
-        """sRGB codes and opacity (h, w, 4) of an image; None, with a note, if it is not there."""
+        """sRGB codes and opacity (h, w, 4) of an image; None, with a note, if it is missing."""
         entry = self.entry("images", index)
         name = str(entry.get("name", f"image {index}"))
         if "bufferView" in entry:

@@ -61,7 +61,7 @@ class ObjMaterial:
 
 
 def read_library(source: MeshSource, name: str) -> dict[str, ObjMaterial] | None:
-    """Materials of a library by name, None if it is not there.
+    """Materials of a library by name, None if the file is missing.
 
     Raises:
         MeshError: it cannot be read.

@@ -1,4 +1,4 @@
-"""Effects of errors that last: axes of the thrust, drag and sunlight, and what the motion teaches of them."""
+"""Effects of errors that last: axes of the thrust, and what they do to the motion's mean and covariance."""
 
 import jax
 import jax.numpy as jnp
@@ -9,15 +9,10 @@ from numpy_reference import random_covariance, random_unit, rotation_matrix
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import combined_orbit_filter, lasting_effects
+from rpojax.flight.navigation import combined_orbit_filter, lasting_error_effects
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
-from rpojax.flight.navigation.lasting_effects import LastingEffects
-from rpojax.physics.environment.drag import drag
-from rpojax.physics.environment.solar_radiation_pressure import Sunlight, solar_radiation_pressure
-from rpojax.physics.environment.spacecraft_surface import Surface
-from rpojax.scenario.params import Params
+from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 
-SUN_N = np.array([1.0e11, 9.0e10, 4.0e10])
 SECOND = 1.0
 
 
@@ -25,32 +20,11 @@ SECOND = 1.0
 def test_the_axes_of_the_thrust_are_a_frame_that_turns_with_the_body(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q_BN, direction_B = random_unit(rng, 4), random_unit(rng, 3)
-    axes = np.asarray(jax.jit(lasting_effects.thrust_axes)(q_BN, direction_B))
+    axes = np.asarray(jax.jit(lasting_error_effects.thrust_axes)(q_BN, direction_B))
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-14)
     np.testing.assert_allclose(axes[0], rotation_matrix(q_BN).T @ direction_B, atol=1e-14)
-    turned = np.asarray(lasting_effects.thrust_axes(jnp.array([1.0, 0.0, 0.0, 0.0]), jnp.asarray(direction_B)))
+    turned = np.asarray(lasting_error_effects.thrust_axes(jnp.array([1.0, 0.0, 0.0, 0.0]), jnp.asarray(direction_B)))
     np.testing.assert_allclose(axes, turned @ rotation_matrix(q_BN), atol=1e-14)
-
-
-@pytest.mark.parametrize("in_shadow", [False, True])
-def test_the_acceleration_is_that_of_the_plant_for_a_surface_of_these_coefficients(
-    params: Params, in_shadow: bool
-) -> None:
-    r_N = 6.8e6 * np.array([0.36, 0.48, 0.8]) * (-1.0 if in_shadow else 1.0)
-    v_N = 7.6e3 * np.array([-0.8, 0.6, 0.0])
-    sun_N = jnp.asarray(1.495978707e11 * np.array([0.36, 0.48, 0.8]))
-    surface = Surface(
-        area=jnp.asarray(1.0),
-        drag_coefficient=jnp.asarray(2.2),
-        pressure_coefficient=jnp.asarray(1.3),
-        center_of_pressure=jnp.zeros(3),
-    )
-    of_air = drag(params.plant.atmosphere, surface, 6378137.0, jnp.asarray(r_N), jnp.asarray(v_N))
-    of_light = solar_radiation_pressure(
-        Sunlight(flux=jnp.asarray(1361.0)), surface, jnp.asarray(r_N), sun_N, jnp.asarray(0.0 if in_shadow else 1.0)
-    )
-    found = lasting_effects.ballistic_acceleration(params.flight.atmosphere, jnp.asarray(r_N), jnp.asarray(v_N), sun_N)
-    np.testing.assert_allclose(found, of_air + of_light, rtol=1e-4)
 
 
 def _moved(flight: FlightParams, known: OrbitEstimate, effects: LastingEffects, delta_v: jax.Array) -> OrbitEstimate:

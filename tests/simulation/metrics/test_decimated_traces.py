@@ -8,7 +8,7 @@ from synthetic_channel_records import SINGLE, perfect_run
 
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import trace_channels
+from rpojax.simulation.metrics import decimated_traces
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +21,8 @@ def test_traces_are_norms_of_every_nth_tick(hour: ScenarioFile) -> None:
     records: dict[str, Any] = perfect_run(runs=2)
     records["relative_error_H"][1, 20] = [2.0, 3.0, 6.0]
     records["wheel_speed_fraction"][1, 20] = [0.1, -0.5, 0.2]
-    found = trace_channels.decimated_traces(hour, records, {}, 10)
-    assert set(found) == set(trace_channels.TRACE_UNITS)
+    found = decimated_traces.decimated_traces(hour, records, {}, 10)
+    assert set(found) == set(decimated_traces.TRACE_UNITS)
     assert all(values.shape == (2, 9) and values.dtype == np.float32 for values in found.values())
     assert found["nav_relative_error_m"][1, 2] == 7.0
     assert found["wheel_speed_fraction"][1, 2] == 0.5

@@ -7,8 +7,8 @@ from typing import Any
 
 from rpojax.benchmark import timing
 from rpojax.benchmark.timing import REPEATS, ElapsedTime
-from rpojax.runtime import device_programs
-from rpojax.runtime.device_programs import DevicePrograms
+from rpojax.runtime import programs_per_device
+from rpojax.runtime.programs_per_device import DevicePrograms
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,6 @@ def compile_for_devices(
 ) -> MultiDeviceProgram:
     """Compiles `function` for the devices; `arguments` holds those of each device."""
     begin = time.perf_counter()
-    programs = device_programs.trace_for_devices(function, arguments[0], devices).compile()
+    programs = programs_per_device.trace_for_devices(function, arguments[0], devices).compile()
     compile_s = time.perf_counter() - begin
     return MultiDeviceProgram(programs, programs.place(arguments), compile_s)

@@ -1,4 +1,4 @@
-"""Maps of the sky behind a target: stars, the Earth's ground, clouds and fine detail."""
+"""Random sky behind a target: stars, the Earth's ground, clouds and fine detail."""
 
 from importlib import resources
 

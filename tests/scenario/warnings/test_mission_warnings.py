@@ -3,7 +3,7 @@
 import pytest
 
 from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.warnings.all_warnings import mission_warnings
+from rpojax.scenario.warnings.mission_warnings import mission_warnings
 
 CASES = {
     "a larger target": (["target.scale=1.5"], "navigation.target_size_m", "1.063", "1.594", "a factor of 1.5"),

@@ -18,7 +18,7 @@ from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors
-from rpojax.flight.navigation.lasting_effects import LastingEffects
+from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.flight.navigation.shape_errors import ShapeErrors
@@ -40,7 +40,8 @@ class SlowState:
             errors that come from the target's shape
         burn_effect: (3, size) velocity change of the servicer that a unit of the state adds to a burn of a velocity
             change (3,) [m/s], linear in it; None for a state that burns do not show
-        acceleration: (3, size) of the target from the servicer by a unit of the state [m/s^2]; None without any
+        acceleration: (3, size) of the target from the servicer by a unit of the state [m/s^2]; None for a state
+            without effect on it
         is_lasting: it stays as it was at hand-over, but for a slow walk, and so far as it was declared
     """
 
@@ -281,7 +282,8 @@ def velocity_effects(
 ) -> Float[Array, "3 m"] | None:
     """Velocity change of the target from the servicer over `dt` [s] by a unit of each slow state that acts on it.
 
-    They are the last ones of the layout; None without any. The servicer burns by `delta_v_N` [m/s] meanwhile.
+    These states are the last ones of the layout; None if no state acts on it. Meanwhile the servicer burns by
+    `delta_v_N` [m/s].
     """
     columns = []
     for state in SLOW_STATES:

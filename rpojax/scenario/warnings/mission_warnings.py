@@ -1,4 +1,4 @@
-"""All warnings about a mission before it is simulated."""
+"""All warnings about the mission of one servicer before it is simulated."""
 
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained.coverage_surface import surface_warnings

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpojax.analysis.statistics.consistency import mean_square_interval, whiteness_bound
+from rpojax.analysis.statistics.filter_consistency_intervals import mean_square_interval, whiteness_bound
 
 
 def test_nis_of_three_components_against_worked_numbers() -> None:

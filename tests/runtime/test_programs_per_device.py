@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from rpojax.runtime import device_programs
+from rpojax.runtime import programs_per_device
 
 
 def test_every_device_computes_with_its_own_arguments_and_donates_them() -> None:
@@ -17,7 +17,7 @@ def test_every_device_computes_with_its_own_arguments_and_donates_them() -> None
 
     devices = jax.devices()
     arguments = [(np.float64(2.0), np.arange(5.0) + number) for number in range(len(devices))]
-    programs = device_programs.trace_for_devices(grow, arguments[0], devices, donate=(1,)).compile()
+    programs = programs_per_device.trace_for_devices(grow, arguments[0], devices, donate=(1,)).compile()
     placed = programs.place(arguments)
     results = programs.call(placed)
     for number, (result, target) in enumerate(zip(results, programs.targets, strict=True)):
@@ -28,10 +28,10 @@ def test_every_device_computes_with_its_own_arguments_and_donates_them() -> None
 
 def test_results_in_memory_of_the_host_are_those_of_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
     arrays = {"a": jax.numpy.arange(6.0).reshape(2, 3), "b": jax.numpy.array([True, False])}
-    assert device_programs.copied_to_host(arrays) is arrays
+    assert programs_per_device.copied_to_host(arrays) is arrays
 
-    monkeypatch.setattr(device_programs, "_computes_in_memory_of_the_host", lambda device: False)
-    copies = device_programs.copied_to_host(arrays)
+    monkeypatch.setattr(programs_per_device, "_computes_in_memory_of_the_host", lambda device: False)
+    copies = programs_per_device.copied_to_host(arrays)
     for name, each in copies.items():
         assert each.sharding.memory_kind == "pinned_host"
         np.testing.assert_array_equal(each, arrays[name])
@@ -45,7 +45,7 @@ def test_cores_of_a_cpu_share_one_trace_and_one_program() -> None:
         return x * x
 
     devices = [jax.devices("cpu")[0]] * 3
-    traced = device_programs.trace_for_devices(square, (jax.ShapeDtypeStruct((4,), np.float64),), devices)
+    traced = programs_per_device.trace_for_devices(square, (jax.ShapeDtypeStruct((4,), np.float64),), devices)
     assert traces == [(4,)]
     assert (traced.outputs.shape, traced.outputs.dtype) == ((4,), np.float64)
     assert len({id(program) for program in traced.compile().programs}) == 1
@@ -53,11 +53,11 @@ def test_cores_of_a_cpu_share_one_trace_and_one_program() -> None:
 
 def test_no_more_devices_than_runs_and_no_more_runs_than_they_take() -> None:
     devices = ["a", "b", "c"]
-    assert device_programs.share_runs(2, 10, devices) == (["a", "b"], 1)
-    assert device_programs.share_runs(7, 10, devices) == (devices, 3)
-    assert device_programs.share_runs(100, 10, devices) == (devices, 10)
-    assert device_programs.choose_devices() == jax.devices()
-    assert device_programs.choose_devices(devices, most=1) == ["a"]
+    assert programs_per_device.share_runs(2, 10, devices) == (["a", "b"], 1)
+    assert programs_per_device.share_runs(7, 10, devices) == (devices, 3)
+    assert programs_per_device.share_runs(100, 10, devices) == (devices, 10)
+    assert programs_per_device.choose_devices() == jax.devices()
+    assert programs_per_device.choose_devices(devices, most=1) == ["a"]
 
 
 def test_thread_runs_ahead_of_a_slow_one_but_not_far_ahead_of_the_caller() -> None:
@@ -66,22 +66,22 @@ def test_thread_runs_ahead_of_a_slow_one_but_not_far_ahead_of_the_caller() -> No
 
     def fast() -> int:
         calls.append(next(counted))
-        if len(calls) == device_programs.CALLS_AHEAD + 1:
+        if len(calls) == programs_per_device.CALLS_AHEAD + 1:
             third.set()
         return calls[-1]
 
     def slow() -> bool:
         return released.wait(30.0)
 
-    results = device_programs.call_in_threads([fast, slow], 10)
+    results = programs_per_device.call_in_threads([fast, slow], 10)
     begun = threading.Thread(target=next, args=(results,))
     begun.start()
     assert third.wait(30.0)  # before the other has its first result
     released.set()
     begun.join()
     results.close()
-    assert len(calls) == device_programs.CALLS_AHEAD + 1
-    assert list(device_programs.call_in_threads([lambda: next(counted)], 3)) == [[4], [5], [6]]
+    assert len(calls) == programs_per_device.CALLS_AHEAD + 1
+    assert list(programs_per_device.call_in_threads([lambda: next(counted)], 3)) == [[4], [5], [6]]
 
 
 def test_error_in_a_thread_is_raised_in_the_caller() -> None:
@@ -90,5 +90,5 @@ def test_error_in_a_thread_is_raised_in_the_caller() -> None:
 
     before = set(threading.enumerate())
     with pytest.raises(ValueError, match="device lost"):
-        next(device_programs.call_in_threads([lambda: 1.0, fail], 4))
+        next(programs_per_device.call_in_threads([lambda: 1.0, fail], 4))
     assert set(threading.enumerate()) <= before

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.statistics.consistency import average_nees, mean_square_interval
+from rpojax.analysis.statistics.filter_consistency_intervals import average_nees, mean_square_interval
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rpojax.analysis.robustness.quantities import HANDOVER, find_quantities, with_handover
+from rpojax.analysis.robustness.believed_quantities import HANDOVER, find_quantities, with_handover
 from rpojax.analysis.robustness.step_runs import COMPLETED, judge_step, values_of_runs
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.experiment_design import make_design

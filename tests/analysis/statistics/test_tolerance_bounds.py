@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rpojax.analysis.statistics import intervals
-from rpojax.analysis.statistics.intervals import (
+from rpojax.analysis.statistics import tolerance_bounds
+from rpojax.analysis.statistics.tolerance_bounds import (
     allowed_failures,
     consumer_risk_reached,
-    percentiles_over_runs,
     quantile_interval_ranks,
     quantile_upper_bound,
     runs_for_bound,
@@ -42,7 +41,7 @@ class CountedBinomial:
 def test_the_search_for_a_number_of_runs_halves_an_interval(
     monkeypatch: pytest.MonkeyPatch, quantile: float, confidence: float, runs: int
 ) -> None:
-    monkeypatch.setattr(intervals, "binom", CountedBinomial(2 * runs.bit_length() + 2))
+    monkeypatch.setattr(tolerance_bounds, "binom", CountedBinomial(2 * runs.bit_length() + 2))
     assert runs_for_bound(quantile, confidence) == runs
 
 
@@ -117,15 +116,3 @@ def test_bound_covers_the_true_quantile_as_often_as_it_says() -> None:
     assert rank is not None
     expected = stats.binom.cdf(rank - 1, 473, 0.99)
     assert np.mean(bounds >= -np.log(0.01)) == pytest.approx(expected, abs=0.015)
-
-
-def test_percentiles_agree_with_numpy_column_by_column_and_leave_out_nan() -> None:
-    values = np.random.default_rng(3).normal(size=(31, 4))
-    values[:7, 1] = np.nan
-    values[:, 2] = np.nan
-    values[1:, 3] = np.nan
-    found = percentiles_over_runs(values, (0.0, 5.0, 50.0, 99.0, 100.0))
-    for column in (0, 1, 3):
-        finite = values[np.isfinite(values[:, column]), column]
-        np.testing.assert_allclose(found[:, column], np.percentile(finite, [0, 5, 50, 99, 100]))
-    assert np.isnan(found[:, 2]).all()

@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 
-from rpojax.benchmark.multi_device_program import compile_for_devices
+from rpojax.benchmark.timed_device_programs import compile_for_devices
 
 
 def test_every_device_gets_its_own_arguments() -> None:

@@ -77,7 +77,10 @@ class Quantity:
 
 
 def with_handover(file: ScenarioFile) -> ScenarioFile:
-    """The scenario with the hand-over errors that the filter is told written out as true ones; unless as covariance."""
+    """The scenario with the hand-over errors of which the filter is told also as the true ones.
+
+    A scenario that gives the true ones as a covariance is returned as it is.
+    """
     given = file.initial.handover.model_dump() if file.initial.handover is not None else {}
     if "covariance" in given:
         return file
