@@ -43,9 +43,8 @@ def judged_beliefs(beliefs: Sequence[Belief]) -> list[str]:
     for key, of_truth, truth, believed in beliefs:
         both = f"{key}: the filter believes {believed:.4g}, the truth is {truth:.4g} by {of_truth}"
         if truth > MOST_OVER * believed:
-            found.append(
-                f"{both}, {truth / max(believed, _TINY):.3g} times as much, expected at most {MOST_OVER:g} times"
-            )
+            words = f"{truth / believed:.3g} times as much, " if believed > 0.0 else ""
+            found.append(f"{both}, {words}expected at most {MOST_OVER:g} times{'' if words else ' as much'}")
         elif 0.0 < MOST_UNDER * truth < believed:
             found.append(f"{both}, the {believed / truth:.3g}th part, expected at least the {MOST_UNDER:g}th")
     return found

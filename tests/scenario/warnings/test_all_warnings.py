@@ -151,6 +151,13 @@ def test_a_grid_is_judged_by_its_worst_value() -> None:
     assert "the truth is 20 by gps.noise_m" in warning
 
 
+def test_a_belief_of_zero_has_no_ratio() -> None:
+    overrides = ["navigation.burn_magnitude_sigma=0.0", "navigation.burn_scale_sigma=0.0"]
+    (warning,) = mission_warnings(scenario_loader.load("inspection", overrides))
+    assert warning.startswith("navigation.burn_magnitude_sigma: the filter believes 0, the truth is 0.01732 by ")
+    assert warning.endswith("servicer.mass_kg, expected at most 1.5 times as much")
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     "override",
