@@ -43,9 +43,8 @@ def judged_beliefs(beliefs: Sequence[Belief]) -> list[str]:
     for key, of_truth, truth, believed in beliefs:
         both = f"{key}: the filter believes {believed:.4g}, the truth is {truth:.4g} by {of_truth}"
         if truth > MOST_OVER * believed:
-            found.append(
-                f"{both}, {truth / max(believed, _TINY):.3g} times as much, expected at most {MOST_OVER:g} times"
-            )
+            words = f"{truth / believed:.3g} times as much, " if believed > 0.0 else ""
+            found.append(f"{both}, {words}expected at most {MOST_OVER:g} times{'' if words else ' as much'}")
         elif 0.0 < MOST_UNDER * truth < believed:
             found.append(f"{both}, the {believed / truth:.3g}th part, expected at least the {MOST_UNDER:g}th")
     return found
@@ -81,7 +80,11 @@ def _error_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief
     # Either takes the lasting error: as new in each burn, or as a state.
     believed = np.hypot(reach.middle(key), reach.middle(of_scale))
     of_truth, thrust = "thruster.magnitude_noise and force_scale", float(np.hypot(noise, lasting))
-    yield key, of_truth, thrust, float(believed)
+    if (reach.ends("servicer.mass_kg") != file.servicer.mass_kg).any():
+        with_mass = float(np.hypot(noise, _burn_scale_error(file, reach)))
+        yield key, f"{of_truth}, and servicer.mass_kg", with_mass, float(believed)
+    else:
+        yield key, of_truth, thrust, float(believed)
     if file.chamber_pressure.enabled:
         key = "navigation.thrust_sigma"
         yield key, of_truth, thrust, float(reach.middle(key))
@@ -97,25 +100,52 @@ def _error_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief
         key = "navigation.ballistic_sigma_m2_kg"
         yield (
             key,
-            "areas, masses and coefficients of both",
+            "areas, masses and coefficients of both, and air",
             _ballistic_difference(file, reach),
             float(reach.middle(key)),
         )
 
 
 def _ballistic_difference(file: ScenarioFile, reach: DispersedReach) -> float:
-    """Area over mass of the target less that of the servicer [m^2/kg], for the coefficients that the filter takes."""
+    """Area over mass of the target less that of the servicer [m^2/kg], for the coefficients and the air of the filter.
 
-    def of(craft: str, coefficient: str, believed: float) -> float:
-        area, true = (float(reach.middle(f"{craft}_surface.{name}")) for name in ("area_m2", coefficient))
-        return area * true / believed / float(reach.middle(f"{craft}.mass_kg"))
+    It is the root mean square of what dispersions of areas, masses, coefficients and density reach.
+    """
+
+    def of(craft: str, coefficient: str, believed: float, air: float) -> tuple[float, float]:
+        keys = [f"{craft}_surface.area_m2", f"{craft}_surface.{coefficient}", f"{craft}.mass_kg"]
+        area, true, mass = (float(reach.middle(key)) for key in keys)
+        found = area * true / believed / mass * air
+        return found, found * float(np.linalg.norm([_relative_spread(reach, key) for key in keys]))
 
     kinds = []
     if file.effects.drag and reach.low("orbit.semi_major_axis_m") < _WITHOUT_AIR_M:
-        kinds.append(("drag_coefficient", differential_drag.DRAG_COEFFICIENT))
+        air = float(reach.middle("atmosphere.density_kg_m3")) / max(file.atmosphere.density_kg_m3, _TINY)
+        kinds.append(("drag_coefficient", differential_drag.DRAG_COEFFICIENT, air))
     if file.effects.solar_pressure:
-        kinds.append(("pressure_coefficient", differential_drag.PRESSURE_COEFFICIENT))
-    return max((abs(of("target", *kind) - of("servicer", *kind)) for kind in kinds), default=0.0)
+        kinds.append(("pressure_coefficient", differential_drag.PRESSURE_COEFFICIENT, 1.0))
+    differences = []
+    for kind in kinds:
+        (target, target_spread), (servicer, servicer_spread) = of("target", *kind), of("servicer", *kind)
+        differences.append(np.linalg.norm([target - servicer, target_spread, servicer_spread]))
+    return float(max(differences, default=0.0))
+
+
+def _relative_spread(reach: DispersedReach, key: str) -> float:
+    """Standard deviation of a number over its middle, if its dispersion reaches three sigma."""
+    low, high = reach.ends(key)
+    return float((high - low) / 6.0 / max(abs(0.5 * (low + high)), _TINY))
+
+
+def _burn_scale_error(file: ScenarioFile, reach: DispersedReach) -> float:
+    """Root mean square of the lasting relative error of burns, by thrust and by a mass that is not as known on board.
+
+    The ends of dispersions are three sigma.
+    """
+    of_thrust, of_mass = "thruster.force_scale", "servicer.mass_kg"
+    ratio = float(reach.middle(of_thrust) / reach.middle(of_mass)) * file.servicer.mass_kg
+    spread = np.hypot(_relative_spread(reach, of_thrust), _relative_spread(reach, of_mass))
+    return float(np.hypot(ratio - 1.0, ratio * spread))
 
 
 def _constant(reach: DispersedReach, key: str, ideal: float = 0.0) -> float:

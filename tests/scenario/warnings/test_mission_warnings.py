@@ -63,6 +63,24 @@ CASES = {
         "believes 0.02,",
         "is 0.03162 by thruster.magnitude_noise and force_scale",
     ),
+    "a servicer of another mass than flight software knows": (
+        ["dispersions.servicer.mass_kg={kind='uniform', low=36.0, high=38.0}"],
+        "navigation.burn_magnitude_sigma",
+        "the truth is 0.1898 by",
+        "servicer.mass_kg",
+    ),
+    "air that is denser than flight software knows": (
+        ["effects.drag=true", "dispersions.atmosphere.density_kg_m3={kind='uniform', low=1e-11, high=5e-11}"],
+        "navigation.ballistic_sigma_m2_kg",
+        # (0.6 / 45 - 0.25 / 30) m2/kg times 3e-11 / 5e-13
+        "the truth is 0.3 by",
+    ),
+    "an area that is known badly": (
+        ["effects.drag=true", "dispersions.target_surface.area_m2={kind='uniform', low=0.0, high=2.8}"],
+        "navigation.ballistic_sigma_m2_kg",
+        # The root of squares of 1.4 / 45 - 0.25 / 30 and 2.8 / 6 / 45, and of a servicer's mass that is known to 1 %
+        "the truth is 0.02503 by",
+    ),
     "a thruster that fails without a sensor for it": (
         ["effects.faults=true", "fault.kind='thruster_off'"], "chamber_pressure.enabled", "'thruster_off'"
     ),
@@ -131,6 +149,13 @@ def test_a_grid_is_judged_by_its_worst_value() -> None:
     design = "design={kind='grid', values={'gps.noise_m'=[1.0, 20.0]}}"
     (warning,) = mission_warnings(scenario_loader.load("inspection", [design]))
     assert "the truth is 20 by gps.noise_m" in warning
+
+
+def test_a_belief_of_zero_has_no_ratio() -> None:
+    overrides = ["navigation.burn_magnitude_sigma=0.0", "navigation.burn_scale_sigma=0.0"]
+    (warning,) = mission_warnings(scenario_loader.load("inspection", overrides))
+    assert warning.startswith("navigation.burn_magnitude_sigma: the filter believes 0, the truth is 0.01732 by ")
+    assert warning.endswith("servicer.mass_kg, expected at most 1.5 times as much")
 
 
 @pytest.mark.filterwarnings("error")

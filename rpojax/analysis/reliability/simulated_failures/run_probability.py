@@ -281,13 +281,14 @@ class _Watch:
         self._compiled = compiled
         self._on_progress(Progress(self._done, self._budget, self._failed, self._compiled, stage="estimating"))
 
-    def add_runs(self, runs: float) -> None:
-        self._done = min(self._done + runs, float(self._budget))
+    def add_runs(self, runs: int, failed: int) -> None:
+        self._done, self._failed = min(self._done + runs, float(self._budget)), self._failed + failed
         self.show(self._compiled)
 
     def counted(self, points: Any, function: Callable[[Any], np.ndarray]) -> np.ndarray:
-        before = self._done
+        before = self._done, self._failed
         found = function(points)
-        self._done, self._failed = before + len(points), self._failed + int((found <= 0.0).sum())
+        # Points that are remembered are not simulated.
+        self._done, self._failed = before[0] + len(points), before[1] + int((found <= 0.0).sum())
         self.show(self._compiled)
         return found

@@ -59,8 +59,9 @@ class SimulatedMargins:
         failure: Failure,
         seed: int,
         runs_per_device: int | None = None,
-        on_runs: Callable[[float], None] = lambda runs: None,
+        on_runs: Callable[[int, int], None] = lambda runs, failed: None,
     ) -> None:
+        """`on_runs` is called after each batch with the number of its runs, and of those that failed."""
         self.space, self.failure, self.seed = space, failure, seed
         file = space.file.model_copy(update={"design": IndependentDesign(kind="independent")})
         self._engine = BatchEngine(
@@ -89,7 +90,7 @@ class SimulatedMargins:
             # The last batch is padded with its first point.
             batch = points.rows(np.where(rows < len(points), rows, first))
             parts.append(margins(self.simulate(batch), self.failure)[:counted])
-            self._on_runs(float(counted))
+            self._on_runs(counted, int((parts[-1] <= 0.0).sum()))
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def simulate(self, points: LatentPoints) -> SimulatedRuns:

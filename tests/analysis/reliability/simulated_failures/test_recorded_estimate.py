@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rpojax.analysis.reliability.search_settings import EstimateSettings, FailureChoice
@@ -12,6 +13,7 @@ from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESUL
 from rpojax.analysis.reliability.simulated_failures.failure_margin import choose_failure
 from rpojax.cli import main
 from rpojax.errors import ResultError
+from rpojax.runtime.progress import Progress
 from rpojax.scenario.loading import scenario_loader
 
 SETTINGS = EstimateSettings(budget=700, method="subset")
@@ -129,3 +131,18 @@ def test_packaged_scenarios_are_the_same_after_their_record(tmp_path: Path, name
     written = run_probability._configuration(file, choose_failure(file, choice), SETTINGS, 5)  # pyright: ignore[reportPrivateUsage]
     EstimateFolder(tmp_path / "a").begin(written, force=False)
     assert read_estimate(tmp_path / "a").file == file
+
+
+def test_progress_counts_the_failures_of_the_runs_that_are_done() -> None:
+    shown: list[Progress] = []
+    watch = run_probability._Watch(300, shown.append)  # pyright: ignore[reportPrivateUsage]
+    margins = np.array([-1.0, 2.0, -3.0, 4.0, 5.0, -6.0])
+
+    def in_batches(points: np.ndarray) -> np.ndarray:
+        for part in np.split(margins[points], 2):
+            watch.add_runs(len(part), int((part <= 0.0).sum()))
+        return margins[points]
+
+    watch.counted(np.arange(6), in_batches)
+    watch.counted(np.arange(6), lambda points: margins[points])  # remembered, without a batch
+    assert [(each.done, each.failed) for each in shown] == [(3, 2), (6, 3), (6, 3), (12, 6)]
