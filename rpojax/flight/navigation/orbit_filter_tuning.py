@@ -127,16 +127,17 @@ class OrbitFilterTuning:
     gate_sigma: Array = number("boxes beyond this many sigma in bearing or log size are rejected", above=0.0)
     confirm_tolerance: Array = number(
         "a box whose direction is this close to that of an earlier one, per second in between (at least one), "
-        "confirms it. An angle: another focal length or image size does not change what it allows",
+        "agrees with it. An angle: another focal length or image size does not change what it allows",
         unit="deg_s",
         above=0.0,
     )
     confirm_above: Array = number(
-        "while the bearing is less certain than this many box sigmas, a box needs confirmation", above=0.0
+        "while the bearing is less certain than this many box sigmas, boxes before it must confirm a box", above=0.0
     )
-    confirm_within: Array = number("longest time between the two boxes, at least a frame", unit="s", above=0.0)
+    confirm_within: Array = number("longest time between boxes that agree, at least three frames", unit="s", above=0.0)
     recovery_after: Array = number(
-        "time of rejected boxes, each for at most a second, without an accepted one that inflates the covariance",
+        "time of rejected boxes that others confirm, each for at most a second, without an accepted one that inflates "
+        "the covariance",
         unit="s",
         above=0.0,
     )
