@@ -27,6 +27,7 @@ from rpojax.flight.mission.safe_burn import SafeBurn
 from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.mission.team_mission_state import TeamMission
 from rpojax.flight.navigation import burn_execution_error
+from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.team_guidance import peer_drift, team_knowledge
 from rpojax.flight.team_guidance.peer_drift import NextBurn, PeerDrifts
 from rpojax.flight.team_guidance.team_knowledge import KnownPeers
@@ -75,7 +76,8 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone and
     of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
     horizon; else another one is made. Before the target gets dark the motion is stopped, and judged over an orbit.
-    There is no burn while the target is lost or dark, its range is too uncertain, or soon after the thruster failed.
+    There is no burn while the target is lost or dark, its range is too uncertain, or soon after the thruster failed;
+    but a station that is handed over in the dark makes one out of a drift that may lead into the zone.
     After an abort there is one burn, if that is needed, and another one only for what was measured since. Returned
     beside the burn is the state of the mission with its records of these decisions.
     """
@@ -95,12 +97,13 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     works = burn_conditions.thruster_works(params, memory, time)
     known = predicted.range_ratio_sigma < params.formation.range_uncertainty_limit
     sees = pointing.visible & ~burn_conditions.is_lost(params, memory) & known
-    drift = _drift_after_burn(software, decision, stops, period)
+    is_blind = _is_blind(software, decision) & known
+    drift = _drift_after_burn(software, decision, stops, period, is_blind)
     greatest = burn_schedule.certain_delta_v(software.guidance)
     if not settings.is_managed:
         planned_H = _within_limit(software, predicted, pointing, jnp.where(sees, planned_H, 0.0))
         burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, ~stops, improves=True)
-        return _scheduled(software, decision, burn_H, sees & works), state
+        return _scheduled(software, decision, burn_H, (sees | is_blind) & works), state
     trusts, has_aborted = sees & memory.health.confident, state.phase == settings.aborted
     keeps = trusts & ~has_aborted
     was_made = _is_made(params, memory, time)
@@ -112,7 +115,7 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     if team is None or decided is None or not settings.keeps_clear:
         burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
     else:
-        in_light = _drift_after_burn(software, decision, jnp.zeros_like(stops), period)
+        in_light = _drift_after_burn(software, decision, jnp.zeros_like(stops), period, is_blind)
         others = _others(software, decision, in_light, team)
         burn = safe_burn.safe_delta_v_among(drift, others, planned_H, greatest, may_wait)
         burn_H, decided = burn.delta_v_H, _decided(decided, burn, team, can_burn, time)
@@ -126,6 +129,12 @@ def formation_command(software: FlightSoftware, memory: FlightMemory, time: Scal
     q_look, _ = target_pointing.look_attitude(software.params.vehicle, memory.orbit, memory.pointing.reference.q_EN)
     period = _period(software.mission, memory.mission, software.tick_s)
     return _command(software, memory, predict_to_burn(software.params, memory.orbit), q_look, time, period)[1]
+
+
+def _is_blind(software: FlightSoftware, decision: Decision) -> Flag:
+    """Whether a station was handed over in the dark, and nothing has been seen of the target since."""
+    is_station = jnp.asarray(not software.mission.is_managed)
+    return is_station & ~decision.pointing.visible & outlier_gate.is_without_boxes(decision.memory.gate)
 
 
 def _scheduled(software: FlightSoftware, decision: Decision, burn_H: Vector, can_burn: Flag) -> BurnPlan:
@@ -234,16 +243,19 @@ def _decided(before: TeamMission, burn: SafeBurn, team: Team, can_burn: Flag, ti
     )
 
 
-def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag, period: Scalar) -> Drift:
+def _drift_after_burn(
+    software: FlightSoftware, decision: Decision, stops: Flag, period: Scalar, is_blind: Flag
+) -> Drift:
     """Free motion after a burn of the present phase, passively safe or not, and what it must keep clear of.
 
     One that `stops` before darkness is judged over an orbit, over which no motion is certain: by the estimate alone,
-    for a zone that is larger by the uncertainty of the range, or ends at the present place.
+    for a zone that is larger by the uncertainty of the range, or ends at the present place. One that `is_blind` is
+    judged over an orbit with the uncertainty of the hand-over, whatever place that leads to.
     """
     tuning, state, predicted = software.params.mission, decision.memory.mission, decision.predicted
     is_passive = is_passively_safe(software.mission, state)
     orbit_period = drift_clearance.orbit_period(predicted.burn_orbit)
-    until_seen = jnp.where(stops, orbit_period, 2.0 * period)
+    until_seen = jnp.where(stops | is_blind, orbit_period, 2.0 * period)
     span = jnp.where(is_passive, jnp.minimum(orbit_period, tuning.abort_horizon), until_seen)
     place_H, by_estimate = predicted.burn_state_H[:3], stops
     uncertain = tuning.abort_sigmas * predicted.range_ratio_sigma * gradient_safe.norm(place_H)
@@ -254,8 +266,8 @@ def _drift_after_burn(software: FlightSoftware, decision: Decision, stops: Flag,
         # Where it may drift into its zone, a servicer need not know to the last sigma that it comes no nearer.
         speed_sigma = gradient_safe.sqrt(jnp.trace(predicted.burn_covariance_H[3:, 3:]))
         reached = uncertain + tuning.abort_sigmas * span * speed_sigma
-        by_estimate = stops | (gradient_safe.norm(place_H) - reached < jnp.max(zone))
-    zone = jnp.maximum(zone, drift_clearance.LEAST_SEMI_AXIS) + jnp.where(stops, uncertain, 0.0)
+        by_estimate = ~is_blind & (stops | (gradient_safe.norm(place_H) - reached < jnp.max(zone)))
+    zone = jnp.maximum(zone, drift_clearance.LEAST_SEMI_AXIS) + jnp.where(stops & ~is_blind, uncertain, 0.0)
     up_to_here = jnp.minimum(1.0, _NO_NEARER * gradient_safe.norm(place_H / zone))
     return Drift(
         orbit=predicted.burn_orbit,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import rendezvous_scene
 from numpy_reference import IDENTITY, MU, unit
-from rendezvous_scene import HILL_RATE, R_SN_N, SUN_OVERHEAD, V_SN_N
+from rendezvous_scene import HILL_RATE, R_SN_N, SUN_BEHIND_EARTH, SUN_OVERHEAD, V_SN_N
 from scipy.linalg import expm
 
 from rpojax.core.pytree import replace
@@ -217,6 +217,25 @@ def test_the_last_burns_in_the_light_stop_the_drift(
     after = np.array(state) + np.concatenate([np.zeros(3), found])
     np.testing.assert_allclose(after[3:], [0.0, -2.0 * N * state[0], 0.0], atol=4e-6)
     assert least_range(after, 2.0 * np.pi / N) > 25.0
+
+
+def test_handed_over_in_the_dark_it_leaves_a_drift_that_may_lead_into_the_zone(
+    exact: FlightParams, memory: FlightMemory
+) -> None:
+    state, sigmas = np.array([0.0, -50.0, 0.0, 0.0, -0.003, 0.0]), (0.5, 0.001)
+    blind = at(memory, exact, before_burn(state), sigmas=sigmas)
+    found = np.asarray(planned(Stages(), exact, blind, jnp.asarray(SUN_BEHIND_EARTH))[1])
+    errors = np.random.default_rng(3).normal(size=(200, 6)) * np.repeat(sigmas, 3)
+
+    def share_inside(burn: np.ndarray) -> float:
+        after = state + errors + np.concatenate([np.zeros(3), burn])
+        return float(np.mean([least_range(each, 2.0 * np.pi / N) < 10.0 for each in after]))
+
+    assert share_inside(np.zeros(3)) > 0.3
+    assert share_inside(found) < 0.01
+    # What has been seen before it got dark has been stopped.
+    seen = replace(blind, gate=replace(blind.gate, supported_age=jnp.float64(100.0)))
+    np.testing.assert_array_equal(planned(Stages(), exact, seen, jnp.asarray(SUN_BEHIND_EARTH))[1], 0.0)
 
 
 @jax.jit

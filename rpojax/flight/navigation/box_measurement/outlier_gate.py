@@ -157,6 +157,11 @@ def is_promising(tuning: OrbitFilterTuning, state: GateState) -> Bool[Array, ""]
     return state.supported_age <= tuning.confirm_within
 
 
+def is_without_boxes(state: GateState) -> Bool[Array, ""]:
+    """True while no two boxes have agreed with one another."""
+    return state.supported_age >= outline_correlation.NEVER
+
+
 def is_inside(tuning: OrbitFilterTuning, box: BoxMeasurement, prior: PriorBox) -> Bool[Array, ""]:
     """True if the bearing of the box is within the gate, and its size where the prior is wide."""
     bearing, size = _squared_ratios(box, prior)
