@@ -77,7 +77,7 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     of the free motions of the others in a `team`: for two control periods, or in a passively safe phase for the whole
     horizon; else another one is made. Before the target gets dark the motion is stopped, and judged over an orbit.
     There is no burn while the target is lost or dark, its range is too uncertain, or soon after the thruster failed;
-    but a station that is handed over in the dark makes one out of a drift that may lead into the zone.
+    but a station that is handed over in the dark burns as long as its drift may lead into the zone.
     After an abort there is one burn, if that is needed, and another one only for what was measured since. Returned
     beside the burn is the state of the mission with its records of these decisions.
     """

@@ -30,7 +30,7 @@ frames any other box confirms it, with one in every second frame it takes two.""
 
 
 _CLUTTER_TIME = 30.0
-"""Time constant of the share of frames with a false box [s]. A choice: a sixth of a search of all directions; with 0.05
+"""Time constant of the share of frames with a false box, at least so many frames [s]. A choice: a sixth of a search of all directions; with 0.05
 of them, it strays by 0.03."""
 
 
@@ -110,9 +110,9 @@ class GateDecision:
 
     @classmethod
     def without_gate(cls, accepted: Bool[Array, ""]) -> "GateDecision":
-        """Decision that other boxes have no part in."""
+        """Decision in which other boxes have no part: each box is taken for one of the target's."""
         none = jnp.zeros_like(accepted)
-        return cls(accepted=accepted, weight=jnp.where(accepted, 1.0, 0.0), confirmed=none, supported=none)
+        return cls(accepted=accepted, weight=jnp.where(accepted, 1.0, 0.0), confirmed=none, supported=accepted)
 
 
 def initial() -> GateState:
@@ -207,7 +207,9 @@ def _agreement(tuning: OrbitFilterTuning, view: BoxView, state: GateState) -> tu
     ratios = jnp.where(agrees, (1.0 - clutter) / share_of_frame, clutter)
     odds = (1.0 - clutter) / clutter * jnp.prod(jnp.where(recent, ratios, 1.0), axis=0)
     supported = jnp.any(recent & agrees, axis=0)
-    return supported & (odds >= _LEAST_ODDS), supported
+    # Whatever the clutter, which counts a target's own boxes while nothing confirms them.
+    unanimous = jnp.all(recent & agrees, axis=0)
+    return unanimous | (supported & (odds >= _LEAST_ODDS)), supported
 
 
 def update(
@@ -226,7 +228,7 @@ def update(
     evidence = jnp.where(contradicted, state.rejections + detection_model.evidence_time(box.interval), idle)
     recover = evidence >= tuning.recovery_after - ROUNDING
     is_false = jnp.where(box.present & ~decision.accepted & ~decision.confirmed, 1.0, 0.0)
-    faded = jnp.minimum(box.interval / _CLUTTER_TIME, 1.0)
+    faded = detection_model.evidence_time(box.interval) / _CLUTTER_TIME
 
     def remembered(latest: Array, before: Array) -> Array:
         shifted = jnp.concatenate([latest[..., None], before[..., :-1]], axis=-1)

@@ -195,6 +195,29 @@ def test_the_more_false_boxes_there_are_the_more_must_agree(
     assert decide(tuning, [0.0, 0.0, 0.0], state, wide=YES) is accepted
 
 
+@jax.jit
+def confirmations(tuning: OrbitFilterTuning, clutter: jax.Array, interval: jax.Array) -> jax.Array:
+    """Whether each of 20 boxes of a target that stays where it is would be confirmed."""
+    view = box_view(replace(box(), interval=interval), jnp.asarray(FOCAL), jnp.asarray(IDENTITY))
+    wide = prior_of(jnp.zeros(3), jnp.asarray(VARIANCE), YES)
+
+    def frame(state: GateState, _: None) -> tuple[GateState, jax.Array]:
+        decision = outlier_gate.accept(tuning, view, state, wide, YES)
+        return outlier_gate.update(tuning, view, state, decision)[0], decision.confirmed
+
+    return jax.lax.scan(frame, replace(outlier_gate.initial(), clutter=clutter), None, length=20)[1]
+
+
+@pytest.mark.parametrize("interval", [0.2, 1.0, 3.0, 10.0, 30.0])
+@pytest.mark.parametrize("clutter", [0.05, 0.5, 1.0])
+def test_a_target_that_every_frame_shows_is_confirmed_by_the_fourth_box(
+    tuning: OrbitFilterTuning, interval: float, clutter: float
+) -> None:
+    found = np.asarray(confirmations(tuning, jnp.float64(clutter), jnp.float64(interval)))
+    assert not found[0]
+    assert np.all(found[3:])
+
+
 def test_pairs_of_random_boxes_are_taken_for_the_target_once_in_thousands(tuning: OrbitFilterTuning) -> None:
     rng, runs = np.random.default_rng(7), 20000
     places = rng.uniform(-0.0875, 0.0875, (runs, 3, 2))
