@@ -55,7 +55,7 @@ class HealthTuning:
         "`navigation.scale_sigma` and `target_size_sigma`",
         above=0.0,
     )
-    lasting_limit: Array = number("measured error that lasts over its declared sigma", above=0.0, default=3.7)
+    lasting_limit: Array = number("measured error that lasts over the sigma of its prior", above=0.0, default=3.7)
     unseen_limit: Array = number("longest time without box, while the target should be seen", unit="s", above=0.0)
     range_limit: Array = number("largest 1-sigma of the range over the range", above=0.0)
     regain: Array = number(

@@ -102,7 +102,8 @@ class OrbitFilterTuning:
         "area over mass of the target less that of the servicer, 1 sigma", unit="m2_kg", at_least=0.0, default=0.005
     )
     adaptation_limit: Array = number(
-        "greatest factor on the declared sigma of an error that lasts, where measurements contradict it",
+        "greatest factor on the prior sigma of an error that lasts (1.15 times the declared one), where measurements "
+        "contradict it",
         at_least=1.0,
         default=6.0,
     )

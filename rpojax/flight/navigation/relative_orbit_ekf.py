@@ -11,7 +11,7 @@ from rpojax.core.filter_state_layout import StateLayout
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
-from rpojax.core.vectors import apply, product
+from rpojax.core.vectors import product
 from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_filter_state, shape_errors
 from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import (
@@ -20,6 +20,7 @@ from rpojax.flight.navigation.box_measurement.box_measurement_model import (
     PriorBox,
     expected_box,
     linearise_box,
+    predicted_at,
     prior_box,
 )
 from rpojax.flight.navigation.box_measurement.outlier_gate import GateDecision, GateState
@@ -44,7 +45,8 @@ def measurement_rows(
     linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
     slow = estimate.slow
     model = linearise_box(tuning, view, linearisation_point, slow["size"][0], slow["bearing_bias"])
-    residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
+    offset_N = estimate.r_TS_N - linearisation_point
+    residual = prior.measured - predicted_at(view, model, slow["bearing_bias"], offset_N)
     size = _size_row(tuning, view, prior, decision, (residual[2], model.variance[2]))
     rows = MeasurementRows(
         residual=jnp.concatenate([residual[:2], size[:1]]),
@@ -130,7 +132,7 @@ def _iterated_position(
         S = jnp.sum(G[:, :, None] * PG[None, :, :], axis=1)
         noise = (
             model.variance[:2]
-            + tuning.bearing_bias_sigma**2
+            + relative_filter_state.lasting_variance(tuning.bearing_bias_sigma)
             + model.inverse_depth**2 * shape_errors.center_variance(tuning, slow_size, point)
         )
         a, b, c = S[0, 0] + noise[0], S[0, 1], S[1, 1] + noise[1]

@@ -109,6 +109,19 @@ def linearise_box(
     )
 
 
+def predicted_at(
+    view: BoxView, model: LinearisedBox, bearing_bias: Float[Array, "2"], offset_N: Vector
+) -> Float[Array, "3"]:
+    """Box at an offset [m] from the place of the linearisation, to first order of where the target is.
+
+    The Jacobian is that of where it appears, which over a long way along the line of sight would make the
+    `bearing_bias` a shift of the bearing.
+    """
+    along = model.inverse_depth * jnp.sum(view.R_KN[2] * offset_N, axis=0)
+    shift = apply(model.position_jacobian, offset_N)
+    return model.predicted + shift + jnp.concatenate([bearing_bias * along, jnp.zeros_like(shift[:1])])
+
+
 def untruncated_bearing_variance(tuning: OrbitFilterTuning, focal_px: Scalar) -> Scalar:
     """Variance of a tangent measured by a box that no edge of the frame cuts."""
     return 0.5 * tuning.edge_noise**2 / focal_px**2 + tuning.attitude_sigma**2
@@ -209,7 +222,7 @@ def prior_box(tuning: OrbitFilterTuning, view: BoxView, estimate: RelativeEstima
         predicted=at_prior.predicted,
         reference=reference,
         model=model,
-        residual=measured - model.predicted - apply(model.position_jacobian, r_TS_N - reference),
+        residual=measured - predicted_at(view, model, bias, r_TS_N - reference),
         slow_errors=slow_errors,
         measured=measured,
         process_variance=estimate.layout.vector(bearing_bias=drift),

@@ -20,18 +20,18 @@ GATE_WIDTH = 0.25
 
 
 _REJECTION_DECAY = 0.95
-"""Factor on the evidence of rejections for a second without a box that others confirm. A choice: with 0.9 a target that
-half of the frames show is found again after 11 s instead of 8 s."""
+"""Factor on the evidence of rejections for a second without a box that others confirm. A choice: half of it is left
+after 14 s."""
 
 
 _LEAST_ODDS = 300.0
 """Odds that a box is one of the target's at which recent boxes confirm it. A choice: with a false box in one of twenty
-frames any other box confirms it, with one in every second frame it takes two."""
+frames one other box confirms it that is no more than 2 s away, with one in every second frame it takes two."""
 
 
 _CLUTTER_TIME = 30.0
-"""Time constant of the share of frames with a false box, at least so many frames [s]. A choice: a sixth of a search of all directions; with 0.05
-of them, it strays by 0.03."""
+"""Time constant of the share of frames with a false box, and the least number of frames it takes [s]. A choice: a sixth
+of a search of all directions; with 0.05 of them, it strays by 0.03."""
 
 
 _CLUTTER_AT_FIRST = 0.05
@@ -40,6 +40,11 @@ _CLUTTER_AT_FIRST = 0.05
 
 _CLUTTER_RANGE = (0.02, 0.9)
 """Limits of the share by which odds are told: a minute without a false box does not mean that there is none."""
+
+
+_END_ON = 1.25
+"""Allowed deviation of the size of a confirmed box over that of any box [-]. A choice: an outline of 0.46 of its mean
+instead of 0.54. Much more, and the size would explain away a wrong range."""
 
 
 _MEMORY = 3
@@ -135,13 +140,14 @@ def accept(
 ) -> GateDecision:
     """Whether the box is within the gate and, while the prior is wide, recent boxes confirm it.
 
-    `possible` means that the predicted target can have such a box. Seen end-on, a target may be smaller than any normal
-    distribution of its size allows: where the bearing is right and recent boxes confirm this one, its size is no reason
-    to reject it (`bounded_size_variance`).
+    `possible` means that the predicted target can have such a box. Seen end-on, a target is smaller than a normal
+    distribution of its size allows: where the bearing is right and recent boxes confirm this one, its size may be
+    somewhat beyond the gate (`bounded_size_variance`). One far beyond it tells of a wrong range.
     """
     confirmed, supported = _agreement(tuning, view, state)
     bearing, size = _squared_ratios(view.box, prior)
-    margin = tuning.gate_sigma**2 - jnp.where(confirmed & ~prior.is_wide, bearing, jnp.maximum(bearing, size))
+    eased = jnp.where(confirmed & ~prior.is_wide, size / _END_ON**2, size)
+    margin = tuning.gate_sigma**2 - jnp.maximum(bearing, eased)
     inside = gradient_safe.gate(margin, jnp.asarray(GATE_WIDTH, dtype=margin.dtype))
     allowed = view.box.present & possible & (confirmed | ~prior.is_wide)
     return GateDecision(
@@ -153,8 +159,8 @@ def accept(
 
 
 def is_promising(tuning: OrbitFilterTuning, state: GateState) -> Bool[Array, ""]:
-    """True if a box of the last few seconds had another one that agreed with it."""
-    return state.supported_age <= tuning.confirm_within
+    """True if a box of the last few seconds had another one that agreed with it, and is not known to be no target."""
+    return (state.supported_age <= tuning.confirm_within) & ~state.contradicted
 
 
 def is_without_boxes(state: GateState) -> Bool[Array, ""]:
@@ -163,9 +169,9 @@ def is_without_boxes(state: GateState) -> Bool[Array, ""]:
 
 
 def is_inside(tuning: OrbitFilterTuning, box: BoxMeasurement, prior: PriorBox) -> Bool[Array, ""]:
-    """True if the bearing of the box is within the gate, and its size where the prior is wide."""
+    """True if a box that has passed a gate before is within this one; its size may be that of one seen end-on."""
     bearing, size = _squared_ratios(box, prior)
-    return jnp.where(prior.is_wide, jnp.maximum(bearing, size), bearing) < tuning.gate_sigma**2
+    return jnp.maximum(bearing, jnp.where(prior.is_wide, size, size / _END_ON**2)) < tuning.gate_sigma**2
 
 
 def _squared_ratios(box: BoxMeasurement, prior: PriorBox) -> tuple[Scalar, Scalar]:

@@ -87,12 +87,15 @@ class Scene:
         r_K = self.R_KN @ r
         return np.array([r_K[0] / r_K[2], r_K[1] / r_K[2], np.log(self.size / np.linalg.norm(r))])
 
-    def jacobian(self, r: np.ndarray) -> np.ndarray:
-        """Derivative (3, 12) of the measurement to the state, that to the position by central differences."""
+    def position_derivative(self, r: np.ndarray) -> np.ndarray:
+        """Derivative (3, 3) of the model to the position, by central differences."""
         steps = 1e-4 * np.eye(3)
-        to_position = np.array([(self.model(r + step) - self.model(r - step)) / 2e-4 for step in steps]).T
+        return np.array([(self.model(r + step) - self.model(r - step)) / 2e-4 for step in steps]).T
+
+    def jacobian(self, r: np.ndarray) -> np.ndarray:
+        """Derivative (3, 12) of the measurement to the state."""
         H = np.zeros((3, 12))
-        H[:, :3] = to_position
+        H[:, :3] = self.position_derivative(r)
         # In the direction in which the target appears.
         H[:2, :3] -= self.bias[:, None] * self.R_KN[2] / (self.R_KN @ r)[2]
         H[2, 6:8] = 1.0
@@ -136,7 +139,7 @@ def test_a_prior_of_unknown_range_is_compared_where_the_box_has_the_target(fligh
     reference = scene.size * np.exp(-measured[2]) * ray
     np.testing.assert_allclose(prior.reference, reference, rtol=1e-12)
     # There the box is as measured, and the prior away from it to first order.
-    expected = scene.jacobian(reference)[:, :3] @ (reference - scene.r)
+    expected = scene.position_derivative(reference) @ (reference - scene.r)
     np.testing.assert_allclose(prior.residual, expected, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(prior.variance, scene.variance(reference), rtol=1e-6)
     np.testing.assert_allclose(prior.predicted, scene.model(scene.r), rtol=1e-12)
@@ -177,3 +180,18 @@ def test_a_bearing_is_wide_against_a_box_that_is_not_truncated(
     )
     still = replace(scene.box, attitude_variance_change=jnp.zeros(()))
     assert bool(both(tuning, scene.q_KN, estimate, still)[0].is_wide) == is_wide
+
+
+def test_a_learnt_bias_shifts_no_bearing_along_the_line_of_sight(flight: FlightParams) -> None:
+    # The range is so wide that the box is linearised where it has the target, far along its ray.
+    tuning, q_KN = flight.navigation, np.array([1.0, 0.0, 0.0, 0.0])
+    scene = Scene(tuning, 5)
+    ray, bias = np.array([0.02, -0.01, 1.0]), np.array([2e-3, -1e-3])
+    near = float(tuning.target_size) * np.exp(-float(scene.box.log_size)) * unit(ray)
+    estimate = relative_filter_state.initial(tuning, jnp.asarray(2.0 * near), jnp.zeros(3))
+    wide = estimate.covariance.at[:3, :3].set((2.0 * np.linalg.norm(near)) ** 2 * np.eye(3))
+    slow = {**estimate.slow, "bearing_bias": jnp.asarray(bias)}
+    box = replace(scene.box, tangent=jnp.asarray(ray[:2] + bias))
+    prior, _ = both(tuning, q_KN, replace(estimate, slow=slow, covariance=wide), box)
+    assert bool(prior.range_is_wide)
+    np.testing.assert_allclose(prior.residual[:2], 0.0, atol=1e-12)
