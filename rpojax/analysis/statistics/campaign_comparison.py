@@ -1,7 +1,7 @@
 """Comparison of two stored campaigns, run by run: changed scenario keys, medians, failures and requirements."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,15 +19,19 @@ from rpojax.campaign import experiment_design
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import ResultError
+from rpojax.metrics import metric_catalogue
 from rpojax.metrics.time_windows import split_name
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage
 from rpojax.scenario.schema import RequirementSection
+from rpojax.summary_text import Summarised, Summary, counted, number, numbers
 
 if TYPE_CHECKING:
     import pandas
 
 _MAX_LISTED = 6
+_SHOWN_ROWS = 6
+"""Changed keys and metrics of a summary, each."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,8 @@ class KeyChange:
     second: Any
 
 
-@dataclass(frozen=True)
-class CampaignComparison:
+@dataclass(frozen=True, repr=False)
+class CampaignComparison(Summarised):
     """Two campaigns compared over the runs that both have.
 
     Attributes:
@@ -85,6 +89,40 @@ class CampaignComparison:
                 | {"ratio": each.ratio.value, "changed": each.is_changed}
             )
         return require_package("pandas").DataFrame(rows)
+
+    def _summary(self) -> Summary:
+        title = f"{self.first} -> {self.second}: {counted(self.runs.pairs, 'pair')} of runs"
+        return Summary(title, [*self._changes(), *self._events(), *self._metrics(), *self._warnings()])
+
+    def _changes(self) -> Iterator[tuple[str, str]]:
+        for each in self.changed[:_SHOWN_ROWS]:
+            yield "changed", f"{each.key}: {numbers(each.first)} -> {numbers(each.second)}"
+        if (more := len(self.changed) - _SHOWN_ROWS) > 0:
+            yield "changed", f"and {counted(more, 'further key')}"
+
+    def _events(self) -> Iterator[tuple[str, str]]:
+        for name, event in (("failed", self.runs.failures), *(("violated", each) for each in self.runs.requirements)):
+            what = "" if name == "failed" else f"{event.event}: "
+            first, second = event.both + event.only_first, event.both + event.only_second
+            p = "" if event.p_value is None else f", p = {event.p_value:.2g}"
+            yield name, f"{what}{first} -> {second} of {self.runs.pairs}{p}"
+
+    def _metrics(self) -> Iterator[tuple[str, str]]:
+        """Medians that differ, the largest relative change first."""
+        found = [each for each in self.runs.metrics if each.is_changed and "/" not in each.metric]
+        found.sort(key=lambda each: -abs(each.difference.value or 0.0) / (abs(each.first) + abs(each.second) or 1.0))
+        for each in found[:_SHOWN_ROWS]:
+            low, high = each.difference.interval_95 or (None, None)
+            unit = metric_catalogue.UNITS.get(each.metric, "-").replace("-", "")
+            change = f"{numbers(each.first)} -> {numbers(each.second)} {unit}".strip()
+            yield "medians", f"{each.metric}: {change} (95 % of the difference {number(low)} to {number(high)})"
+        if (more := len(found) - _SHOWN_ROWS) > 0:
+            yield "medians", f"and {counted(more, 'further metric')} beyond chance"
+        if not found:
+            yield "medians", "none differs beyond chance" if self.independent else "no intervals: dependent draws"
+
+    def _warnings(self) -> Iterator[tuple[str, str]]:
+        yield from (("warning", each) for each in self.warnings)
 
 
 def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> CampaignComparison:

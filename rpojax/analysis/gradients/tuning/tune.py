@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import of_codes
+from rpojax.summary_text import Summarised, Summary, counted, numbers
 
 if TYPE_CHECKING:
     import pandas
@@ -36,6 +37,14 @@ if TYPE_CHECKING:
 OnProgress = Callable[[float], None]
 _RESAMPLES = 999
 _METRICS = "metrics/"
+_SUMMARY_METRICS = (
+    "nees_mean",
+    "nav_relative_position_error_rms_m",
+    "formation_error_rms_m",
+    "delta_v_m_s",
+    "pointing_error_p95_deg",
+)
+"""Metrics whose means a summary shows."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +154,8 @@ def _interval_95(samples: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-@dataclass(frozen=True)
-class Tuning:
+@dataclass(frozen=True, repr=False)
+class Tuning(Summarised):
     """A finished tuning.
 
     Attributes:
@@ -207,6 +216,27 @@ class Tuning:
                 entry |= {f"{column}.{name}": value for name, value in entry.pop(field).items()}
             rows.append(entry)
         return tables.DataFrame(rows, index=tables.RangeIndex(1, len(rows) + 1, name="step"))
+
+    def _summary(self) -> Summary:
+        steps = self.result.steps
+        return Summary(f"Tuning of {self.initial.name} in {counted(len(steps), 'step')}", list(self._summary_rows()))
+
+    def _summary_rows(self) -> Iterator[tuple[str, str]]:
+        for key, value in self.result.values.items():
+            yield "tuned", f"{key}: {numbers(nominal_of_key(self.initial, key))} -> {numbers(value)}"
+        first, last = self.result.steps[0], self.result.steps[-1]
+        yield "objective", f"{first.objective:.4f} -> {last.objective:.4f}, of other runs"
+        if self.validation is None:
+            yield "unseen", "not validated"
+            return
+        found = self.validation
+        start, tuned = (int(each.failed.sum()) for each in (found.baseline, found.tuned))
+        yield "unseen", f"{counted(len(found.baseline.run_ids), 'run')}, failed {start} -> {tuned}"
+        for name in _SUMMARY_METRICS:
+            if change := found.means.get(name):
+                low, high = change.ratio_95
+                means = f"{change.first:.4g} -> {change.second:.4g}"
+                yield "means", f"{name}: {means}, ratio {change.ratio:.3g} ({low:.3g} to {high:.3g})"
 
     def write(self, path: Path | str, force: bool = False) -> None:
         """Writes the tuned scenario as TOML, and beside it a JSON file of the same name.
