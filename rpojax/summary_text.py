@@ -33,7 +33,7 @@ class Summary:
             f'<td style="text-align:left">{html.escape(printable(value))}</td></tr>'
             for name, value in self._named_once()
         )
-        caption = f'<div><strong>{html.escape(printable(self.title))}</strong></div>'
+        caption = f"<div><strong>{html.escape(printable(self.title))}</strong></div>"
         return f"<div>{caption}<table>{rows}</table></div>" if rows else f"<div>{caption}</div>"
 
     def _named_once(self) -> list[tuple[str, str]]:
@@ -75,4 +75,3 @@ def numbers(values: object) -> str:
 def counted(count: int, noun: str) -> str:
     """A count with its noun in singular or plural."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-

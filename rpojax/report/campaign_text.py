@@ -1,21 +1,24 @@
 """What a reader asks first of a campaign: how its runs ended, which requirements hold, and its key metrics."""
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
+from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.errors import RpojaxError
+from rpojax.errors import ResultError, RpojaxError
 from rpojax.metrics import metric_catalogue
 from rpojax.report.campaign_results import select_key_metrics
 from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.report.sections import requirement_verdict_section
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
-from rpojax.summary_text import Summary
+from rpojax.summary_text import Summary, counted
 
 _SHOWN_METRICS: Final = 4
+_SHOWN_REQUIREMENTS: Final = 4
 
 
 def campaign_summary(campaign: Campaign) -> Summary:
@@ -30,17 +33,14 @@ def campaign_summary(campaign: Campaign) -> Summary:
 
 def _progress(campaign: Campaign) -> str:
     options, done = campaign.configuration.options, len(campaign.run_ids)
-    runs = f"{done} run{'s' * (done != 1)}" if done == options.runs else f"{done} of {options.runs} runs, unfinished"
+    runs = counted(done, "run") if done == options.runs else f"{done} of {options.runs} runs, unfinished"
     return f"{runs} of {campaign.file.duration_s:g} s, seed {campaign.info['seed']}"
 
 
 def _rows(campaign: Campaign) -> Iterator[tuple[str, str]]:
     counts = {name: count for name, count in count_outcomes(campaign.outcomes).items() if count}
     yield "outcomes", ", ".join(f"{count} {name}" for name, count in counts.items()) or "no run is finished"
-    missing = campaign.configuration.options.runs - len(campaign.run_ids)
-    for entry in requirement_verdict_section.content(campaign, missing):
-        kept = f"{entry['runs'] - entry['violations']} of {entry['runs']} runs keep it"
-        yield "requirements", f"{entry['verdict_text']}: {entry['text']}; {kept}"
+    yield from _requirements(campaign)
     for name in select_key_metrics(campaign)[:_SHOWN_METRICS]:
         yield "metrics", f"{name}: {_spread(campaign, name)}"
     if campaign.servicer_names:
@@ -48,6 +48,25 @@ def _rows(campaign: Campaign) -> Iterator[tuple[str, str]]:
     if campaign.history_ids:
         yield "histories", f"of {len(campaign.history_ids)} runs, such as history({campaign.history_ids[0]})"
     yield "folder", str(campaign.directory)
+
+
+def _requirements(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Count of the requirements by verdict, and the first of those that are not verified, the most violated first."""
+    missing = campaign.configuration.options.runs - len(campaign.run_ids)
+    try:
+        entries = requirement_verdict_section.content(campaign, missing)
+    except ResultError as error:
+        yield "requirements", str(error)
+        return
+    if entries:
+        counts = Counter(entry["verdict"] for entry in entries)
+        yield "requirements", ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    open_ones = [entry for entry in entries if entry["verdict"] != Verdict.VERIFIED]
+    for entry in sorted(open_ones, key=lambda entry: -entry["violations"])[:_SHOWN_REQUIREMENTS]:
+        kept = f"{entry['runs'] - entry['violations']} of {entry['runs']} runs keep it"
+        yield "requirements", f"{entry['verdict_text']}: {entry['text']}; {kept}"
+    if (more := len(open_ones) - _SHOWN_REQUIREMENTS) > 0:
+        yield "requirements", f"and {counted(more, 'further one')}"
 
 
 def _spread(campaign: Campaign, name: str) -> str:

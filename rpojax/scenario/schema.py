@@ -242,8 +242,8 @@ def _summary_rows(file: ScenarioFile) -> Iterator[tuple[str, str]]:
         yield "phases", ", ".join(phase.name for phase in file.phases)
     yield "dispersed", f"{counted(len(file.dispersions), 'dispersion')}, {file.design.kind} draws"
     for each in file.requirements:
-        share = f"in {100.0 * each.probability:g} % of runs"
-        yield "required", f"{each.metric_name} {each.bound} {each.limit:g} {UNITS.get(each.metric, '-')} {share}".replace(" - in ", " in ")
+        limit = f"{each.limit:g} {UNITS.get(each.metric, '-').replace('-', '')}".strip()
+        yield "required", f"{each.metric_name} {each.bound} {limit} in {100.0 * each.probability:g} % of runs"
     if file.plugin is not None:
         yield "plugin", file.plugin
 

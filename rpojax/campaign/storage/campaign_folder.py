@@ -449,11 +449,14 @@ class Campaign(Summarised):
             MissingExtraError: xarray is not installed.
         """
         names = ("metrics", "traces", "drawn", "used", "phases")
-        groups = {name: getattr(self, name) for name in names}
-        return labelled_results.dataset(self.run_ids, self.trace_time_s, self._status(), groups, self.configuration)
+        groups = {name: self._read(name) for name in names}
+        if self.servicer_names:
+            groups |= {f"servicer_{name}": self.servicers(name) for name in names[:4]}
+        labels = labelled_results.Labels(self.run_ids, self.trace_time_s, self.phase_names, self.servicer_names)
+        return labelled_results.dataset(labels, self._status(), groups, self.configuration)
 
     def to_dataframe(self) -> "pandas.DataFrame":
-        """Finished runs as a table, one row a run by `run_id`: status, metrics, and dispersed values as `drawn.KEY`.
+        """Finished runs as a table, one row a run by `run_id`: status, metrics, and dispersed values by their keys.
 
         Raises:
             MissingExtraError: pandas is not installed.

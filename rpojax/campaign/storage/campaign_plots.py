@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rpojax.campaign.storage.campaign_folder import Campaign
-
 
 class CampaignPlots:
-    """Figures of the finished runs of a campaign, each a `matplotlib.figure.Figure`, with units and limits."""
+    """Figures of the finished runs of a `Campaign`, each a `matplotlib.figure.Figure`, with units and limits."""
 
-    def __init__(self, campaign: "Campaign") -> None:
+    def __init__(self, campaign: Any) -> None:
         self._campaign = campaign
 
     def envelope(self, channel: str = "range_m", servicer: int | str | None = None) -> "Figure":

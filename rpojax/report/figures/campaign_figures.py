@@ -46,14 +46,18 @@ class ShownFigure(Figure):
 def envelope(campaign: Campaign, channel: str, servicer: int | str | None = None) -> Figure:
     """Figure of `CampaignPlots.envelope`."""
     values, title = _trace(campaign, channel, servicer)
-    label = _CHANNELS.get(channel, ChannelLabel(channel, channel.replace("_", " "), _unit(TRACE_UNITS.get(channel, "-"))))
+    label = _CHANNELS.get(
+        channel, ChannelLabel(channel, channel.replace("_", " "), _unit(TRACE_UNITS.get(channel, "-")))
+    )
     figure, axes = _new(campaign, f"{label.title}{title}")
     shown, time_s = np.isfinite(values).any(axis=0), campaign.trace_time_s
     time_s, values = time_s[shown], values[:, shown].astype(float)
     if label.logarithmic:
         values = np.where(values > 0.0, values, np.nan)
         axes.set_yscale("log")
-    lowest, low, near, middle, far, high, highest = percentiles_over_runs(values, (0.0, 5.0, 25.0, 50.0, 75.0, 95.0, 100.0))
+    lowest, low, near, middle, far, high, highest = percentiles_over_runs(
+        values, (0.0, 5.0, 25.0, 50.0, 75.0, 95.0, 100.0)
+    )
     axes.fill_between(time_s, low, high, color=BLUE, alpha=0.18, lw=0.0, label="90 % of runs")
     axes.fill_between(time_s, near, far, color=BLUE, alpha=0.32, lw=0.0, label="50 % of runs")
     axes.plot(time_s, middle, color=BLUE, lw=1.6, label="median")
@@ -90,8 +94,14 @@ def histogram(campaign: Campaign, metric: str) -> Figure:
         axes.axvline(float(np.median(defined)), color=INK, lw=1.4, label="median")
     for limit in limits:
         axes.axvline(limit.value, color=VERMILLION, lw=1.4, ls="--", label=limit.text)
-    notes = [f"{count} {what}" for count, what in (
-        (len(values) - len(defined), "without a value"), (len(defined) - len(inside), "beyond the scale")) if count]
+    notes = [
+        f"{count} {what}"
+        for count, what in (
+            (len(values) - len(defined), "without a value"),
+            (len(defined) - len(inside), "beyond the scale"),
+        )
+        if count
+    ]
     _note(axes, "; ".join(notes))
     axes.set_xlabel(f"{metric} [{label.unit}]" if label.unit else metric)
     axes.set_ylabel("runs")
@@ -108,7 +118,9 @@ def scatter(campaign: Campaign, x: str, y: str) -> Figure:
     for chosen, colour, marker, name in ((~failed, BLUE, "o", "not failed"), (failed, VERMILLION, "X", "failed")):
         rows = chosen & defined
         if rows.any():
-            axes.scatter(columns[0][rows], columns[1][rows], s=22, c=colour, marker=marker, alpha=0.75, lw=0.0, label=name)
+            axes.scatter(
+                columns[0][rows], columns[1][rows], s=22, c=colour, marker=marker, alpha=0.75, lw=0.0, label=name
+            )
     limits = limits_of_metrics(_requirements(campaign))
     for name, draw in ((x, axes.axvline), (y, axes.axhline)):
         for limit in limits.get(name, []):
@@ -146,7 +158,9 @@ def path(campaign: Campaign, run_ids: Sequence[int] | int | None = None) -> Figu
     radius = campaign.file.limits.keep_out_m
     for axes, vertical in zip(panels, ("x, radial [m]", "z, normal [m]"), strict=True):
         if radius:
-            axes.add_patch(Circle((0.0, 0.0), radius, fill=False, ec=VERMILLION, ls="--", label=f"keep-out, {radius:g} m"))
+            axes.add_patch(
+                Circle((0.0, 0.0), radius, fill=False, ec=VERMILLION, ls="--", label=f"keep-out, {radius:g} m")
+            )
         axes.plot(0.0, 0.0, "s", color=INK, ms=6, label="target")
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_xlabel("y, along the track [m]")
