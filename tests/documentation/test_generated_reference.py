@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -28,6 +29,16 @@ def test_every_command_has_its_help() -> None:
     commands = {*main.COMMANDS}
     assert {words.split()[0] for words in helps} == commands
     assert all(text.startswith("usage: rpojax") and "--help" in text for text in helps.values())
+
+
+def test_the_help_of_every_command_with_a_scenario_or_a_campaign_names_the_plugin() -> None:
+    helps = dict(command_help.helps())
+    takes = {
+        words for words, text in helps.items() if re.search(r"\b(SCENARIO|DIR|DIR_A)\b", text.partition("\n\n")[0])
+    }
+    assert {"run", "campaign", "compare", "film", "bench", "calibrate-camera-model"} <= takes
+    without = {"field evaluate", "field train", "field render", "detector data", "detector train", "detect", "new"}
+    assert {words for words in takes - without if "--allow-plugin" not in helps[words]} == set()
 
 
 @pytest.mark.parametrize("group", ["field", "detector"])
