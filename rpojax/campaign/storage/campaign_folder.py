@@ -435,7 +435,12 @@ class Campaign(Summarised):
 
     @property
     def plot(self) -> CampaignPlots:
-        """Figures of the finished runs: `envelope(channel)`, `histogram(metric)`, `scatter(x, y)` and `path()`."""
+        """Figures of the finished runs, for consoles and notebooks, each a `matplotlib.figure.Figure`.
+
+        `envelope(channel)` is a channel of the traces over time, `histogram(metric)` a metric, `scatter(x, y)` metrics
+        or dispersed numbers against each other, and `path(run_ids)` runs with a history around the target; with units
+        and the limits of requirements.
+        """
         return CampaignPlots(self)
 
     def _summary(self) -> Summary:
