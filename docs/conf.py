@@ -27,7 +27,8 @@ extensions = [
 root_doc = "docs/index"
 include_patterns = [
     "docs/**.md",
-    "experiments/*/*.md",
+    "experiments/*/README.md",
+    "experiments/mismatch/robustness.md",
     "benchmarks/README.md",
     "notebooks/*.ipynb",
     "CONTRIBUTING.md",
