@@ -69,7 +69,7 @@ class DryRunOptions:
                 if value is not None:
                     raise RpojaxError.of_argument(option, f"found {str(value)!r}, expected it with --dry-run only")
             if out is None:
-                raise RpojaxError.of_argument("out", "found nothing, expected a folder to make (or --dry-run)")
+                raise RpojaxError.of_argument("out", "missing, expected a folder to make (or --dry-run)")
         if self.plan is not None:
             claim(self.plan, force, (".csv",))
 

@@ -5,7 +5,7 @@ from typing import get_args
 
 from pydantic import ValidationError
 
-from rpojax.errors import ScenarioError, UnknownKeyError
+from rpojax.errors import MISSING, ScenarioError, UnknownKeyError
 from rpojax.scenario.checks import former_keys
 from rpojax.scenario.checks.nearest_key import nearest_key
 from rpojax.scenario.schema import ScenarioFile
@@ -27,7 +27,7 @@ def first_error(error: ValidationError) -> ScenarioError:
             return ScenarioError(key, fault["input"], present)
         return UnknownKeyError(key, _similar_key(key, fault["loc"]))
     if fault["type"] == "missing":
-        return ScenarioError(key, "nothing", "a value for this key")
+        return ScenarioError(key, MISSING, "a value for this key")
     if fault["type"] == "union_tag_invalid" and fault["loc"][0] == "phases":
         context = fault.get("ctx", {})
         return ScenarioError(f"{key}.kind", context["tag"], f"one of {context['expected_tags']}")
