@@ -127,6 +127,7 @@ def test_a_tuning_that_changes_nothing_says_so() -> None:
         (["--judge", "1"], "--judge: found 1, expected 0 or at least 2"),
         (["--rate", "nan"], "--rate: found nan"),
         (["--horizon", "inf"], "--horizon: found inf"),
+        (["--horizon", "50.5"], "--horizon: found 50.5 (duration_s: found 50.5, expected a whole number"),
         (["--set", "navigation.edge_noise_px=nan"], "navigation.edge_noise_px: found nan, expected"),
         (["--set", "camera.model=rendered"], "camera.model: found 'rendered', expected 'geometric' or 'statistical'"),
         (["--resume"], "tuned.progress.json: found no tuning to resume, expected one"),

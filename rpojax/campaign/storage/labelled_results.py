@@ -57,7 +57,8 @@ def dataset(
         for group, arrays in groups.items():
             for name, values in arrays.items():
                 shown = variable_name(group, name, groups["metrics"])
-                variables[shown] = (_dimensions(group, name, values), values, _attributes(group, name))
+                named = _phase_names(values, labels.phases) if name == "transition_phase" else values
+                variables[shown] = (_dimensions(group, name, values), named, _attributes(group, name))
     coordinates: dict[str, Any] = {
         "run": ("run", labels.run_ids),
         "time": ("time", labels.trace_time_s, {"units": "s"}),
@@ -69,6 +70,12 @@ def dataset(
     used = {"run", "time", *(name for dimensions, _, _ in variables.values() for name in np.atleast_1d(dimensions))}
     shown = {name: values for name, values in coordinates.items() if name in used}
     return labelled.Dataset(variables, shown, _dataset_attributes(configuration))
+
+
+def _phase_names(numbers: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Names of phases by their numbers, empty where there is none."""
+    inside = (numbers >= 0) & (numbers < len(names))
+    return np.where(inside, np.array([*names, ""], dtype=object)[np.where(inside, numbers, -1).astype(int)], "")
 
 
 def variable_name(group: str, name: str, metrics: Collection[str]) -> str:

@@ -89,7 +89,7 @@ def histogram(campaign: Campaign, metric: str) -> Figure:
     bins = int(np.clip(np.sqrt(len(inside)) * 2, 8, 50))
     if low == high:
         low, high = low - 0.5, high + 0.5
-    axes.hist(inside, bins=np.linspace(low, high, bins + 1), color=BLUE, alpha=0.75, edgecolor="white")
+    axes.hist(inside, bins=np.linspace(low, high, bins + 1).tolist(), color=BLUE, alpha=0.75, edgecolor="white")
     if len(defined):
         axes.axvline(float(np.median(defined)), color=INK, lw=1.4, label="median")
     for limit in limits:
