@@ -10,6 +10,7 @@ import numpy as np
 
 from rpojax.analysis.statistics.paired_comparison import (
     PairedComparison,
+    PairedEvents,
     RunMetrics,
     can_be_judged,
     compare_paired_runs,
@@ -101,11 +102,17 @@ class CampaignComparison(Summarised):
             yield "changed", f"and {counted(more, 'further key')}"
 
     def _events(self) -> Iterator[tuple[str, str]]:
-        for name, event in (("failed", self.runs.failures), *(("violated", each) for each in self.runs.requirements)):
-            what = "" if name == "failed" else f"{event.event}: "
-            first, second = event.both + event.only_first, event.both + event.only_second
-            p = "" if event.p_value is None else f", p = {event.p_value:.2g}"
-            yield name, f"{what}{first} -> {second} of {self.runs.pairs}{p}"
+        """Failures, and the requirements that other numbers of runs violate."""
+        yield "failed", self._counts(self.runs.failures)
+        changed = [each for each in self.runs.requirements if each.only_first != each.only_second]
+        for each in changed[:_SHOWN_ROWS]:
+            yield "violated", f"{each.event}: {self._counts(each)}"
+        if same := len(self.runs.requirements) - len(changed):
+            yield "violated", f"{counted(same, 'requirement')} by as many runs in both"
+
+    def _counts(self, event: PairedEvents) -> str:
+        p = "" if event.p_value is None else f", p = {event.p_value:.2g}"
+        return f"{event.both + event.only_first} -> {event.both + event.only_second} of {self.runs.pairs}{p}"
 
     def _metrics(self) -> Iterator[tuple[str, str]]:
         """Medians that differ, the largest relative change first."""
