@@ -19,7 +19,7 @@ from rpojax.analysis.statistics.paired_comparison import (
 from rpojax.campaign import experiment_design
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.errors import ResultError
+from rpojax.errors import ResultError, RpojaxError
 from rpojax.metrics import metric_catalogue
 from rpojax.metrics.time_windows import split_name
 from rpojax.optional_packages import require_package
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     import pandas
 
 _MAX_LISTED = 6
+_KEY_METRICS = ("formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m")
 _SHOWN_ROWS = 6
 """Changed keys and metrics of a summary, each."""
 
@@ -115,14 +116,16 @@ class CampaignComparison(Summarised):
         return f"{event.both + event.only_first} -> {event.both + event.only_second} of {self.runs.pairs}{p}"
 
     def _metrics(self) -> Iterator[tuple[str, str]]:
-        """Medians that differ, the largest relative change first."""
+        """Medians that differ, key metrics and then the largest relative change first."""
         found = [each for each in self.runs.metrics if each.is_changed and "/" not in each.metric]
-        found.sort(key=lambda each: -abs(each.difference.value or 0.0) / (abs(each.first) + abs(each.second) or 1.0))
+        scale = {each.metric: abs(each.first) + abs(each.second) or 1.0 for each in found}
+        change = {each.metric: abs(each.second - each.first) / scale[each.metric] for each in found}
+        found.sort(key=lambda each: (each.metric not in _KEY_METRICS, -change[each.metric]))
         for each in found[:_SHOWN_ROWS]:
             low, high = each.difference.interval_95 or (None, None)
-            unit = metric_catalogue.UNITS.get(each.metric, "-").replace("-", "")
-            change = f"{numbers(each.first)} -> {numbers(each.second)} {unit}".strip()
-            yield "medians", f"{each.metric}: {change} (95 % of the difference {number(low)} to {number(high)})"
+            unit = _unit(each.metric)
+            medians = f"{numbers(each.first)} -> {numbers(each.second)} {unit}".strip()
+            yield "medians", f"{each.metric}: {medians} (95 % of the difference {number(low)} to {number(high)})"
         if (more := len(found) - _SHOWN_ROWS) > 0:
             yield "medians", f"and {counted(more, 'further metric')} beyond chance"
         if not found:
@@ -130,6 +133,14 @@ class CampaignComparison(Summarised):
 
     def _warnings(self) -> Iterator[tuple[str, str]]:
         yield from (("warning", each) for each in self.warnings)
+
+
+def _unit(metric: str) -> str:
+    """Unit of a metric, empty where it has none, or where plugins of this process define it differently."""
+    try:
+        return metric_catalogue.unit_of(metric).replace("-", "")
+    except RpojaxError:
+        return ""
 
 
 def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> CampaignComparison:

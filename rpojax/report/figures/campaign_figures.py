@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.ticker import MaxNLocator
 
 from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
@@ -105,6 +106,7 @@ def histogram(campaign: Campaign, metric: str) -> Figure:
     _note(axes, "; ".join(notes))
     axes.set_xlabel(f"{metric} [{label.unit}]" if label.unit else metric)
     axes.set_ylabel("runs")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     _legend(figure, axes)
     return figure
 
@@ -282,6 +284,6 @@ def _legend(figure: Figure, axes: Axes) -> None:
     entries = dict(zip(labels, handles, strict=True))
     if entries:
         figure.legend(
-            list(entries.values()), list(entries), loc="outside lower center", ncols=min(5, len(entries)), fontsize=9,
+            list(entries.values()), list(entries), loc="outside lower center", ncols=min(6, len(entries)), fontsize=9,
             frameon=False,
         )  # fmt: skip
