@@ -1,4 +1,4 @@
-"""Builds the documentation site, with warnings as errors and without the network:
+"""Builds the documentation site, with warnings as errors and without the network, from current pages:
 
 python docs/build.py --out out/site
 
@@ -26,6 +26,9 @@ def main() -> int:
         made = subprocess.run([sys.executable, ROOT / "docs" / "make_gallery.py", "files", "--out", MADE], check=False)
         if made.returncode:
             return made.returncode
+    current = subprocess.run([sys.executable, ROOT / "docs" / "write_reference.py", "--check"], check=False)
+    if current.returncode:
+        return current.returncode
     options = ["-D", "gallery_files="] if arguments.without_gallery else []
     command = [
         sys.executable,

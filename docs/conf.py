@@ -18,8 +18,6 @@ version = release = __version__
 
 extensions = [
     "myst_nb",
-    "sphinx.ext.autodoc",
-    "sphinx.ext.napoleon",
     "sphinx_design",
     "site_extensions.gallery",
     "site_extensions.generated_pages",
@@ -30,6 +28,7 @@ root_doc = "docs/index"
 include_patterns = [
     "docs/**.md",
     "experiments/*/README.md",
+    "experiments/mismatch/robustness.md",
     "benchmarks/README.md",
     "notebooks/*.ipynb",
     "CONTRIBUTING.md",
@@ -55,8 +54,3 @@ html_copy_source = False
 html_show_sphinx = False
 
 default_role = "code"  # single backquotes in docstrings are code
-autodoc_member_order = "bysource"
-autodoc_typehints = "signature"
-napoleon_google_docstring = True
-napoleon_use_rtype = False
-napoleon_use_ivar = True  # attributes of a record are listed once

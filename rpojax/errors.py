@@ -1,10 +1,18 @@
 """Exceptions of the package. Each message is one line: what, found, expected."""
 
-from typing import Self
+from typing import Final, Self
 
 from rpojax.printable_text import cut, printable, shown_value
 
 _LONGEST_KEY = 120
+
+
+class _Missing:
+    """What is found where there is nothing."""
+
+
+MISSING: Final = _Missing()
+"""Stands for what is found of a key that is not there."""
 
 
 class RpojaxError(Exception):
@@ -32,7 +40,8 @@ class ScenarioError(RpojaxError):
     """A scenario, or an override of it, is invalid."""
 
     def __init__(self, key: str, found: object, expected: str, is_argument: bool = False) -> None:
-        super().__init__(f"{cut(key, _LONGEST_KEY)}: found {shown_value(found)}, expected {expected}")
+        words = "missing" if found is MISSING else f"found {shown_value(found)}"
+        super().__init__(f"{cut(key, _LONGEST_KEY)}: {words}, expected {expected}")
         self.key = key
         self.arguments = (key,) if is_argument else ()
 

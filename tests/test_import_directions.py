@@ -14,6 +14,7 @@ FLOORS = {
     "version": 0,
     "optional_packages": 0,
     "printable_text": 0,
+    "summary_text": 0,
     "untrusted": 0,
     "time_scales": 0,
     "value_types": 0,

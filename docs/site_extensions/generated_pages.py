@@ -1,20 +1,22 @@
-"""Parts of pages that are taken from the code when the site is built: tables of commands, metrics, keys and names."""
+"""Parts of pages that are taken from the code when the site is built, and index entries of those that are written."""
 
 import json
+import re
 from collections.abc import Iterable, Iterator
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from site_extensions import command_help, key_table, public_names, report_shape
+from site_extensions import command_help, report_shape, written_reference
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Registers the directives."""
-    for part in (Commands, Metrics, Keys, ReportKeys, Scenarios, PublicNames):
+    """Registers the directives, and adds index entries."""
+    for part in (Commands, ReportKeys):
         app.add_directive(part.directive, part)
+    app.connect("source-read", _index)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -43,49 +45,6 @@ class Commands(GeneratedPart):
             yield from (f"### `rpojax {words}`", "", "```text", *text.splitlines(), "```", "")
 
 
-class Metrics(GeneratedPart):
-    """One table for each module of metrics: name, unit, title and meaning."""
-
-    directive = "metrics"
-
-    def lines(self) -> Iterator[str]:
-        from rpojax.metrics import metric_catalogue
-
-        for module in metric_catalogue.MODULES:
-            heading = (module.__doc__ or "").partition(":")[0].partition(".")[0].removeprefix("Metrics of ")
-            yield from (f"```{{index}} {', '.join(f'! {metric.name}' for metric in module.METRICS)}", "```", "")
-            yield from (
-                f"## {heading[0].upper()}{heading[1:]}",
-                "",
-                "| metric | unit | meaning | notes |",
-                "|---|---|---|---|",
-            )
-            for metric in module.METRICS:
-                notes = [text for text, holds in _metric_notes(metric) if holds]
-                meaning = f"**{metric.title}.** {metric.meaning}".replace("|", r"\|")
-                yield f"| `{metric.name}` | {metric.unit} | {meaning} | {'; '.join(notes)} |"
-            yield ""
-
-
-def _metric_notes(metric: Any) -> list[tuple[str, bool]]:
-    return [
-        ("has a derivative", metric.has_derivative),
-        ("low is bad", metric.low_is_bad),
-        ("of teams", metric.source == "team"),
-        ("with `coverage.enabled`", metric.source == "coverage"),
-        ("only inside the simulation, for tuning", metric.source == "simulation"),
-    ]
-
-
-class Keys(GeneratedPart):
-    """One table for each section of a scenario."""
-
-    directive = "scenario-keys"
-
-    def lines(self) -> Iterator[str]:
-        yield from key_table.lines()
-
-
 class ReportKeys(GeneratedPart):
     """Every key of report.json with its type, from the shape of real reports."""
 
@@ -101,25 +60,14 @@ class ReportKeys(GeneratedPart):
             yield f"| `{key}` | {form} |"
 
 
-class Scenarios(GeneratedPart):
-    """Table of the packaged scenarios with their own descriptions."""
-
-    directive = "packaged-scenarios"
-
-    def lines(self) -> Iterator[str]:
-        from rpojax.scenario.loading import scenario_loader
-
-        yield from ("| name | mission | duration | extends |", "|---|---|---|---|")
-        for name in scenario_loader.packaged_names():
-            file = scenario_loader.load(name)
-            base = key_table.extended(name)
-            yield f"| `{name}` | {file.description} | {file.duration_s:g} s | {f'`{base}`' if base else ''} |"
+def _index(app: Sphinx, page: str, source: list[str]) -> None:
+    """Adds index entries, which the search prefers, for the names in tables and headings of written pages."""
+    if f"{page.rpartition('/')[2]}.md" in written_reference.PARTS:
+        source[0] = re.sub(r"^##.*\n(?:(?!##).*\n)*", _with_entries, source[0], flags=re.MULTILINE)
 
 
-class PublicNames(GeneratedPart):
-    """Every public name of the package with its signature and docstring."""
-
-    directive = "public-names"
-
-    def lines(self) -> Iterator[str]:
-        yield from public_names.lines()
+def _with_entries(section: re.Match[str]) -> str:
+    """A section of Markdown with index entries above its heading."""
+    names = re.findall(r"^(?:\| |### )`([^`]+)`", section[0], re.MULTILINE)
+    words = ", ".join(f"! {name.removeprefix('rpojax.')}" for name in names)
+    return f"```{{index}} {words}\n```\n\n{section[0]}" if words else section[0]

@@ -1,20 +1,12 @@
 """Keys of a scenario: form, values and meaning from the schema, else meaning from the page on scenario files."""
 
 import re
-import tomllib
 from collections.abc import Iterator
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 _PAGE = Path(__file__).parents[1] / "reference" / "scenario.md"
 _LISTS = {"dispersions", "phases", "requirements", "servicers", "design"}
-
-
-def extended(name: str) -> str | None:
-    """Packaged scenario that a packaged one extends; None if it is complete by itself."""
-    text = (resources.files("rpojax.scenario.packaged") / f"{name}.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text).get("extends")
 
 
 def lines() -> Iterator[str]:
@@ -70,11 +62,7 @@ def _table(
     file: Any,
     section: str = "",
 ) -> Iterator[str]:
-    words = ", ".join(f"! {section}.{name}" if section else f"! {name}" for name in names)
     yield from (
-        f"```{{index}} {words}",
-        "```",
-        "",
         f"## {heading}",
         "",
         text,

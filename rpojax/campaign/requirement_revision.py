@@ -25,7 +25,7 @@ def change_requirements(campaign: Campaign, file: Path, reason: str) -> Campaign
         RpojaxError: the file cannot be read, or there is no reason.
     """
     if not reason.strip():
-        raise RpojaxError.of_argument("reason", "found nothing, expected why the requirements change")
+        raise RpojaxError.of_argument("reason", "missing, expected why the requirements change")
     seal = campaign.configuration.seal
     if seal is None:
         raise ResultError(f"{campaign.directory}: found no seal, expected one to which a change can be bound")

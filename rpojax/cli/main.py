@@ -83,7 +83,7 @@ COMMANDS: Final[dict[str, type[Command] | Group]] = {
 }
 """The commands by name, in the order of `--help`."""
 
-_ALLOW_PLUGIN, _NO_CACHE = "--allow-plugin", {"--no-cache", "--no_cache"}
+_ALLOW_PLUGIN, _NO_CACHE = {"--allow-plugin", "--allow_plugin"}, {"--no-cache", "--no_cache"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -106,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status(arguments: Sequence[str], as_json: bool) -> int:
     """Exit status of a command line; errors are printed."""
     try:
-        words = _repeat_set_flag([word for word in arguments if word != _ALLOW_PLUGIN])
+        words = _repeat_set_flag([word for word in arguments if word not in _ALLOW_PLUGIN])
         command = parse(COMMANDS, words, __doc__ or "")
         status = _work(command, arguments, as_json)(command)
         flush_output()
@@ -139,7 +139,7 @@ def _work(command: Command, arguments: Sequence[str], as_json: bool) -> Callable
 
     `--allow-plugin` lets the process execute the plugins of scenarios, which may import JAX.
     """
-    allowed = _ALLOW_PLUGIN in arguments
+    allowed = bool(_ALLOW_PLUGIN & {*arguments})
     is_long = command.prepares_jax or allowed
     if is_long:
         prepare_jax(cache=command.keeps_programs and not _NO_CACHE & {*arguments})

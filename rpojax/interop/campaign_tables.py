@@ -144,6 +144,9 @@ def _history_columns(campaign: Campaign, run_id: int) -> list[Column]:
                 # What a run has once, such as its desired position, is repeated in every row.
                 full = values if len(values) == len(time_s) else np.broadcast_to(values, (len(time_s), *values.shape))
                 columns += _components(name + suffix, full, array_units("histories", name))
+            if name == "phase" and campaign.phase_names and values.ndim == 1:
+                shown = np.array(campaign.phase_names)[values.astype(int)]
+                columns.append(Column(f"phase_name{suffix}", shown, "1", "Name of the phase of the mission."))
     return columns
 
 

@@ -14,6 +14,8 @@ from rich.console import Console
 
 LINE_EVERY_S: Final = 30.0
 """Least time [s] from one line to the next within a stage, where there is no terminal."""
+_WARM_UP: Final = 0.1
+"""Share of the work below which a first step does not tell how long the others take."""
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
 _SIMULATING = "simulating"
 _LAST_RUNS = "free drifts and metrics of the last runs"
@@ -87,23 +89,35 @@ def count_runs(number: int) -> str:
 
 
 class _Pace:
-    """Speed of counted work since it left its first count, which is above zero where work is resumed."""
+    """Speed of counted work since it left its first count, which is above zero where work is resumed.
+
+    A first step that is small has what happens once, such as the warm-up of a program, and does not tell the time left.
+    """
 
     def __init__(self, counted: Callable[[int], str], speed: Callable[[float], str]) -> None:
         self._counted, self._speed = counted, speed
         self._begin: tuple[float, float] | None = None
+        self._warm: tuple[float, float] | None = None
 
     def describe(self, done: float, total: int, note: str) -> str:
         now = time.monotonic()
         if self._begin is None or done <= self._begin[0]:
-            self._begin = (done, now)
+            self._begin, self._warm = (done, now), None
+        elif self._warm is None:
+            self._warm = (done, now) if done - self._begin[0] < _WARM_UP * (total - self._begin[0]) else self._begin
         new, elapsed = done - self._begin[0], now - self._begin[1]
         words = [f"{done:.0f}/{self._counted(total)}", note]
         if new > 0.0 and elapsed > 0.0:
-            left = datetime.timedelta(seconds=round((total - done) * elapsed / new))
-            words[:1] = [words[0], f"{left} left"] if done < total else [f"{words[0]} in {elapsed:.1f} s"]
+            words[:1] = [words[0], self._left(done, total, now)] if done < total else [f"{words[0]} in {elapsed:.1f} s"]
             words.append(self._speed(new / elapsed))
         return ", ".join(filter(None, words))
+
+    def _left(self, done: float, total: int, now: float) -> str:
+        """Time left in words, by the speed after the warm-up; empty while it is not known."""
+        since, at = self._warm or (done, now)
+        if done <= since:
+            return ""
+        return f"{datetime.timedelta(seconds=round((total - done) * (now - at) / (done - since)))} left"
 
 
 @contextmanager

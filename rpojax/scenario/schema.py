@@ -2,11 +2,12 @@
 
 import difflib
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, create_model
 
+from rpojax.core.constants import RADIUS_EARTH
 from rpojax.dispersions.designs.design_sections import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
@@ -56,6 +57,7 @@ from rpojax.scenario.sections import (
 )
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.registry import AdditionalSensors
+from rpojax.summary_text import Summarised, Summary, counted, numbers
 from rpojax.value_types import ChangesOf, Epoch, Finite, NonNegative, OptionalKeys, Positive
 
 
@@ -156,7 +158,7 @@ FORMAT_VERSION: Final = 3
 """Version of the format of scenario files; `scenario/loading/format_migration.py` says what changed."""
 
 
-class ScenarioFile(AdditionalSensors):
+class ScenarioFile(Summarised, AdditionalSensors):
     """A whole scenario, in the units of its keys."""
 
     format_version: Annotated[int, Field(ge=FORMAT_VERSION, le=FORMAT_VERSION)] = FORMAT_VERSION
@@ -218,6 +220,32 @@ class ScenarioFile(AdditionalSensors):
     def absent_keys(cls) -> Iterable[str]:
         """Further keys that are left out where they are None."""
         return ("plugin", "plugin_sha256", "start")
+
+    def _summary(self) -> Summary:
+        return Summary(f"Scenario {self.name}: {self.description}", list(_summary_rows(self)))
+
+
+def _summary_rows(file: ScenarioFile) -> Iterator[tuple[str, str]]:
+    """Names and values of the lines of a scenario's summary."""
+    orbit, servicer, camera = file.orbit, file.servicer, file.camera
+    altitude_km = (orbit.semi_major_axis_m - RADIUS_EARTH) / 1e3
+    start = "" if file.start is None else ", replaced by that of [start]"
+    yield "time", f"{file.duration_s:g} s from {file.epoch_utc} UTC"
+    yield "orbit", f"{altitude_km:,.0f} km, eccentricity {orbit.eccentricity:g}, {orbit.inclination_deg:g} deg{start}"
+    place = numbers(file.initial.relative_position_m)
+    yield "servicer", f"{servicer.mass_kg:g} kg, {file.thruster.force_n:g} N, from {place} m in the Hill frame"
+    if file.servicers:
+        yield "servicers", ", ".join(each.name for each in file.servicers)
+    yield "target", f"{file.target.mass_kg:g} kg, tumbling at {file.target.tumble_rate_deg_s:g} deg/s"
+    yield "camera", f"{camera.model}, {camera.width_px} x {camera.height_px} px, {camera.field_of_view_deg:g} deg"
+    if file.phases:
+        yield "phases", ", ".join(phase.name for phase in file.phases)
+    yield "dispersed", f"{counted(len(file.dispersions), 'dispersion')}, {file.design.kind} draws"
+    for each in file.requirements:
+        limit = f"{each.limit:g} {UNITS.get(each.metric, '-').replace('-', '')}".strip()
+        yield "required", f"{each.metric_name} {each.bound} {limit} in {100.0 * each.probability:g} % of runs"
+    if file.plugin is not None:
+        yield "plugin", file.plugin
 
 
 @functools.cache

@@ -55,7 +55,7 @@ def test_a_dry_run_writes_the_plan_and_nothing_else(nothing_flies: Path, capsys:
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("--runs", 3), "--out: found nothing"),
+        (("--runs", 3), "--out: missing"),
         (("--runs", 3, "--out", "runs", "--plan", "a.csv"), "--plan: found 'a.csv', expected it with --dry-run"),
         (("--runs", 3, "--out", "runs", "--speed", 3), "--speed: found '3.0', expected it with --dry-run"),
         (("--runs", 3, "--dry-run", "--speed", 0), "--speed: found 0.0"),

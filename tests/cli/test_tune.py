@@ -1,6 +1,7 @@
 """`rpojax tune`: what it writes and prints, with a synthetic descent, and what it refuses in one line."""
 
 import json
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,7 @@ def test_a_tuning_that_changes_nothing_says_so() -> None:
         (["--judge", "1"], "--judge: found 1, expected 0 or at least 2"),
         (["--rate", "nan"], "--rate: found nan"),
         (["--horizon", "inf"], "--horizon: found inf"),
+        (["--horizon", "50.5"], "--horizon: found 50.5 (duration_s: found 50.5, expected a whole number"),
         (["--set", "navigation.edge_noise_px=nan"], "navigation.edge_noise_px: found nan, expected"),
         (["--set", "camera.model=rendered"], "camera.model: found 'rendered', expected 'geometric' or 'statistical'"),
         (["--resume"], "tuned.progress.json: found no tuning to resume, expected one"),
@@ -161,3 +163,36 @@ def test_existing_files_are_kept(nothing_simulated: Path, capsys: pytest.Capture
     assert "a tuning is under way; --resume goes on with it, --force begins anew" in capsys.readouterr().err
     assert call("inspection", "--out", "tuned.toml", "--force", "--steps", 0) == 2
     assert Path("tuned.progress.json").read_text() == "a walk"
+
+
+def test_a_tuned_file_extends_what_was_tuned_with_the_changed_numbers_alone(nothing_simulated: Path) -> None:
+    assert call("inspection", "--judge", 0, "--out", "tuned.toml", "--set", "duration_s=3000") == 0
+    content = tomllib.loads(Path("tuned.toml").read_text())
+    assert content == {
+        "format_version": 3,
+        "extends": "inspection",
+        "duration_s": 3000.0,
+        "navigation": {"edge_noise_px": 2.0},
+    }
+    assert "# navigation.edge_noise_px: 1 -> 2" in Path("tuned.toml").read_text()
+
+
+def test_a_tuned_file_elsewhere_finds_the_file_that_it_extends(nothing_simulated: Path) -> None:
+    Path("mine.toml").write_text('extends = "inspection"\nname = "mine"\n')
+    assert call("mine.toml", "--judge", 0, "--out", "new/tuned.toml") == 0
+    assert tomllib.loads(Path("new/tuned.toml").read_text())["extends"] == "../mine.toml"
+    assert rpojax.load("new/tuned.toml") == rpojax.load("mine.toml", ["navigation.edge_noise_px=2.0"])
+
+
+def test_a_scenario_that_no_file_gives_is_written_as_a_whole(nothing_simulated: Path) -> None:
+    file = rpojax.load("inspection", ["requirements=[]"])
+    rpojax.tune(file.model_copy(update={"name": "mine"}), validation_runs=0, progress=False).write("tuned.toml")
+    content = tomllib.loads(Path("tuned.toml").read_text())
+    assert "extends" not in content
+    assert content["orbit"]
+
+
+def test_a_tuning_has_a_summary(nothing_simulated: Path) -> None:
+    shown = repr(rpojax.tune(rpojax.load("inspection"), seed=7, validation_runs=50, progress=False))
+    assert shown.startswith("Tuning of inspection in 2 steps\n  tuned      navigation.edge_noise_px: 1 -> 2")
+    assert "50 runs, failed 0 -> 0" in shown

@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from rpojax.scenario.schema import ScenarioFile
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "docs"))
 
-from site_extensions import command_help, key_table, public_names, report_shape  # noqa: E402
+from site_extensions import command_help, key_table, public_names, report_shape, written_reference  # noqa: E402
 
 
 def test_the_python_interface_has_every_public_name_once() -> None:
@@ -28,6 +29,16 @@ def test_every_command_has_its_help() -> None:
     commands = {*main.COMMANDS}
     assert {words.split()[0] for words in helps} == commands
     assert all(text.startswith("usage: rpojax") and "--help" in text for text in helps.values())
+
+
+def test_the_help_of_every_command_with_a_scenario_or_a_campaign_names_the_plugin() -> None:
+    helps = dict(command_help.helps())
+    takes = {
+        words for words, text in helps.items() if re.search(r"\b(SCENARIO|DIR|DIR_A)\b", text.partition("\n\n")[0])
+    }
+    assert {"run", "campaign", "compare", "film", "bench", "calibrate-camera-model"} <= takes
+    without = {"field evaluate", "field train", "field render", "detector data", "detector train", "detect", "new"}
+    assert {words for words in takes - without if "--allow-plugin" not in helps[words]} == set()
 
 
 @pytest.mark.parametrize("group", ["field", "detector"])
@@ -57,6 +68,20 @@ def test_the_table_of_keys_has_every_key_with_a_meaning() -> None:
     assert rows["thruster.rise_time_s"][5].strip() == "from the opening of the valve to full force"
     assert rows["phases.NAME.until.time_s"][5].strip() == "time since the phase began"
     assert rows["limits.lost_after_s"][2].strip() == "number > 0, default 600.0"
+
+
+@pytest.mark.parametrize("name", written_reference.PARTS)
+def test_a_committed_page_has_what_the_code_says(name: str) -> None:
+    assert written_reference.is_current(name), "run: python docs/write_reference.py"
+
+
+def test_every_public_name_has_its_signature_or_fields_on_the_page() -> None:
+    text = "\n".join(public_names.lines())
+    assert text.count("\n### `rpojax.") == len(rpojax.__all__) - 1
+    assert "- `Campaign.plot`: Figures of the finished runs" in text
+    assert "- `units`" not in text
+    assert "    progress: bool = True," in text
+    assert "rpojax.open_campaign(path: Path | str) -> xarray.Dataset" in text
 
 
 def test_every_module_of_metrics_has_a_heading_of_its_own() -> None:

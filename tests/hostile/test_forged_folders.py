@@ -193,7 +193,7 @@ def test_changed_requirements_are_recorded_in_a_chain(folder: Path, tmp_path: Pa
 @pytest.mark.parametrize(
     ("text", "reason", "error"),
     [
-        (REQUIREMENT.format(limit=1.0), " ", "--?reason|reason: found nothing"),
+        (REQUIREMENT.format(limit=1.0), " ", "--?reason|reason: missing"),
         (REQUIREMENT.format(limit=1.0).replace("min_range_m", "nees_mean"), "x", "a metric that the campaign recorded"),
         (REQUIREMENT.format(limit=1.0) + "[servicer]\nmass_kg = 3.0\n", "x", "alone"),
         ("requirements = 3", "x", "requirements"),

@@ -199,3 +199,14 @@ def test_an_error_leaves_no_line_behind(terminal: Terminal) -> None:
     with pytest.raises(KeyboardInterrupt), stage("writing the report", quiet=False):
         raise KeyboardInterrupt
     assert "\x1b[?25h" in terminal.getvalue()[-20:]  # the cursor is shown again
+
+
+def test_a_slow_first_step_does_not_tell_the_time_left(clock: Clock) -> None:
+    pace = progress._Pace(progress.count_runs, "{:.3g}".format)
+    assert pace.describe(0.0, 1, "") == "0/1 run"
+    clock.now += 10.0  # the program warms up
+    assert "left" not in pace.describe(0.02, 1, "")
+    clock.now += 0.5
+    assert "0:00:07 left" in pace.describe(0.09, 1, "")
+    clock.now += 6.5
+    assert "in 17.0 s" in pace.describe(1.0, 1, "")

@@ -13,7 +13,7 @@ from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS,
 from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
 from rpojax.campaign import argument_checks
 from rpojax.campaign.experiment_design import has_independent_runs
-from rpojax.errors import RpojaxError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.flight.stages import Stages
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage
@@ -139,7 +139,7 @@ def gradient(
     if not has_independent_runs(file):
         raise RpojaxError(f"design: found {file.design.kind!r}, expected 'independent' for derivatives")
     check_differentiable(file)
-    used = file if horizon_s is None else scenario_loader.with_duration(file, horizon_s)
+    used = file if horizon_s is None else _with_horizon(file, horizon_s)
     nominal = {key: _nominal_of(used, key) for key in dict.fromkeys(keys)}
     if not nominal:
         raise RpojaxError("keys: found none, expected at least one key of a number in the scenario")
@@ -173,6 +173,20 @@ def _jacobian(
     count = len(evaluator.metric_names)
     rows = [evaluator.gradient(inputs, keys, np.tile(row, (len(inputs), 1))) for row in np.eye(count)]
     return rows[0], np.stack([np.asarray(row.gradient) for row in rows], axis=1)
+
+
+def _with_horizon(file: ScenarioFile, horizon_s: float) -> ScenarioFile:
+    """The scenario simulated for another time [s].
+
+    Raises:
+        RpojaxError: it does not suit that time.
+    """
+    try:
+        return scenario_loader.with_duration(file, horizon_s)
+    except ScenarioError as error:
+        raise RpojaxError.of_argument(
+            "horizon_s", f"found {horizon_s:g} ({error}), expected a time that suits the scenario"
+        ) from None
 
 
 def _nominal_of(file: ScenarioFile, key: str) -> np.ndarray:

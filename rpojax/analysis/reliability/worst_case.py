@@ -39,6 +39,7 @@ from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNorm
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
+from rpojax.summary_text import Summarised, Summary, number, numbers
 
 if TYPE_CHECKING:
     import pandas
@@ -46,10 +47,12 @@ if TYPE_CHECKING:
 _OF_DISPERSION = ("name", "kind", "distance_sigmas")
 SCENARIO_NAME, RECORD_NAME = "worst_case.toml", "worst_case.json"
 _MAX_STARTS = 64
+_SHOWN_DISPERSIONS = 4
+"""Dispersions of a summary, those farthest from their median."""
 
 
-@dataclass(frozen=True)
-class WorstCase:
+@dataclass(frozen=True, repr=False)
+class WorstCase(Summarised):
     """The most likely violation of a limit that was found, or the closest approach to it.
 
     Attributes:
@@ -142,6 +145,27 @@ class WorstCase:
             for place, value, nominal in _components(values, entry["nominal"][key])
         ]
         return require_package("pandas").DataFrame(rows, columns=["key", "value", "nominal", *_OF_DISPERSION])
+
+    def _summary(self) -> Summary:
+        limit = self.limit
+        unit = self._unit.replace("-", "")
+        rule = f"{limit.metric} {limit.bound} {limit.limit:g} {unit}".strip()
+        told = "no violation found" if self.search.nearest_violation is None else "broken"
+        return Summary(f"Worst case of {self.space.file.name}: {rule}: {told}", list(self._summary_rows(unit)))
+
+    def _summary_rows(self, unit: str) -> Iterator[tuple[str, str]]:
+        point, value = self.reported_point, self.limit.value_at_margin(self.reported_point.margin)
+        where = f"{point.distance:.2f} sigmas from the median, run {point.replicate} of seed {self.seed}"
+        found = self.search.nearest_violation is not None
+        yield ("nearest" if found else "closest"), f"{number(value)} {unit} at {where}"
+        if self.probability is not None:
+            yield "probability", f"{self.probability:.2g}, first order, with that run's noise"
+        if self.simulated_value is not None:
+            verdict = "" if not found else ", confirmed" if self.confirmed else ", NOT confirmed"
+            yield "simulated", f"{number(self.simulated_value)} {unit}{verdict}"
+        for entry in self._dispersions()[:_SHOWN_DISPERSIONS]:
+            values = ", ".join(f"{key} {numbers(np.asarray(each).tolist())}" for key, each in entry["values"].items())
+            yield "dispersions", f"{values} ({entry['distance_sigmas']:.2f} sigmas)"
 
     def write(self, directory: Path | str, force: bool = False) -> None:
         """Writes worst_case.toml, a scenario to simulate, and worst_case.json into a folder.

@@ -1,7 +1,7 @@
 """Comparison of two stored campaigns, run by run: changed scenario keys, medians, failures and requirements."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ import numpy as np
 
 from rpojax.analysis.statistics.paired_comparison import (
     PairedComparison,
+    PairedEvents,
     RunMetrics,
     can_be_judged,
     compare_paired_runs,
@@ -18,16 +19,21 @@ from rpojax.analysis.statistics.paired_comparison import (
 from rpojax.campaign import experiment_design
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.errors import ResultError
+from rpojax.errors import ResultError, RpojaxError
+from rpojax.metrics import metric_catalogue
 from rpojax.metrics.time_windows import split_name
 from rpojax.optional_packages import require_package
 from rpojax.runtime.progress import stage
 from rpojax.scenario.schema import RequirementSection
+from rpojax.summary_text import Summarised, Summary, counted, number, numbers
 
 if TYPE_CHECKING:
     import pandas
 
 _MAX_LISTED = 6
+_KEY_METRICS = ("formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m")
+_SHOWN_ROWS = 6
+"""Changed keys and metrics of a summary, each."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +45,8 @@ class KeyChange:
     second: Any
 
 
-@dataclass(frozen=True)
-class CampaignComparison:
+@dataclass(frozen=True, repr=False)
+class CampaignComparison(Summarised):
     """Two campaigns compared over the runs that both have.
 
     Attributes:
@@ -85,6 +91,56 @@ class CampaignComparison:
                 | {"ratio": each.ratio.value, "changed": each.is_changed}
             )
         return require_package("pandas").DataFrame(rows)
+
+    def _summary(self) -> Summary:
+        title = f"{self.first} -> {self.second}: {counted(self.runs.pairs, 'pair')} of runs"
+        return Summary(title, [*self._changes(), *self._events(), *self._metrics(), *self._warnings()])
+
+    def _changes(self) -> Iterator[tuple[str, str]]:
+        for each in self.changed[:_SHOWN_ROWS]:
+            yield "changed", f"{each.key}: {numbers(each.first)} -> {numbers(each.second)}"
+        if (more := len(self.changed) - _SHOWN_ROWS) > 0:
+            yield "changed", f"and {counted(more, 'further key')}"
+
+    def _events(self) -> Iterator[tuple[str, str]]:
+        """Failures, and the requirements that other numbers of runs violate."""
+        yield "failed", self._counts(self.runs.failures)
+        changed = [each for each in self.runs.requirements if each.only_first != each.only_second]
+        for each in changed[:_SHOWN_ROWS]:
+            yield "violated", f"{each.event}: {self._counts(each)}"
+        if same := len(self.runs.requirements) - len(changed):
+            yield "violated", f"{counted(same, 'requirement')} by as many runs in both"
+
+    def _counts(self, event: PairedEvents) -> str:
+        p = "" if event.p_value is None else f", p = {event.p_value:.2g}"
+        return f"{event.both + event.only_first} -> {event.both + event.only_second} of {self.runs.pairs}{p}"
+
+    def _metrics(self) -> Iterator[tuple[str, str]]:
+        """Medians that differ, key metrics and then the largest relative change first."""
+        found = [each for each in self.runs.metrics if each.is_changed and "/" not in each.metric]
+        scale = {each.metric: abs(each.first) + abs(each.second) or 1.0 for each in found}
+        change = {each.metric: abs(each.second - each.first) / scale[each.metric] for each in found}
+        found.sort(key=lambda each: (each.metric not in _KEY_METRICS, -change[each.metric]))
+        for each in found[:_SHOWN_ROWS]:
+            low, high = each.difference.interval_95 or (None, None)
+            unit = _unit(each.metric)
+            medians = f"{numbers(each.first)} -> {numbers(each.second)} {unit}".strip()
+            yield "medians", f"{each.metric}: {medians} (95 % of the difference {number(low)} to {number(high)})"
+        if (more := len(found) - _SHOWN_ROWS) > 0:
+            yield "medians", f"and {counted(more, 'further metric')} beyond chance"
+        if not found:
+            yield "medians", "none differs beyond chance" if self.independent else "no intervals: dependent draws"
+
+    def _warnings(self) -> Iterator[tuple[str, str]]:
+        yield from (("warning", each) for each in self.warnings)
+
+
+def _unit(metric: str) -> str:
+    """Unit of a metric, empty where it has none, or where plugins of this process define it differently."""
+    try:
+        return metric_catalogue.unit_of(metric).replace("-", "")
+    except RpojaxError:
+        return ""
 
 
 def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> CampaignComparison:

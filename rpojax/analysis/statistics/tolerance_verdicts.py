@@ -81,8 +81,12 @@ class RequirementEvaluation:
 
     @property
     def text(self) -> str:
-        """The verdict in words, with the number of missing runs."""
-        return self.verdict if self.more_runs is None else f"needs {self.more_runs} more runs"
+        """The verdict in words, with the number of missing runs; of a single run, which cannot verify, what it did."""
+        if self.more_runs is None:
+            return self.verdict
+        if self.runs == 1 and not self.not_counted:
+            return f"{'violated' if self.violations else 'kept'} by the one run, which gives no verdict"
+        return f"needs {self.more_runs} more {'run' if self.more_runs == 1 else 'runs'}"
 
 
 def violates(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:

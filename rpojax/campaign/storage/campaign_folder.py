@@ -16,6 +16,7 @@
 | `report.html`, `report.json`, `figures/` | the report |
 """
 
+import pkgutil
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
@@ -38,6 +39,7 @@ from rpojax.campaign.storage.arrays.zarr_encoding import NOT_RECORDED
 from rpojax.campaign.storage.arrays.zarr_writer import ZarrWriter
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
+from rpojax.campaign.storage.campaign_plots import CampaignPlots
 from rpojax.campaign.storage.campaign_seal import RequirementChange, array_binding
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
@@ -47,6 +49,7 @@ from rpojax.simulation.metrics.phase_records import PhaseTransition, listed_tran
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent, listed_events
 from rpojax.simulation.outcomes.outcome_kinds import REASONS
+from rpojax.summary_text import Summarised, Summary
 
 if TYPE_CHECKING:
     import pandas
@@ -73,7 +76,7 @@ class BlockTiming:
     device: str
 
 
-class Campaign:
+class Campaign(Summarised):
     """A campaign folder: written block by block, and read as arrays with one row per finished run.
 
     Results of a scenario with a plugin are read without the plugin's code, which is executed only with `allow_plugin`.
@@ -414,13 +417,13 @@ class Campaign:
         Raises:
             ResultError: the run has no history, the team no such servicer, or it cannot be read.
         """
-        number = None if servicer is None or not self.servicer_names else self._servicer_number(servicer)
+        number = None if servicer is None or not self.servicer_names else self.servicer_number(servicer)
         if run_id not in (stored := self.history_ids):
             raise ResultError(f"run {run_id}: found no history, expected one of {stored}")
         history = zarr_reader.read_history(self.directory, self.configuration, run_id)
         return history if number is None else of_servicer(history, number)
 
-    def _servicer_number(self, servicer: int | str) -> int:
+    def servicer_number(self, servicer: int | str) -> int:
         """Number of a servicer of a team, by it or by its name."""
         names = list(self.servicer_names)
         if servicer in names:
@@ -430,6 +433,20 @@ class Campaign:
             raise ResultError(f"servicer: found {servicer!r}, expected {expected}")
         return servicer
 
+    @property
+    def plot(self) -> CampaignPlots:
+        """Figures of the finished runs, for consoles and notebooks, each a `matplotlib.figure.Figure`.
+
+        `envelope(channel)` is a channel of the traces over time, `histogram(metric)` a metric, `scatter(x, y)` metrics
+        or dispersed numbers against each other, and `path(run_ids)` runs with a history around the target; with units
+        and the limits of requirements.
+        """
+        return CampaignPlots(self)
+
+    def _summary(self) -> Summary:
+        # The report, which judges requirements, is above the storage of campaigns.
+        return pkgutil.resolve_name("rpojax.report.campaign_text:campaign_summary")(self)
+
     def to_xarray(self) -> "xarray.Dataset":
         """Finished runs as an `xarray.Dataset` with units, as `rpojax.open_campaign` describes it.
 
@@ -437,11 +454,14 @@ class Campaign:
             MissingExtraError: xarray is not installed.
         """
         names = ("metrics", "traces", "drawn", "used", "phases")
-        groups = {name: getattr(self, name) for name in names}
-        return labelled_results.dataset(self.run_ids, self.trace_time_s, self._status(), groups, self.configuration)
+        groups = {name: self._read(name) for name in names}
+        if self.servicer_names:
+            groups |= {f"servicer_{name}": self.servicers(name) for name in names[:4]}
+        labels = labelled_results.Labels(self.run_ids, self.trace_time_s, self.phase_names, self.servicer_names)
+        return labelled_results.dataset(labels, self._status(), groups, self.configuration)
 
     def to_dataframe(self) -> "pandas.DataFrame":
-        """Finished runs as a table, one row a run by `run_id`: status, metrics, and dispersed values as `drawn.KEY`.
+        """Finished runs as a table, one row a run by `run_id`: status, metrics, and dispersed values by their keys.
 
         Raises:
             MissingExtraError: pandas is not installed.

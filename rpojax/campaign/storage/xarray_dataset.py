@@ -12,9 +12,11 @@ if TYPE_CHECKING:
 def open_campaign(path: Path | str) -> "xarray.Dataset":
     """Finished runs of a campaign folder as an `xarray.Dataset`.
 
-    Variables are metrics by their names, `trace.NAME` over `time` [s], `failed_at_s`, `failure_reason`, `outcome` and
-    `completed`, dispersed values as `drawn.KEY` and `used.KEY`, and those of phases as `phase.NAME`, each with its unit
-    as attribute `units`. Dimensions are `run`, with the run numbers as coordinate, `time`, and `axisI_N` for
+    Variables are metrics, `failed_at_s`, `failure_reason`, `outcome` and `completed`, traces such as `range_m` over
+    `time` [s], and dispersed values by their keys, such as `servicer.mass_kg`, each with its unit as attribute `units`.
+    A trace with the name of a metric is `NAME_over_time`; what each phase has is `NAME_by_phase`, what each servicer of
+    a team has `NAME_by_servicer`, and a value read back from the runs `used.KEY`. Dimensions with coordinates are
+    `run`, `time`, `phase`, `servicer`, `axis` (x, y, z) and `quaternion`; `transition` counts, and `axisI_N` are other
     components. Attributes identify the campaign.
 
     Raises:

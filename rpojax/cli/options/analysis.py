@@ -8,7 +8,18 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
-from rpojax.cli.options.arguments import FLAT, AsJson, Command, Force, NoCache, Out, Overrides, Seed, Session, Source
+from rpojax.cli.options.arguments import (
+    FLAT,
+    AllowPlugin,
+    AsJson,
+    Command,
+    NoCache,
+    Out,
+    Overrides,
+    Seed,
+    Session,
+    Source,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,8 +35,9 @@ class CompareCommand(Command):
     second: Annotated[Positional[Path], arg(metavar="DIR_B", help="Folder of another one with the same seed.")]
     more: Annotated[Positional[tuple[Path, ...]], arg(metavar="DIR...", help="Further ones.")] = ()
     out: Annotated[Path | None, arg(metavar="FILE", help="Page to write, such as compare.html.")] = None
-    force: Force = False
+    force: Annotated[bool, arg(help="Replace the page if it is there.")] = False
     as_json: AsJson = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +56,7 @@ class LincovCommand(Command):
     force: Annotated[bool, arg(help="Replace the files if they are there.")] = False
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +86,7 @@ class SensitivityCommand(Command):
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)

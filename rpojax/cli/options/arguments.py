@@ -21,6 +21,9 @@ Seed = Annotated[int, arg(metavar="S", help="Master seed.")]
 Force = Annotated[bool, arg(help="Replace the folder if it holds a campaign.")]
 AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
 NoFilm = Annotated[bool, arg(help="Do not render the camera of a run again for the report.")]
+AllowPlugin = Annotated[
+    bool, arg(help="Execute the plugin that the scenario names: Python code with the rights of this program.")
+]
 NoCache = Annotated[bool, arg(help="Compile anew, without the cache of compiled programs.")]
 
 
@@ -30,6 +33,7 @@ class Session:
 
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)

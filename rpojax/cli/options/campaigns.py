@@ -10,6 +10,7 @@ from rpojax.analysis.reliability.search_settings import EstimateSettings, Failur
 from rpojax.campaign.options.campaign_options import CampaignOptions, Shard
 from rpojax.cli.options.arguments import (
     FLAT,
+    AllowPlugin,
     AsJson,
     Command,
     Folder,
@@ -68,7 +69,7 @@ class DryRunOptions:
                 if value is not None:
                     raise RpojaxError.of_argument(option, f"found {str(value)!r}, expected it with --dry-run only")
             if out is None:
-                raise RpojaxError.of_argument("out", "found nothing, expected a folder to make (or --dry-run)")
+                raise RpojaxError.of_argument("out", "missing, expected a folder to make (or --dry-run)")
         if self.plan is not None:
             claim(self.plan, force, (".csv",))
 
@@ -146,6 +147,7 @@ class RunCommand(Command):
     no_film: NoFilm = False
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,6 +188,7 @@ class StatusCommand(Command):
 
     directory: Folder
     as_json: AsJson = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,6 +204,7 @@ class RerunCommand(Command):
     no_film: NoFilm = False
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,3 +253,4 @@ class BenchCommand(Command):
     ] = None
     only: Annotated[str, arg(metavar="PARTS", help="Parts to measure.")] = ",".join(PARTS)
     as_json: AsJson = False
+    allow_plugin: AllowPlugin = False

@@ -8,6 +8,7 @@ from tyro.conf import arg
 
 from rpojax.cli.options.arguments import (
     FLAT,
+    AllowPlugin,
     AsJson,
     Command,
     Folder,
@@ -39,6 +40,7 @@ class ReportCommand(Command):
     brief: Annotated[bool, arg(help="Write brief.html instead: four A4 pages to print.")] = False
     no_film: NoFilm = False
     as_json: AsJson = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +70,7 @@ class ExportCommand(Command):
     force: Annotated[bool, arg(help="Replace files that exist.")] = False
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +92,7 @@ class ExportBagCommand(Command):
     force: Annotated[bool, arg(help="Replace the bag if there is one.")] = False
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +108,7 @@ class ExportRrdCommand(Command):
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False
     as_json: AsJson = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,3 +147,4 @@ class FilmCommand(Command):
     codec: Annotated[str, arg(metavar="KIND", help="Of a film: vp9, or h264 (extra viz).")] = "vp9"
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False
     no_cache: NoCache = False
+    allow_plugin: AllowPlugin = False

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from rpojax.cli.options.arguments import AsJson, Command, Overrides, Source
+from rpojax.cli.options.arguments import AllowPlugin, AsJson, Command, Overrides, Source
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +28,7 @@ class ValidateCommand(Command):
     scenario: Source
     overrides: Overrides = ()
     as_json: AsJson = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)

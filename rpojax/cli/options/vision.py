@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from rpojax.cli.options.arguments import FLAT, AsJson, Command, Overrides, Source
+from rpojax.cli.options.arguments import FLAT, AllowPlugin, AsJson, Command, Overrides, Source
 from rpojax.errors import RpojaxError
 
 NetworkSeed = Annotated[int, arg(metavar="S", help="Seed.")]
@@ -96,6 +96,7 @@ class CalibrateCameraModelCommand(Command):
     overrides: Overrides = ()
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False
     as_json: AsJson = False
+    allow_plugin: AllowPlugin = False
 
 
 @dataclass(frozen=True, kw_only=True)

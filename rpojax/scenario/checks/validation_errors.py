@@ -1,24 +1,25 @@
 """Errors of the schema validation as one-line scenario errors."""
 
 import difflib
-from typing import get_args
+from collections.abc import Mapping
+from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from rpojax.errors import ScenarioError, UnknownKeyError
+from rpojax.errors import MISSING, ScenarioError, UnknownKeyError
 from rpojax.scenario.checks import former_keys
 from rpojax.scenario.checks.nearest_key import nearest_key
 from rpojax.scenario.schema import ScenarioFile
 
 
-def first_error(error: ValidationError) -> ScenarioError:
-    """The first fault that pydantic reports, with the key's path, what was found and what was expected."""
+def first_error(error: ValidationError, tables: Mapping[str, Any]) -> ScenarioError:
+    """The first fault that pydantic reports of `tables`: the key's path, what was found and what was expected."""
     faults = error.errors()
     first = _key_path(faults[0]["loc"])
     # For a key that takes a number or a list pydantic reports a fault of each; the deepest one fits the value given.
     related = [fault for fault in faults if _key_path(fault["loc"])[: len(first)] == first]
     fault = max(related, key=lambda fault: len(_key_path(fault["loc"])))
-    key = ".".join(_key_path(fault["loc"]))
+    key = ".".join(_with_phase_name(_key_path(fault["loc"]), tables))
     if fault["type"] == "extra_forbidden" and _is_of_world(fault["loc"]):
         expected = f"it only at the top of the scenario: one {fault['loc'][2]} for all servicers"
         return ScenarioError(key, "a value", expected)
@@ -27,7 +28,7 @@ def first_error(error: ValidationError) -> ScenarioError:
             return ScenarioError(key, fault["input"], present)
         return UnknownKeyError(key, _similar_key(key, fault["loc"]))
     if fault["type"] == "missing":
-        return ScenarioError(key, "nothing", "a value for this key")
+        return ScenarioError(key, MISSING, "a value for this key")
     if fault["type"] == "union_tag_invalid" and fault["loc"][0] == "phases":
         context = fault.get("ctx", {})
         return ScenarioError(f"{key}.kind", context["tag"], f"one of {context['expected_tags']}")
@@ -44,6 +45,17 @@ def _key_path(location: tuple[int | str, ...]) -> list[str]:
         branch = 3
     parts = [part for index, part in enumerate(location) if index != branch]
     return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
+
+
+def _with_phase_name(path: list[str], tables: Mapping[str, Any]) -> list[str]:
+    """Path of a key with the name of a phase, where it has one, in place of its number."""
+    phases = tables.get("phases")
+    if path[:1] != ["phases"] or len(path) < 2 or not path[1].isdecimal() or not isinstance(phases, list):
+        return path
+    phase = phases[int(path[1])]
+    name = phase.get("name") if isinstance(phase, dict) else None
+    # A fault of the name itself is told with the number.
+    return [path[0], name, *path[2:]] if isinstance(name, str) and name and path[2:] != ["name"] else path
 
 
 def _is_of_world(location: tuple[int | str, ...]) -> bool:

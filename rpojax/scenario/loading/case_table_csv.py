@@ -6,7 +6,7 @@ import math
 import re
 from pathlib import Path
 
-from rpojax.errors import ScenarioError
+from rpojax.errors import MISSING, ScenarioError
 from rpojax.untrusted.file_reading import FileError, FileKind
 from rpojax.untrusted.text_reading import read_text
 
@@ -33,7 +33,7 @@ def read_columns(path: Path) -> Columns:
     if twice:
         raise _table_error(path, 1, twice[0], "distinct keys of the scenario as header")
     if not body:
-        raise _table_error(path, 2, "nothing", "a row for each run")
+        raise _table_error(path, 2, MISSING, "a row for each run")
     for number, row in enumerate(body, start=2):
         if len(row) != len(header):
             raise _table_error(path, number, f"{len(row)} fields", f"{len(header)} as in the header")
@@ -63,7 +63,7 @@ def _rows(path: Path, text: str) -> list[list[str]]:
     while rows and not rows[-1]:
         rows.pop()
     if not rows or not rows[0]:
-        raise _table_error(path, 1, "nothing", "keys of the scenario as header")
+        raise _table_error(path, 1, MISSING, "keys of the scenario as header")
     return rows
 
 
@@ -79,5 +79,5 @@ def _column(path: Path, key: str, cells: list[str]) -> list[float] | list[str]:
     return values
 
 
-def _table_error(path: Path, line: int, found: str, expected: str) -> ScenarioError:
+def _table_error(path: Path, line: int, found: object, expected: str) -> ScenarioError:
     return ScenarioError(f"{path} row {line}", found, expected)

@@ -141,7 +141,7 @@ def _of_schema(tables: Mapping[str, Any]) -> ScenarioFile:
     try:
         file = plugin_registry.schema_for(tables).model_validate(tables)
     except ValidationError as error:
-        raise first_error(error) from None
+        raise first_error(error, tables) from None
     plugin_registry.check_metrics(file)
     return file
 

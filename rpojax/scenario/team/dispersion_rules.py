@@ -6,7 +6,7 @@ from typing import Any
 from rpojax.dispersions.designs.design_sections import LatinHypercubeDesign, SobolDesign
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
-from rpojax.errors import ScenarioError, ServicerError
+from rpojax.errors import MISSING, ScenarioError, ServicerError
 from rpojax.scenario.dispersed_numbers.dispersion_keys import (
     assigned_keys,
     design_keys,
@@ -52,7 +52,7 @@ def _check_common(where: str, entry: DispersionKind) -> None:
         raise ScenarioError(f"{where}.common", False, f"true, as all servicers have {of_team[0]} in common")
     elif entry.common is None and of_team and own:
         expected = f"true, as all servicers have {of_team[0]} in common, but not {own[0]}"
-        raise ScenarioError(f"{where}.common", "nothing", expected)
+        raise ScenarioError(f"{where}.common", MISSING, expected)
 
 
 def _set_keys(file: ScenarioFile) -> Iterator[tuple[str, Any, str]]:

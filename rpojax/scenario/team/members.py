@@ -48,7 +48,7 @@ def _member(schema: type[ScenarioFile], tables: dict[str, Any], changes: Service
     try:
         return schema.model_validate(_with_changes(tables, changes.tables))
     except ValidationError as error:
-        raise ServicerError(changes.name, first_error(error)) from None
+        raise ServicerError(changes.name, first_error(error, tables)) from None
     except ScenarioError as error:
         raise ServicerError(changes.name, error) from None
 

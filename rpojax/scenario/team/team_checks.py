@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.errors import ScenarioError, ServicerError
+from rpojax.errors import MISSING, ScenarioError, ServicerError
 from rpojax.scenario.checks.consistency_checks import check_consistency
 from rpojax.scenario.dispersed_numbers.dispersion_keys import varied_keys
 from rpojax.scenario.schema import ScenarioFile, ServicerChanges
@@ -86,7 +86,7 @@ def _differences(own: dict[str, Any], others: dict[str, Any], path: str) -> Iter
         elif key in _FREE or where in ("fault.kind", "fault.wheel") or path.endswith("until."):
             continue
         elif found is None or expected is None:
-            yield where, "nothing" if found is None else found, "nothing" if expected is None else "a value"
+            yield where, MISSING if found is None else found, "no value" if expected is None else "a value"
         elif _must_be_equal(key, found) and found != expected:
             yield where, found, repr(expected)
         elif _shape(found) != _shape(expected):

@@ -104,6 +104,9 @@ def test_the_nearest_violation_is_found_on_either_side(
     index = int(row[-2])
     moved = first["values"][key][index] - first["nominal"][key][index]
     assert moved == pytest.approx(2.0 * first["sigmas"][row])
+    lines = repr(worst).splitlines()
+    assert lines[0].startswith(f"Worst case of {worst.space.file.name}: {worst.limit.metric} ")
+    assert any(" sigmas from the median, run " in line for line in lines)
     table = worst.to_dataframe().set_index("key")
     assert table.loc[row, "value"] - table.loc[row, "nominal"] == pytest.approx(moved)
     assert table["name"].iloc[0] == key

@@ -63,3 +63,17 @@ def test_servicers_of_one_campaign_alone_are_named() -> None:
     assert line.startswith("servicers differ, first, second against first, other: ")
     (line,) = servicer_warnings(team, ["range_m"])
     assert line.startswith("servicers differ, first, second against one without a name: ")
+
+
+def test_the_summary_has_what_changed_and_what_came_of_it() -> None:
+    ids = np.arange(40)
+    metrics = {"min_range_m": 10.0 + ids / 10.0, "delta_v_m_s": np.ones(40)}
+    first = RunMetrics(ids, np.full(40, "completed"), metrics)
+    second = RunMetrics(ids, np.where(ids < 5, "lost", "completed"), metrics | {"min_range_m": 12.0 + ids / 10.0})
+    runs = compare_paired_runs(first, second, (), independent=True)
+    changed = (KeyChange("camera.edge_noise_px", 1.0, 3.0),)
+    lines = repr(CampaignComparison(Path("a"), Path("b"), changed, True, ("beware",), runs)).splitlines()
+    assert lines[:2] == ["a -> b: 40 pairs of runs", "  changed  camera.edge_noise_px: 1 -> 3"]
+    assert lines[2].startswith("  failed   0 -> 5 of 40, p = ")
+    assert lines[3].startswith("  medians  min_range_m: 11.95 -> 13.95 m (95 % of the difference 2")
+    assert lines[4:] == ["  warning  beware"]

@@ -47,7 +47,7 @@ def test_just_enough_runs_verify(runs: int, violating: int) -> None:
 def test_one_run_less_needs_more_and_the_number_is_just_enough(runs: int, violating: int, more: int) -> None:
     found = campaign(runs, violating)
     assert found.verdict is Verdict.MORE_RUNS
-    assert found.text == f"needs {more} more runs"
+    assert found.text == f"needs {more} more {'run' if more == 1 else 'runs'}"
     assert campaign(runs + more, violating).verdict is Verdict.VERIFIED
 
 
@@ -167,3 +167,8 @@ def test_a_wrong_verdict_on_a_design_at_the_limit_is_no_more_probable_than_the_r
     for wrong in (Verdict.VERIFIED, Verdict.NOT_VERIFIED):
         chance = probability[[verdict is wrong for verdict in verdicts]].sum()
         assert 0.03 < chance <= 0.1
+
+
+def test_a_single_run_is_told_without_a_number_of_missing_runs() -> None:
+    assert campaign(1, 0).text == "kept by the one run, which gives no verdict"
+    assert campaign(1, 1, probability=0.5).text == "violated by the one run, which gives no verdict"

@@ -167,15 +167,15 @@ def test_blocks_of_an_older_version_are_read_beside_those_of_this_one(empty: Cam
     assert (event.raised_at_s, event.cleared_at_s) == (600.0, 700.0)
     missing = next((empty.directory / "results.zarr" / "events" / "code").rglob("c/1/0"))
     missing.unlink()
-    with pytest.raises(ResultError, match="code: found nothing, expected the values of block"):
+    with pytest.raises(ResultError, match="code: missing, expected the values of block"):
         _ = Campaign(empty.directory).events
 
 
 def test_a_servicer_of_a_team_is_named_or_numbered() -> None:
     team = SimpleNamespace(servicer_names=("near", "far"))
-    assert [Campaign._servicer_number(team, one) for one in ("far", 1, 0)] == [1, 1, 0]  # pyright: ignore[reportArgumentType]
+    assert [Campaign.servicer_number(team, one) for one in ("far", 1, 0)] == [1, 1, 0]  # pyright: ignore[reportArgumentType]
     for one in ("third", 2, -1):
         with pytest.raises(
             ResultError, match=r"^servicer: found .*, expected one of near, far, or a number from 0 to 1$"
         ):
-            Campaign._servicer_number(team, one)  # pyright: ignore[reportArgumentType]
+            Campaign.servicer_number(team, one)  # pyright: ignore[reportArgumentType]

@@ -7,6 +7,7 @@ import pytest
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
 import rpojax
+from rpojax.campaign.storage import labelled_results
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
@@ -26,14 +27,34 @@ def test_variables_have_dimensions_and_units(written: Campaign) -> None:
     assert found["run"].values.tolist() == [10, 11, 14]
     assert found["min_range_m"].dims == ("run",)
     assert found["min_range_m"].attrs["units"] == "m"
-    assert found["trace.range_m"].dims == ("run", "time")
+    assert found["range_m"].dims == ("run", "time")
     assert found["time"].values.tolist() == [0.0, 10.0, 20.0]
-    assert found["drawn.target.tumble_axis"].dims == ("run", "axis1_3")
+    assert found["target.tumble_axis"].dims == ("run", "axis")
+    assert found["target.tumble_axis"].sel(axis="y", run=14).item() == written.drawn["target.tumble_axis"][2, 1]
     assert found.sel(run=14)["min_range_m"].item() == 4.0
     assert found["failure_reason"].values.tolist() == ["", "entered the keep-out sphere", ""]
     assert found["completed"].values.tolist() == [True, False, True]
     for key in ("scenario_hash", "seed", "runs", "block_size"):
         assert found.attrs[key] == written.info[key]
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "shown"),
+    [
+        ("metrics", "delta_v_m_s", "delta_v_m_s"),
+        ("traces", "range_m", "range_m"),
+        ("traces", "delta_v_m_s", "delta_v_m_s_over_time"),
+        ("drawn", "servicer.mass_kg", "servicer.mass_kg"),
+        ("used", "servicer.mass_kg", "used.servicer.mass_kg"),
+        ("phases", "delta_v_m_s", "delta_v_m_s_by_phase"),
+        ("phases", "transition_at_s", "transition_at_s"),
+        ("phases", "goal_reached_at_s", "goal_reached_at_s"),
+        ("servicer_metrics", "delta_v_m_s", "delta_v_m_s_by_servicer"),
+        ("servicer_traces", "delta_v_m_s", "delta_v_m_s_over_time_by_servicer"),
+    ],
+)
+def test_a_name_is_plain_unless_another_has_it(group: str, name: str, shown: str) -> None:
+    assert labelled_results.variable_name(group, name, {"delta_v_m_s"}) == shown
 
 
 def test_a_table_has_a_row_for_each_run_and_a_column_for_each_number(written: Campaign) -> None:
@@ -43,7 +64,7 @@ def test_a_table_has_a_row_for_each_run_and_a_column_for_each_number(written: Ca
     assert found.loc[14, "min_range_m"] == 4.0
     assert found["outcome"].tolist() == written.outcomes.tolist()
     for axis in range(3):
-        column = found[f"drawn.target.tumble_axis[{axis}]"].to_numpy()
+        column = found[f"target.tumble_axis[{axis}]"].to_numpy()
         np.testing.assert_array_equal(column, written.drawn["target.tumble_axis"][:, axis])
     assert set(written.metrics) <= set(found.columns)
 

@@ -212,3 +212,8 @@ def test_a_key_of_a_phase_is_set_by_the_name_of_the_phase(tmp_path: Any) -> None
     assert (near.timeout_s, near.reference.model_dump()["position_m"]) == (500.0, [0.0, -40.0, 0.0])
     with pytest.raises(ScenarioError, match="did you mean 'near'"):
         scenario_loader.load(path, ["phases.neer.timeout_s=500"])
+
+
+def test_a_fault_of_the_schema_names_the_phase() -> None:
+    with pytest.raises(ScenarioError, match=r"^phases.approach.timeout_s: found -1, expected greater than 0"):
+        scenario_loader.load("vbar_approach", ["phases.approach.timeout_s=-1"])

@@ -17,9 +17,9 @@ from rpojax.untrusted.file_reading import FileKind
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("", "row 1: found 'nothing'"),
+        ("", "row 1: missing"),
         ("\n\n", "row 1"),
-        ("gps.noise_m\n", "row 2: found 'nothing'"),
+        ("gps.noise_m\n", "row 2: missing"),
         ("gps.noise_m,gps.noise_m\n1,2\n", "row 1: found 'gps.noise_m', expected distinct"),
         ("gps.noise_m,\n1,2\n", "row 1"),
         ("gps.noise_m,thruster.force_n\n1\n", "row 2: found '1 fields', expected 2"),

@@ -308,7 +308,8 @@ def _check_start(undefined: dict[str, int], settings: TuningSettings) -> None:
             names = " and ".join(part_metrics(part))
             raise RpojaxError(
                 f"{weight_key(part)}: found no run of {runs} with {names}, expected some; "
-                "runs of a longer horizon may have it, and a weight of 0 leaves it out"
+                f"runs of a longer horizon (--horizon, horizon_s, now {settings.horizon_s or 0.0:g} s) may have it, "
+                "and a weight of 0 leaves it out"
             )
 
 

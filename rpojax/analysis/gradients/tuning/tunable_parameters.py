@@ -239,7 +239,7 @@ def scenario_at_horizon(file: ScenarioFile, settings: TuningSettings) -> Scenari
 
     Raises:
         ScenarioError: the scenario cannot be tuned by gradient.
-        RpojaxError: its phases do not fit into the time.
+        RpojaxError: it does not suit the time of the tuning's runs, or its phases do not fit into it.
     """
     check_differentiable(file)
     if file.design.kind != "independent":
@@ -248,9 +248,11 @@ def scenario_at_horizon(file: ScenarioFile, settings: TuningSettings) -> Scenari
     try:
         return scenario_loader.with_duration(file, used)
     except ScenarioError as error:
-        if not file.phases:
+        if used == file.duration_s:
             raise
-        expected = f"one in which the phases of the mission of {file.duration_s:g} s can end"
+        expected = f"a time that suits the scenario of {file.duration_s:g} s"
+        if file.phases:
+            expected = f"one in which the phases of the mission of {file.duration_s:g} s can end"
         raise RpojaxError.of_argument("horizon_s", f"found {used:g} ({error}), expected {expected}") from None
 
 

@@ -2,14 +2,14 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.analysis.gradients.tuning import gradient_descent, tunable_parameters
+from rpojax.analysis.gradients.tuning import gradient_descent, tunable_parameters, tuned_file
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult, TuningStep
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.statistics import paired_comparison
@@ -21,6 +21,7 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_atomically, write_json
 from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
+from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.optional_packages import require_package
 from rpojax.runtime.programs_per_device import share_runs
@@ -29,6 +30,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import of_codes
+from rpojax.summary_text import Summarised, Summary, counted, numbers
 
 if TYPE_CHECKING:
     import pandas
@@ -36,6 +38,14 @@ if TYPE_CHECKING:
 OnProgress = Callable[[float], None]
 _RESAMPLES = 999
 _METRICS = "metrics/"
+_SUMMARY_METRICS = (
+    "nees_mean",
+    "nav_relative_position_error_rms_m",
+    "formation_error_rms_m",
+    "delta_v_m_s",
+    "pointing_error_p95_deg",
+)
+"""Metrics whose means a summary shows."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +155,8 @@ def _interval_95(samples: np.ndarray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-@dataclass(frozen=True)
-class Tuning:
+@dataclass(frozen=True, repr=False)
+class Tuning(Summarised):
     """A finished tuning.
 
     Attributes:
@@ -208,24 +218,68 @@ class Tuning:
             rows.append(entry)
         return tables.DataFrame(rows, index=tables.RangeIndex(1, len(rows) + 1, name="step"))
 
-    def write(self, path: Path | str, force: bool = False) -> None:
+    def _summary(self) -> Summary:
+        steps = self.result.steps
+        return Summary(f"Tuning of {self.initial.name} in {counted(len(steps), 'step')}", list(self._summary_rows()))
+
+    def _summary_rows(self) -> Iterator[tuple[str, str]]:
+        for key, value in self.result.values.items():
+            yield "tuned", f"{key}: {numbers(nominal_of_key(self.initial, key))} -> {numbers(value)}"
+        first, last = self.result.steps[0], self.result.steps[-1]
+        yield "objective", f"{first.objective:.4f} -> {last.objective:.4f}, of other runs"
+        if self.validation is None:
+            yield "unseen", "not validated"
+            return
+        found = self.validation
+        start, tuned = (int(each.failed.sum()) for each in (found.baseline, found.tuned))
+        yield "unseen", f"{counted(len(found.baseline.run_ids), 'run')}, failed {start} -> {tuned}"
+        for name in _SUMMARY_METRICS:
+            if change := found.means.get(name):
+                low, high = change.ratio_95
+                means = f"{change.first:.4g} -> {change.second:.4g}"
+                yield "means", f"{name}: {means}, ratio {change.ratio:.3g} ({low:.3g} to {high:.3g})"
+
+    def write(self, path: Path | str, force: bool = False, extends: str | Path | None = None) -> None:
         """Writes the tuned scenario as TOML, and beside it a JSON file of the same name.
+
+        Args:
+            path: of the scenario
+            force: replace files that are there
+            extends: packaged name or file of the scenario that was tuned, of which the new file holds the numbers that
+                differ; by default a packaged scenario of its name. A file that differs in more is written as a whole.
 
         Raises:
             OutputError: a file exists and is not to be replaced by `force`, or cannot be written.
         """
-        import tomli_w
-
         path = Path(path)
         report = path.with_suffix(".json")
         check_replaceable((path, report), force)
-        names = ", ".join(self.settings.parameters)
-        header = (
-            f"# {self.initial.name} with {names} tuned by gradient; {report.name} holds the steps and the validation\n"
-        )
-        tables = self.scenario.model_dump(mode="json", exclude_none=True)
         write_json(report, self.to_dict())
-        write_atomically(path, (header + tomli_w.dumps(tables)).encode("utf-8", "backslashreplace"))
+        text = tuned_file.extending_text(self.scenario, str(extends or self.initial.name), path)
+        write_atomically(path, self._encoded(text or self._whole_text, report.name))
+        if text is not None and not self._is_read_from(path):
+            write_atomically(path, self._encoded(self._whole_text, report.name))
+
+    @property
+    def _whole_text(self) -> str:
+        import tomli_w
+
+        return tomli_w.dumps(self.scenario.model_dump(mode="json", exclude_none=True))
+
+    def _encoded(self, text: str, report: str) -> bytes:
+        """A text of the scenario below comments on what was tuned."""
+        names = ", ".join(self.settings.parameters)
+        lines = [f"# {self.initial.name} with {names} tuned by gradient; {report} holds the steps and the validation"]
+        for key, value in self.result.values.items():
+            lines.append(f"# {key}: {numbers(nominal_of_key(self.initial, key))} -> {numbers(value)}")
+        return "\n".join([*lines, text]).encode("utf-8", "backslashreplace")
+
+    def _is_read_from(self, path: Path) -> bool:
+        """Whether a file is read as the tuned scenario."""
+        try:
+            return scenario_loader.load(path).model_dump() == self.scenario.model_dump()
+        except RpojaxError:
+            return False
 
 
 def tune(

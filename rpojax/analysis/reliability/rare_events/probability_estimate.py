@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from rpojax.optional_packages import require_package
+from rpojax.summary_text import Summarised, Summary, counted
 
 if TYPE_CHECKING:
     import pandas
@@ -49,8 +50,8 @@ class DesignPoint:
     share: float
 
 
-@dataclass(frozen=True)
-class ProbabilityEstimate:
+@dataclass(frozen=True, repr=False)
+class ProbabilityEstimate(Summarised):
     """Probability of failure.
 
     Attributes:
@@ -78,6 +79,14 @@ class ProbabilityEstimate:
     effective_sample_size: float = 0.0
     levels: tuple[LevelRecord, ...] = field(default=(), repr=False)
     design_points: tuple[DesignPoint, ...] = field(default=(), repr=False)
+
+    def _summary(self) -> Summary:
+        low, high = self.interval_95
+        rows = [("method", self.method + (f": {self.reason}" if self.reason else ""))]
+        rows.append(("cost", counted(self.evaluations, "evaluation")))
+        rows.append(("trusted", "yes" if self.trusted else "NO"))
+        title = f"Probability of failure {self.probability:.3g}, 95 % interval {low:.2g} to {high:.2g}"
+        return Summary(title, [*rows, *(("warning", each) for each in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
         """Content in the types of JSON, where an infinite coefficient of variation is null."""

@@ -72,7 +72,7 @@ def read_whole(directory: Path, path: Path) -> np.ndarray:
     chunks = _chunks(directory, path, dimensions, [0])
     if not chunks:
         place = path / zarr_encoding.chunk_key(dimensions, 0)
-        raise ResultError(f"{place}: found nothing, expected the values of a channel")
+        raise ResultError(f"{place}: missing, expected the values of a channel")
     _check_size(path, metadata, sum(map(len, chunks.values())))
     return _values(path, _open(path, metadata, chunks), slice(None))
 
@@ -194,7 +194,7 @@ def read_group(
         if (zarr_encoding.digest(there, binding) if there else None) != entry.sha256.get(name):
             for path, rows in found.items():
                 if block not in rows:
-                    raise ResultError(f"{path}: found nothing, expected the values of block {block}")
+                    raise ResultError(f"{path}: missing, expected the values of block {block}")
             raise ResultError(
                 f"{folder}: found other values in block {block}, expected those that its manifest names "
                 "(without the manifest, a resume runs the block again)"
@@ -251,7 +251,7 @@ def _array_folders(directory: Path, folder: Path) -> list[Path]:
     try:
         paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     except OSError:
-        raise ResultError(f"{folder}: found nothing, expected the arrays of a campaign") from None
+        raise ResultError(f"{folder}: missing, expected the arrays of a campaign") from None
     for path in paths:
         safe_paths.check_no_links(directory, path)
     return paths

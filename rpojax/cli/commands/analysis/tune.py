@@ -50,7 +50,7 @@ def tune(asked: TuneCommand) -> int:
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     with resumable(progress):
         found = analysis.run_tuning(file, settings, progress, resume=asked.resume, progress=not asked.session.as_json)
-    found.write(asked.out, asked.force)
+    found.write(asked.out, asked.force, extends=asked.scenario)
     progress.unlink(missing_ok=True)
     content = found.to_dict()
     if asked.session.as_json:

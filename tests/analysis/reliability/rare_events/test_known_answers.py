@@ -164,6 +164,8 @@ def test_a_probability_of_points_without_a_margin_is_not_trusted() -> None:
 def test_an_estimate_depends_on_its_seed_alone() -> None:
     first, again, other = (rpojax.estimate_probability(plane, 3, budget=1000, seed=seed) for seed in (5, 5, 6))
     assert first.to_dict() == again.to_dict()
+    assert repr(first).startswith("Probability of failure ")
+    assert f"  method   {first.method}" in repr(first)
     table = first.to_dataframe()
     assert table["evaluations"].sum() == sum(level.evaluations for level in first.levels) > 0
     assert table["name"].tolist() == [level.name for level in first.levels]

@@ -16,7 +16,7 @@ from rpojax.errors import ResultError
 def remove(path: Path) -> str:
     """Removes a file; returns part of the error."""
     path.unlink()
-    return "found nothing"
+    return "missing"
 
 
 def corrupt(path: Path) -> str:
@@ -43,7 +43,7 @@ def test_chunks_of_fill_values_are_written(empty: Campaign) -> None:
     empty.write_history(10, {"delta_v_m_s": np.zeros(3), "box_present": np.zeros(3, bool)})
     assert empty.history(10)["delta_v_m_s"].tolist() == [0.0, 0.0, 0.0]
     remove(empty.directory / "results.zarr" / "histories" / "10" / "delta_v_m_s" / "c" / "0")
-    with pytest.raises(ResultError, match="found nothing"):
+    with pytest.raises(ResultError, match="missing"):
         empty.history(10)
 
 
