@@ -42,8 +42,8 @@ _CLUTTER_RANGE = (0.02, 0.9)
 """Limits of the share by which odds are told: a minute without a false box does not mean that there is none."""
 
 
-_END_ON = 1.25
-"""Allowed deviation of the size of a confirmed box over that of any box [-]. A choice: an outline of 0.46 of its mean
+_END_ON = 1.4
+"""Allowed deviation of the size of a confirmed box over that of any box [-]. A choice: an outline of 0.42 of its mean
 instead of 0.54. Much more, and the size would explain away a wrong range."""
 
 
