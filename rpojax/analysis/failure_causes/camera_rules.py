@@ -1,0 +1,175 @@
+"""Causes before the lens: target larger than the frame or too small in it, light, missing and false boxes."""
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
+from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
+from rpojax.scenario.warnings.target_light import light_warnings
+
+_CUT: Final = 0.4
+"""Share of boxes cut by the frame from which on the target is too large for it. A choice: of a cut box only the bearing
+is used, and roughly."""
+_MISSED: Final = 0.5
+"""Share of frames without a true box from which on a detector misses too much. A choice: a fifth is nothing unusual."""
+_FALSE: Final = 0.25
+"""Share of frames with a false box from which on there are too many. A choice: five times those of `inspection`."""
+_DARK: Final = 0.25
+"""Share of the time without light from which on it may be too dark; `inspection_eclipse` copes with a third."""
+_ROOM: Final = 1.3
+"""Room around the target in a frame that holds it, and over the least size in pixels."""
+_NEARER, _FARTHER = 0.7, 1.5
+"""Of the planned ranges: outside of these a picture too large or too small is a consequence of having drifted away."""
+
+
+def findings(evidence: RunEvidence) -> Iterator[Finding]:
+    """Findings of the runs; none where signs were not recorded."""
+    if evidence.has_signs:
+        yield frame(evidence)
+        yield too_small(evidence)
+        yield dark(evidence)
+        yield misses(evidence)
+        yield false_boxes(evidence)
+
+
+def frame(evidence: RunEvidence) -> Finding:
+    """The target outgrows the frame."""
+    nearest, _ = evidence.planned_ranges_m
+    planned = ~(evidence.ranges_m < _NEARER * nearest)
+    cut, boxes = (np.where(planned, evidence.sign(name), 0) for name in ("cut", "good_boxes"))
+    share, at_s = evidence.worst_share(cut, boxes)
+    is_cut = (cut >= _CUT * boxes) & (cut > 0)
+    below = np.max(np.where(is_cut, evidence.ranges_m, -np.inf), axis=1, initial=-np.inf)
+    below = np.where(np.isfinite(below), below, np.nan)
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"the target outgrows the frame below {number(median(below, chosen))} m "
+            f"({percent(median(share, chosen))} of boxes cut)"
+        )
+
+    return Finding(
+        "frame",
+        "the target outgrows the frame",
+        Depth.ROOT,
+        share / _CUT,
+        at_s,
+        words,
+        lambda _: f"a lens of {holding_lens_deg(evidence, nearest):.0f} deg holds it at {number(nearest)} m",
+    )
+
+
+def holding_lens_deg(evidence: RunEvidence, range_m: float) -> float:
+    """Field of view [deg] that holds the target at a range [m] with room around it, in steps of 5 deg from 10 on."""
+    camera = evidence.file.camera
+    across = _ROOM * evidence.target_m[1] * evidence.reach.high("target.scale") / max(range_m, 1e-3)
+    shape = max(1.0, camera.width_px / camera.height_px)
+    whole = 2.0 * math.degrees(math.atan(0.5 * across * shape))
+    step = 5.0 if whole > 10.0 else 1.0
+    return step * math.ceil(whole / step)
+
+
+def too_small(evidence: RunEvidence) -> Finding:
+    """The target is too small in the picture."""
+    file, (_, farthest) = evidence.file, evidence.planned_ranges_m
+    least = file.camera.minimum_size_px if file.camera.model == "geometric" else file.navigation.minimum_size_px
+    metres = evidence.target_m[0] * evidence.value("target.scale")[:, None]
+    side_px = evidence.focal_px * metres / evidence.ranges_m
+    small = (side_px < _ROOM * least) & (evidence.ranges_m < _FARTHER * farthest)
+    seen, frames = (np.where(small, evidence.sign(name), 0) for name in ("good_boxes", "in_view"))
+    share, at_s = evidence.worst_share(frames - np.minimum(seen, frames), frames)
+    smallest = np.min(np.where(small, side_px, np.inf), axis=1, initial=np.inf)
+    smallest = np.where(np.isfinite(smallest), smallest, np.nan)
+    narrower = math.degrees(2.0 * math.atan(math.tan(math.radians(0.5 * file.camera.field_of_view_deg)) / 2.0))
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"the target is too small in the picture ({number(median(smallest, chosen))} px, boxes from "
+            f"{number(least)} px on; {percent(median(share, chosen))} of frames without one)"
+        )
+
+    def mend(chosen: Flags) -> str:
+        factor = 2.0 * _ROOM * least / max(median(smallest, chosen), 1e-3)
+        lens = 2.0 * math.degrees(math.atan(math.tan(math.radians(0.5 * file.camera.field_of_view_deg)) / factor))
+        return f"a lens of {number(min(lens, narrower))} deg, or {number(factor)} times the pixels, shows it"
+
+    return Finding("too_small", "the target is too small in the picture", Depth.ROOT, share / _MISSED, at_s, words, mend)
+
+
+def dark(evidence: RunEvidence) -> Finding:
+    """There is no light to see the target by."""
+    darkness, ticks = evidence.sign("dark"), evidence.sign("ticks")
+    share = darkness.sum(axis=1) / np.maximum(ticks.sum(axis=1), 1)
+    at_s = evidence.interval_s * np.argmax(2 * darkness > ticks, axis=1)
+    longest = evidence.interval_s * _longest(2 * darkness > ticks)
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"the light does not show the target in {percent(median(share, chosen))} of the time "
+            f"(longest {number(median(longest, chosen))} s){_kinds_of_darkness(evidence)}"
+        )
+
+    def mend(_: Flags) -> str:
+        return "another plane or time (orbit.raan_deg, epoch_utc), or the side of the target on which the Sun is"
+
+    return Finding("dark", "there is no light to see the target by", Depth.ROOT, share / _DARK, at_s, words, mend)
+
+
+def _kinds_of_darkness(evidence: RunEvidence) -> str:
+    """Which kind of darkness there is over an orbit, from the scenario's warnings; empty without one."""
+    for line in light_warnings(evidence.file, evidence.reach):
+        if "(eclipse" in line:
+            return f": {line.partition('(')[2].partition(')')[0]}"
+    return ""
+
+
+def _longest(flags: Flags) -> Numbers:
+    """Longest stretch of raised flags (runs, intervals) in each run."""
+    longest = current = np.zeros(len(flags))
+    for column in flags.T:
+        current = np.where(column, current + 1.0, 0.0)
+        longest = np.maximum(longest, current)
+    return longest
+
+
+def misses(evidence: RunEvidence) -> Finding:
+    """The detector misses a target that is before the lens, in the light, and large enough."""
+    _, farthest = evidence.planned_ranges_m
+    near = ~(evidence.ranges_m > _FARTHER * farthest)
+    seen, frames = (np.where(near, evidence.sign(name), 0) for name in ("good_boxes", "in_view"))
+    share, at_s = evidence.worst_share(frames - np.minimum(seen, frames), frames)
+    believed = evidence.file.navigation.miss_probability
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"the detector misses the target in {percent(median(share, chosen))} of the frames that show it "
+            f"({percent(believed)} believed)"
+        )
+
+    def mend(chosen: Flags) -> str:
+        return (
+            f"a detector that finds it in {percent(1.0 - believed)} of them, or "
+            f"navigation.miss_probability = {number(median(share, chosen))}"
+        )
+
+    return Finding("misses", "boxes are missing", Depth.ROOT, share / _MISSED, at_s, words, mend)
+
+
+def false_boxes(evidence: RunEvidence) -> Finding:
+    """Boxes of something else."""
+    share, at_s = evidence.worst_share(evidence.sign("false_boxes"), evidence.sign("looking"))
+    accepted = evidence.sign("false_accepted").sum(axis=1).astype(float)
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"{percent(median(share, chosen))} of frames have a false box "
+            f"({median(accepted, chosen):.0f} of them passed the gate in a run)"
+        )
+
+    def mend(_: Flags) -> str:
+        return f"a detector with less than {percent(_FALSE)}: a higher score threshold, or one that is trained further"
+
+    return Finding("false_boxes", "boxes are false", Depth.ROOT, share / _FALSE, at_s, words, mend)

@@ -1,0 +1,76 @@
+"""Causes of failed runs, contrasted with completed ones and ranked by the number of runs that they explain."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rpojax.analysis.failure_causes.finding import Finding
+from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers
+
+_MORE_OFTEN: Final = 0.3
+"""By how much more often failed runs must show a cause than completed ones."""
+_SEPARATED: Final = 0.8
+"""Probability that a failed run shows it more strongly than a completed one, from which that is enough as well."""
+_STRONGEST: Final = 4.0
+"""Strength beyond which a cause is not stronger."""
+
+
+@dataclass(frozen=True)
+class RankedCauses:
+    """Causes by the number of failed runs that they explain, most first.
+
+    Attributes:
+        findings: causes that explain a run
+        cause: (runs,) place of each run's cause in `findings`, -1 for none
+    """
+
+    findings: Sequence[Finding]
+    cause: np.ndarray
+
+    def explained_by(self, place: int) -> Flags:
+        """(runs,) whether a run is explained by the cause at that place."""
+        return np.asarray(self.cause == place)
+
+
+def ranked_causes(findings: Sequence[Finding], failed: Flags, completed: Flags) -> RankedCauses:
+    """Each failed run goes to the cause farthest back that it shows, of several to the most common and strongest.
+
+    What completed runs show as much is no cause.
+    """
+    known = [each for each in findings if is_contrasted(each, failed, completed)]
+    cause = np.full(len(failed), -1)
+    scores = np.array([_scores(each, failed) for each in known]).reshape(len(known), len(failed))
+    if known:
+        best = np.argmax(scores, axis=0)
+        cause = np.where(failed & (scores.max(axis=0) > -np.inf), best, -1)
+    counts = [int(np.sum(cause == place)) for place in range(len(known))]
+    order = sorted((place for place in range(len(known)) if counts[place]), key=lambda place: -counts[place])
+    places = np.full(len(known) + 1, -1)
+    places[order] = np.arange(len(order))
+    return RankedCauses([known[place] for place in order], places[cause])
+
+
+def is_contrasted(finding: Finding, failed: Flags, completed: Flags) -> bool:
+    """Whether failed runs show a cause, and more often or more strongly than completed runs do."""
+    shown = finding.shown
+    if not (shown & failed).any():
+        return False
+    if not (shown & completed).any():
+        return True
+    more_often = np.mean(shown[failed]) - np.mean(shown[completed])
+    return bool(more_often >= _MORE_OFTEN or _separation(finding, failed & shown, completed) >= _SEPARATED)
+
+
+def _separation(finding: Finding, failed: Flags, completed: Flags) -> float:
+    """Probability that a failed run shows a cause more strongly than a completed one; ties count half."""
+    here, there = finding.strength[failed][:, None], finding.strength[completed][None, :]
+    return float(np.mean((here > there) + 0.5 * (here == there)))
+
+
+def _scores(finding: Finding, failed: Flags) -> Numbers:
+    """(runs,) how well a cause explains a run: first how far back it lies; minus infinity if it is not shown."""
+    common = np.mean(finding.shown[failed])
+    strength = np.minimum(finding.strength, _STRONGEST) / _STRONGEST
+    return np.where(finding.shown, -10.0 * finding.depth + common + strength, -np.inf)

@@ -1,0 +1,117 @@
+"""Why runs failed: causes with evidence, ranked by the runs that they explain, in one sentence and by run."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from rpojax.analysis.failure_causes import causes
+from rpojax.analysis.failure_causes.run_evidence import RunEvidence
+from rpojax.campaign.storage.atomic_outputs import to_json_types
+from rpojax.errors import ScenarioError
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.sections import team_section
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import member_files
+
+_IN_SENTENCE: Final = 3
+"""Most causes of the sentence."""
+
+
+def content(campaign: CampaignResults) -> dict[str, Any]:
+    """Part of report.json: failed runs, causes with evidence in two numbers and what would mend it, and those without.
+
+    Of a team each servicer that failed is looked at; a run has the cause of the first of them that has one.
+    """
+    failed = int(np.sum(campaign.failed))
+    found: list[dict[str, Any]] = []
+    if failed:
+        names = list(campaign.servicer_names)
+        for results, file, name in _servicers(campaign, names):
+            found += _causes(results, file, name, np.asarray(campaign.failed))
+    explained: set[int] = set()
+    for each in found:
+        each["run_ids"] = [run for run in each["run_ids"] if run not in explained]
+        explained.update(each["run_ids"])
+        each["runs"] = len(each["run_ids"])
+    kept = sorted((each for each in found if each["runs"]), key=lambda each: -each["runs"])
+    result = {"failed": failed, "runs": len(campaign.run_ids), "causes": kept, "without": failed - len(explained)}
+    return to_json_types({**result, "sentence": sentence(result)})
+
+
+def _servicers(
+    campaign: CampaignResults, names: Sequence[str]
+) -> list[tuple[CampaignResults, ScenarioFile, str]]:
+    """Results, scenario and name of each servicer; none where this version does not accept the scenario."""
+    try:
+        file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
+    except ScenarioError:
+        return []
+    if not names:
+        return [(campaign, file, "")]
+    members = member_files(file)
+    return [(team_section.of_servicer(campaign, number), members[number], name) for number, name in enumerate(names)]
+
+
+def evidence_of(campaign: CampaignResults, file: ScenarioFile) -> RunEvidence:
+    """What the rules read of the results of one servicer."""
+    return RunEvidence(
+        file=file,
+        outcomes=np.asarray(campaign.outcomes),
+        failed_at_s=np.asarray(campaign.failed_at_s, dtype=float),
+        metrics=campaign.metrics,
+        drawn=campaign.drawn,
+        time_s=np.asarray(campaign.trace_time_s, dtype=float),
+        traces=campaign.traces,
+        signs=campaign.signs,
+        phases=campaign.phases,
+    )
+
+
+def _causes(campaign: CampaignResults, file: ScenarioFile, servicer: str, failed: np.ndarray) -> list[dict[str, Any]]:
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ranked = causes.causes(evidence_of(campaign, file))
+        found = []
+        for place, finding in enumerate(ranked.findings):
+            chosen = ranked.explained_by(place) & failed
+            if not chosen.any():
+                continue
+            begin = f"{servicer}: " if servicer else ""
+            times = finding.at_s[chosen & np.isfinite(finding.at_s)]
+            found.append(
+                {
+                    "name": finding.name,
+                    "title": begin + finding.title,
+                    "text": begin + finding.evidence(chosen),
+                    "mend": finding.mend(chosen),
+                    "at_s": float(np.median(times)) if len(times) else None,
+                    "run_ids": campaign.run_ids[chosen].tolist(),
+                    "texts": {int(campaign.run_ids[row]): _of_run(finding, begin, row, chosen) for row in np.flatnonzero(chosen)},
+                }
+            )
+    return found
+
+
+def _of_run(finding: Any, begin: str, row: int, chosen: np.ndarray) -> str:
+    only = np.zeros(len(chosen), dtype=bool)
+    only[row] = True
+    return begin + finding.evidence(only)
+
+
+def sentence(found: Mapping[str, Any]) -> str:
+    """How many runs failed, and why, in a sentence; empty if none did."""
+    failed = found["failed"]
+    if not failed:
+        return ""
+    parts = []
+    for place, each in enumerate(found["causes"][:_IN_SENTENCE]):
+        mend = f"; {each['mend']}" if each["mend"] and place == 0 else ""
+        begin = "in all" if each["runs"] == failed else f"in {each['runs']}"
+        parts.append(f"{begin} {each['text']}{mend}")
+    more = sum(each["runs"] for each in found["causes"][_IN_SENTENCE:])
+    if more:
+        parts.append(f"{more} for {len(found['causes']) - _IN_SENTENCE} other reasons")
+    if found["without"]:
+        parts.append(f"no cause was found in {found['without']}")
+    return f"{failed} of {found['runs']} failed: {'; '.join(parts)}."
