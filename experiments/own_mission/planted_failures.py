@@ -29,7 +29,8 @@ class Planted:
 
 
 PLANTED = (
-    Planted("lens_narrow", "inspection", ["camera.field_of_view_deg=2.0", "pointing.search_pitch_deg=1.3"], ["frame"]),
+    Planted("lens_narrow", "vbar_approach", ["target.scale=8.0", "navigation.target_size_m=8.504"], ["frame"]),
+    Planted("lens_pinhole", "inspection", ["camera.field_of_view_deg=2.0", "pointing.search_pitch_deg=1.3"], ["out_of_view"]),
     Planted("lens_wide", "inspection", ["camera.field_of_view_deg=75.0"], ["too_small"]),
     Planted("eclipse_light", "inspection", ["orbit.raan_deg=0.0", "camera.phase_limit_deg=70.0"], ["dark"]),
     Planted("wheels_small", "inspection", ["wheels.speed_limit_rad_s=[60.0, 60.0, 60.0]"], ["wheels"]),

@@ -30,6 +30,7 @@ def findings(evidence: RunEvidence) -> Iterator[Finding]:
     if evidence.has_signs:
         yield frame(evidence)
         yield too_small(evidence)
+        yield out_of_view(evidence)
         yield dark(evidence)
         yield misses(evidence)
         yield false_boxes(evidence)
@@ -75,12 +76,10 @@ def holding_lens_deg(evidence: RunEvidence, range_m: float) -> float:
 def too_small(evidence: RunEvidence) -> Finding:
     """The target is too small in the picture."""
     file, (_, farthest) = evidence.file, evidence.planned_ranges_m
-    least = file.camera.minimum_size_px if file.camera.model == "geometric" else file.navigation.minimum_size_px
-    metres = evidence.target_m[0] * evidence.value("target.scale")[:, None]
-    side_px = evidence.focal_px * metres / evidence.ranges_m
+    least, side_px = _least_px(evidence), _side_px(evidence)
     small = (side_px < _ROOM * least) & (evidence.ranges_m < _FARTHER * farthest)
     seen, frames = (np.where(small, evidence.sign(name), 0) for name in ("good_boxes", "in_view"))
-    share, at_s = evidence.worst_share(frames - np.minimum(seen, frames), frames)
+    share, at_s = evidence.worst_share(frames - seen, frames)
     smallest = np.min(np.where(small, side_px, np.inf), axis=1, initial=np.inf)
     smallest = np.where(np.isfinite(smallest), smallest, np.nan)
     narrower = math.degrees(2.0 * math.atan(math.tan(math.radians(0.5 * file.camera.field_of_view_deg)) / 2.0))
@@ -97,6 +96,42 @@ def too_small(evidence: RunEvidence) -> Finding:
         return f"a lens of {number(min(lens, narrower))} deg, or {number(factor)} times the pixels, shows it"
 
     return Finding("too_small", "the target is too small in the picture", Depth.ROOT, share / _MISSED, at_s, words, mend)
+
+
+def _least_px(evidence: RunEvidence) -> float:
+    """Least side of a box [px]."""
+    camera = evidence.file.camera
+    return float(camera.minimum_size_px if camera.model == "geometric" else evidence.file.navigation.minimum_size_px)
+
+
+def _side_px(evidence: RunEvidence) -> Numbers:
+    """(runs, intervals) longer side of the target's picture in the median over attitudes [px]."""
+    metres = evidence.target_m[0] * evidence.value("target.scale")[:, None]
+    return np.asarray(evidence.focal_px * metres / evidence.ranges_m)
+
+
+def out_of_view(evidence: RunEvidence) -> Finding:
+    """The camera looks past the target: a root where the lens is narrower than what is known at the hand-over."""
+    share, at_s = evidence.worst_share(evidence.sign("out_of_view"), evidence.sign("looking"))
+    camera, believed = evidence.file.camera, evidence.file.navigation
+    half_deg = 0.5 * camera.field_of_view_deg * min(1.0, camera.height_px / camera.width_px)
+    start_m = float(np.linalg.norm(evidence.file.initial.relative_position_m))
+    sigma_deg = math.degrees(math.atan(float(np.max(believed.initial_relative_position_sigma_m)) / max(start_m, 1e-3)))
+    is_narrow = sigma_deg > half_deg
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes: half its field of view "
+            f"is {number(half_deg)} deg, and at the hand-over the target is known to {number(sigma_deg)} deg (1 sigma)"
+        )
+
+    def mend(_: Flags) -> str:
+        if not is_narrow:
+            return "see why the estimate of the target went wrong before"
+        return f"a lens of {5.0 * math.ceil(1.2 * sigma_deg):.0f} deg, or a better hand-over"
+
+    depth = Depth.ROOT if is_narrow else Depth.CONSEQUENCE
+    return Finding("out_of_view", "the camera looks past the target", depth, share / _MISSED, at_s, words, mend)
 
 
 def dark(evidence: RunEvidence) -> Finding:
@@ -137,10 +172,9 @@ def _longest(flags: Flags) -> Numbers:
 
 def misses(evidence: RunEvidence) -> Finding:
     """The detector misses a target that is before the lens, in the light, and large enough."""
-    _, farthest = evidence.planned_ranges_m
-    near = ~(evidence.ranges_m > _FARTHER * farthest)
-    seen, frames = (np.where(near, evidence.sign(name), 0) for name in ("good_boxes", "in_view"))
-    share, at_s = evidence.worst_share(frames - np.minimum(seen, frames), frames)
+    large = ~(_side_px(evidence) < _ROOM * _least_px(evidence))
+    seen, frames = (np.where(large, evidence.sign(name), 0) for name in ("good_boxes", "in_view"))
+    share, at_s = evidence.worst_share(frames - seen, frames)
     believed = evidence.file.navigation.miss_probability
 
     def words(chosen: Flags) -> str:

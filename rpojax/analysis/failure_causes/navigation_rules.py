@@ -76,7 +76,7 @@ def beliefs(evidence: RunEvidence) -> Iterator[Finding]:
     failed_of_run = failed_tests(evidence)
     shows = np.maximum(_wrongness(evidence), np.where(failed_of_run[:, 1:].any(axis=1), _CERTAIN, 0.0))
     if evidence.has_signs:
-        rejected, _ = evidence.worst_share(evidence.sign("good_rejected"), evidence.sign("boxes"))
+        rejected, _ = evidence.worst_share(evidence.sign("good_rejected"), evidence.sign("good_boxes"))
         shows = np.maximum(shows, rejected / _REJECTED)
     suspected = {key for place, test in enumerate(TESTS) if failed_of_run[:, place].any() for key in _suspects(test)}
     nowhere = np.full(evidence.count, np.nan)
@@ -157,7 +157,7 @@ def unknown_range(evidence: RunEvidence) -> Finding:
 
 def gate(evidence: RunEvidence) -> Finding:
     """The gate rejects true boxes."""
-    share, at_s = evidence.worst_share(evidence.sign("good_rejected"), evidence.sign("boxes"))
+    share, at_s = evidence.worst_share(evidence.sign("good_rejected"), evidence.sign("good_boxes"))
     sigma = evidence.file.navigation.gate_sigma
 
     def words(chosen: Flags) -> str:

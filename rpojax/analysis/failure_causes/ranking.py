@@ -13,6 +13,14 @@ _MORE_OFTEN: Final = 0.3
 """By how much more often failed runs must show a cause than completed ones."""
 _SEPARATED: Final = 0.8
 """Probability that a failed run shows it more strongly than a completed one, from which that is enough as well."""
+_MANY_FAIL: Final = 0.25
+"""Share of failed runs from which on what acts in all runs can be their cause."""
+_FAR_BEYOND: Final = 1.9
+"""Strength from which on it can be."""
+_NEARLY_ALL: Final = 0.75
+"""Share of the failed runs that must show it so strongly."""
+_EARLY: Final = 4.0
+"""Weight of the time at which a cause acts, over that of how common and how strong it is."""
 _STRONGEST: Final = 4.0
 """Strength beyond which a cause is not stronger."""
 
@@ -40,8 +48,9 @@ def ranked_causes(findings: Sequence[Finding], failed: Flags, completed: Flags) 
     What completed runs show as much is no cause.
     """
     known = [each for each in findings if is_contrasted(each, failed, completed)]
+    duration = max((float(np.nanmax(each.at_s, initial=1.0)) for each in known), default=1.0)
     cause = np.full(len(failed), -1)
-    scores = np.array([_scores(each, failed) for each in known]).reshape(len(known), len(failed))
+    scores = np.array([_scores(each, failed, duration) for each in known]).reshape(len(known), len(failed))
     if known:
         best = np.argmax(scores, axis=0)
         cause = np.where(failed & (scores.max(axis=0) > -np.inf), best, -1)
@@ -53,11 +62,16 @@ def ranked_causes(findings: Sequence[Finding], failed: Flags, completed: Flags) 
 
 
 def is_contrasted(finding: Finding, failed: Flags, completed: Flags) -> bool:
-    """Whether failed runs show a cause, and more often or more strongly than completed runs do."""
+    """Whether failed runs show a cause, and more often or more strongly than completed runs do.
+
+    What acts in all runs cannot be contrasted: it is a cause where it is far beyond its threshold and many runs fail.
+    """
     shown = finding.shown
     if not (shown & failed).any():
         return False
     if not (shown & completed).any():
+        return True
+    if np.mean(failed) >= _MANY_FAIL and np.mean(finding.strength[failed] >= _FAR_BEYOND) >= _NEARLY_ALL:
         return True
     more_often = np.mean(shown[failed]) - np.mean(shown[completed])
     return bool(more_often >= _MORE_OFTEN or _separation(finding, failed & shown, completed) >= _SEPARATED)
@@ -69,8 +83,12 @@ def _separation(finding: Finding, failed: Flags, completed: Flags) -> float:
     return float(np.mean((here > there) + 0.5 * (here == there)))
 
 
-def _scores(finding: Finding, failed: Flags) -> Numbers:
-    """(runs,) how well a cause explains a run: first how far back it lies; minus infinity if it is not shown."""
+def _scores(finding: Finding, failed: Flags, duration_s: float) -> Numbers:
+    """(runs,) how well a cause explains a run: how far back it lies, how early it acts, how common and strong it is.
+
+    Minus infinity if it is not shown; a cause without a time acts from the start on.
+    """
     common = np.mean(finding.shown[failed])
     strength = np.minimum(finding.strength, _STRONGEST) / _STRONGEST
-    return np.where(finding.shown, -10.0 * finding.depth + common + strength, -np.inf)
+    late = np.nan_to_num(finding.at_s, nan=0.0, posinf=duration_s) / duration_s
+    return np.where(finding.shown, -10.0 * finding.depth - _EARLY * late + common + strength, -np.inf)

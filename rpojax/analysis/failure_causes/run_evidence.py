@@ -147,15 +147,17 @@ class RunEvidence:
         return found
 
     def worst_share(self, part: np.ndarray, whole: np.ndarray) -> tuple[Numbers, Numbers]:
-        """Greatest share of ticks over windows (runs,), and when that window ended [s]; 0 without ticks.
+        """Greatest share of ticks over windows (runs,), and when the first window with half of it began [s].
 
-        `part` and `whole` are numbers of ticks (runs, intervals).
+        `part` and `whole` are numbers of ticks (runs, intervals); without ticks the share is 0.
         """
         width = min(max(1, round(WINDOW_S / self.interval_s)), part.shape[1])
         sums = [_moving_sum(each, width) for each in (part, whole)]
         known = sums[1] >= _LEAST_TICKS * min(1.0, self.file.rates.camera_hz)
         shares = np.where(known, sums[0] / np.maximum(sums[1], _TINY), 0.0)
-        return shares.max(axis=1), self.interval_s * (np.argmax(shares, axis=1) + width)
+        greatest = shares.max(axis=1)
+        first = np.argmax((shares >= 0.5 * greatest[:, None]) & known, axis=1)
+        return greatest, self.interval_s * first.astype(float)
 
     @cached_property
     def planned_ranges_m(self) -> tuple[float, float]:

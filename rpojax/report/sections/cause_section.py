@@ -10,11 +10,16 @@ from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.errors import ScenarioError
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.sections import team_section
+from rpojax.flight.mission.mission_state import AbortReason
+from rpojax.report.labels import format_number
+from rpojax.report.sections import phase_visits, team_section
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_files
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
+NO_CAUSE: Final = {"cause": "", "cause_text": ""}
+"""Of a failed run without a cause."""
 _IN_SENTENCE: Final = 3
 """Most causes of the sentence."""
 
@@ -38,6 +43,46 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
     kept = sorted((each for each in found if each["runs"]), key=lambda each: -each["runs"])
     result = {"failed": failed, "runs": len(campaign.run_ids), "causes": kept, "without": failed - len(explained)}
     return to_json_types({**result, "sentence": sentence(result)})
+
+
+def without_texts(found: Mapping[str, Any]) -> dict[str, Any]:
+    """The content without the texts of single runs, which stand with the failed runs."""
+    return {**found, "causes": [{name: value for name, value in each.items() if name != "texts"} for each in found["causes"]]}
+
+
+def texts_of_runs(found: Mapping[str, Any]) -> dict[int, dict[str, str]]:
+    """`cause` and `cause_text` of each run that has a cause, by its number."""
+    return {
+        run: {"cause": each["name"], "cause_text": each["texts"][str(run)]} for each in found["causes"] for run in each["run_ids"]
+    }
+
+
+def abort_details(campaign: CampaignResults) -> dict[int, str]:
+    """Reason, phase and time of the abort of each run that failed by it, by its number."""
+    aborted = np.flatnonzero(np.asarray(campaign.outcomes) == Outcome.ABORTED)
+    found: dict[int, list[str]] = {}
+    names = list(campaign.servicer_names)
+    for number, name in enumerate(names or [""]):
+        results = team_section.of_servicer(campaign, number) if names else campaign
+        if not results.phases:
+            continue
+        visits = phase_visits.phase_visits(results.phases)
+        before, reasons = visits.phase_before_abort(), results.phases["abort_reason"]
+        began = np.min(np.where(visits.phase == len(results.phase_names) - 1, visits.begin_s, np.inf), axis=1, initial=np.inf)
+        for row in aborted.tolist():
+            if reasons[row]:
+                where = f" in {results.phase_names[before[row]]}" if before[row] >= 0 else ""
+                text = f"{AbortReason(int(reasons[row])).text}{where} at {format_number(float(began[row]))} s"
+                found.setdefault(int(campaign.run_ids[row]), []).append(f"{name} {text}".strip())
+    return {run: "; ".join(texts) for run, texts in found.items()}
+
+
+def rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Rows of the page's table: cause, runs, evidence, what mends it, since when, and the first run that shows it."""
+    return [
+        {**each, "since": format_number(each["at_s"]), "first": each["run_ids"][0]}
+        for each in found["causes"]
+    ]
 
 
 def _servicers(
@@ -87,7 +132,7 @@ def _causes(campaign: CampaignResults, file: ScenarioFile, servicer: str, failed
                     "mend": finding.mend(chosen),
                     "at_s": float(np.median(times)) if len(times) else None,
                     "run_ids": campaign.run_ids[chosen].tolist(),
-                    "texts": {int(campaign.run_ids[row]): _of_run(finding, begin, row, chosen) for row in np.flatnonzero(chosen)},
+                    "texts": {str(campaign.run_ids[row]): _of_run(finding, begin, row, chosen) for row in np.flatnonzero(chosen)},
                 }
             )
     return found
@@ -97,6 +142,15 @@ def _of_run(finding: Any, begin: str, row: int, chosen: np.ndarray) -> str:
     only = np.zeros(len(chosen), dtype=bool)
     only[row] = True
     return begin + finding.evidence(only)
+
+
+def sentence_of_run(found: Mapping[str, Any]) -> str:
+    """Why the only run failed and what would mend it, in a sentence; empty if it did not or no cause was found."""
+    if not found["causes"]:
+        return ""
+    first = found["causes"][0]
+    text = f"{first['text']}; {first['mend']}" if first["mend"] else str(first["text"])
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def sentence(found: Mapping[str, Any]) -> str:

@@ -38,7 +38,7 @@ COUNTS: Final = (
     "dark",
     "looking",
     "in_view",
-    "boxes",
+    "out_of_view",
     "good_boxes",
     "cut",
     "false_boxes",
@@ -48,9 +48,10 @@ COUNTS: Final = (
     "no_star_tracker",
     "outside_3_sigma",
 )
-"""Signs that are numbers of ticks: all, without light, in which the light allows to see the target that the camera is
-turned to; of these with the target before the lens; of these with a box, with a true one, cut by the frame, false; true boxes rejected and false ones accepted;
-without confidence, without star tracker, with an axis outside of 3 sigma."""
+"""Signs that are numbers of ticks: all; without light; with light, of which the camera is turned to the target or
+searches it; with light and the target before the lens; of those that look the ones without it there; of those with it
+there the ones with a box of it, and with one that the frame cuts; false boxes of those that look; true boxes rejected and
+false ones accepted by the gate; without confidence, without star tracker, with an axis outside of 3 sigma."""
 FAILED_TESTS: Final = "failed_tests"
 """Sign that is a set of bits: the health tests of `rpojax.flight.navigation_health.TESTS` that failed in a tick."""
 
@@ -68,19 +69,20 @@ def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str,
     every = interval_ticks(running.shape[1], 1.0 / file.rates.camera_hz)
     starts = np.arange(0, running.shape[1], every)
     present, outlier, accepted = (records[f"box_{name}"] & running for name in ("present", "outlier", "accepted"))
-    good = present & ~outlier
-    looking = records["observable"] & (records["mode"] == Mode.LOOK) & running
+    lit = records["observable"] & running
+    looking = lit & np.isin(records["mode"], (Mode.LOOK, Mode.SEARCH))
     least_side = min(file.camera.width_px, file.camera.height_px) / file.camera.width_px
     half_deg = np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * file.camera.field_of_view_deg))))
-    in_view = looking & (records["pointing_error_deg"] <= half_deg)
+    in_view = lit & (records["pointing_error_deg"] <= half_deg)
+    good = present & ~outlier & in_view
     flags = {
         "ticks": running,
         "dark": running & ~records["observable"],
         "looking": looking,
         "in_view": in_view,
-        "boxes": present & looking,
-        "good_boxes": good & in_view,
-        "cut": good & in_view & records["box_truncated"],
+        "out_of_view": looking & ~in_view,
+        "good_boxes": good,
+        "cut": good & records["box_truncated"],
         "false_boxes": outlier & looking,
         "good_rejected": good & ~accepted,
         "false_accepted": outlier & accepted,
