@@ -2,9 +2,9 @@
 
 python experiments/own_mission/planted_failures.py --out out/planted [--runs 16] [--only lens_narrow,thrust_small]
 
-Prints a Markdown table: what was planted, failed runs, first cause that the report names, and whether it is one of those
-that were planted; then causes that are named in healthy packaged campaigns. The exit status is 1 if more than one in
-twelve is wrong, or a healthy campaign has a cause.
+Prints a Markdown table: what was planted, failed runs, first cause that the report names, and whether it is one of
+those that were planted; then causes that are named in healthy packaged campaigns. The exit status is 1 if more than one
+in twelve is wrong, or a healthy campaign has a cause.
 """
 
 import argparse
@@ -30,7 +30,9 @@ class Planted:
 
 PLANTED = (
     Planted("lens_narrow", "vbar_approach", ["target.scale=8.0", "navigation.target_size_m=8.504"], ["frame"]),
-    Planted("lens_pinhole", "inspection", ["camera.field_of_view_deg=2.0", "pointing.search_pitch_deg=1.3"], ["out_of_view"]),
+    Planted(
+        "lens_pinhole", "inspection", ["camera.field_of_view_deg=2.0", "pointing.search_pitch_deg=1.3"], ["out_of_view"]
+    ),
     Planted("lens_wide", "inspection", ["camera.field_of_view_deg=75.0"], ["too_small"]),
     Planted("eclipse_light", "inspection", ["orbit.raan_deg=0.0", "camera.phase_limit_deg=70.0"], ["dark"]),
     Planted("wheels_small", "inspection", ["wheels.speed_limit_rad_s=[60.0, 60.0, 60.0]"], ["wheels"]),
@@ -38,12 +40,32 @@ PLANTED = (
     Planted("thrust_small", "inspection", ["thruster.force_n=0.002"], ["authority"]),
     Planted("size_belief", "inspection", ["target.scale=1.6"], ["belief"]),
     Planted("noise_belief", "inspection", ["camera.edge_noise_px=6.0"], ["belief"]),
-    Planted("corridor_tight", "vbar_approach", ["phases.approach.corridor.half_angle_deg=0.3", "phases.approach.corridor.width_m=0.1"], ["corridor"]),
+    Planted(
+        "corridor_tight",
+        "vbar_approach",
+        ["phases.approach.corridor.half_angle_deg=0.3", "phases.approach.corridor.width_m=0.1"],
+        ["corridor"],
+    ),
     Planted("false_boxes", "inspection", ["camera.outlier_probability=0.7"], ["false_boxes"]),
     Planted("misses", "inspection", ["camera.miss_probability=0.97"], ["misses"]),
-    Planted("thruster_fault", "inspection", ["effects.faults=true", 'fault.kind="thruster_off"', "fault.start_s=300.0"], ["fault"]),
-    Planted("camera_fault", "inspection", ["effects.faults=true", 'fault.kind="camera_blackout"', "fault.start_s=2000.0"], ["fault"]),
-    Planted("phase_never_ends", "vbar_approach", ["phases.hold_100.until.range_sigma_m=0.02", 'phases.hold_100.on_timeout="hold"'], ["phase"]),
+    Planted(
+        "thruster_fault",
+        "inspection",
+        ["effects.faults=true", 'fault.kind="thruster_off"', "fault.start_s=300.0"],
+        ["fault"],
+    ),
+    Planted(
+        "camera_fault",
+        "inspection",
+        ["effects.faults=true", 'fault.kind="camera_blackout"', "fault.start_s=2000.0"],
+        ["fault"],
+    ),
+    Planted(
+        "phase_never_ends",
+        "vbar_approach",
+        ["phases.hold_100.until.range_sigma_m=0.02", 'phases.hold_100.on_timeout="hold"'],
+        ["phase"],
+    ),
     Planted("short_run", "vbar_approach", ["duration_s=2500.0"], ["short"]),
     Planted("star_tracker_blind", "inspection", ["star_tracker.sun_exclusion_deg=179.0"], ["star_tracker"]),
     Planted("propellant_small", "inspection", ["limits.propellant_kg=0.001"], ["propellant"]),
@@ -59,7 +81,9 @@ def simulated(scenario: str, settings: Sequence[str], runs: int, folder: Path) -
         command = [sys.executable, "-m", "rpojax", "campaign", scenario, "--runs", str(runs), "--out", str(folder)]
         for setting in settings:
             command += ["--set", setting]
-        done = subprocess.run([*command, "--no-report", "--json", "--histories", "none"], capture_output=True, text=True)
+        done = subprocess.run(
+            [*command, "--no-report", "--json", "--histories", "none"], capture_output=True, text=True
+        )
         if done.returncode not in (0, 3):
             raise SystemExit(f"{scenario} {settings}: {done.stderr}")
     return Campaign(folder)
@@ -80,7 +104,10 @@ def main() -> int:
         is_right = first is not None and first["name"] in each.causes
         right += is_right
         text = "none" if first is None else f"{first['name']}: {first['text']}"
-        print(f"| {each.name} | {found['failed']} of {options.runs} | {text} | {'yes' if is_right else 'no'} |", flush=True)
+        print(
+            f"| {each.name} | {found['failed']} of {options.runs} | {text} | {'yes' if is_right else 'no'} |",
+            flush=True,
+        )
     print(f"\n{right} of {len(chosen)} right\n")
     named = 0
     for scenario in [] if options.only else HEALTHY:

@@ -126,7 +126,8 @@ def _why(summary: Mapping[str, Any]) -> list[str]:
     """A line for each cause of failed runs: runs, evidence, what would mend it; one on those without a cause."""
     found = summary["why_failed"]
     lines = [
-        f"why: {each['runs']} x {each['text']}" + (f"; {each['mend']}" if each["mend"] else "") for each in found["causes"]
+        f"why: {each['runs']} x {each['text']}" + (f"; {each['mend']}" if each["mend"] else "")
+        for each in found["causes"]
     ]
     return [*lines, *([f"why: no cause was found in {found['without']}"] if found["without"] else [])]
 

@@ -95,7 +95,9 @@ def too_small(evidence: RunEvidence) -> Finding:
         lens = 2.0 * math.degrees(math.atan(math.tan(math.radians(0.5 * file.camera.field_of_view_deg)) / factor))
         return f"a lens of {number(min(lens, narrower))} deg, or {number(factor)} times the pixels, shows it"
 
-    return Finding("too_small", "the target is too small in the picture", Depth.ROOT, share / _MISSED, at_s, words, mend)
+    return Finding(
+        "too_small", "the target is too small in the picture", Depth.ROOT, share / _MISSED, at_s, words, mend
+    )
 
 
 def _least_px(evidence: RunEvidence) -> float:
@@ -121,8 +123,8 @@ def out_of_view(evidence: RunEvidence) -> Finding:
 
     def words(chosen: Flags) -> str:
         return (
-            f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes: half its field of view "
-            f"is {number(half_deg)} deg, and at the hand-over the target is known to {number(sigma_deg)} deg (1 sigma)"
+            f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes: half its field of "
+            f"view is {number(half_deg)} deg, and the hand-over tells the direction to {number(sigma_deg)} deg (1 sigma)"
         )
 
     def mend(_: Flags) -> str:

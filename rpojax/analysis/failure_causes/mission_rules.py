@@ -7,7 +7,7 @@ import numpy as np
 
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
-from rpojax.flight.mission.mission_state import AbortReason, Condition, Transition
+from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -69,17 +69,23 @@ def corridors(evidence: RunEvidence) -> Iterator[Finding]:
         half_m = corridor.width_m + np.tan(np.radians(corridor.half_angle_deg)) * range_m
 
         def words(
-            chosen: Flags, name: str = section.name, half: Numbers = half_m, error: Numbers = error_m, far: Numbers = range_m
+            chosen: Flags,
+            name: str = section.name,
+            half: Numbers = half_m,
+            error: Numbers = error_m,
+            far: Numbers = range_m,
         ) -> str:
             return (
                 f"the corridor of {name} is left at {number(median(far, chosen))} m, where it is "
                 f"{number(median(half, chosen))} m to each side and the error is {number(median(error, chosen))} m"
             )
 
-        def mend(_: Flags, angle: float = float(corridor.half_angle_deg), width: float = float(corridor.width_m)) -> str:
+        def mend(
+            _: Flags, angle: float = float(corridor.half_angle_deg), width: float = float(corridor.width_m)
+        ) -> str:
             return (
-                f"a wider corridor (half_angle_deg {number(max(2.0 * angle, 5.0))}, width_m {number(max(2.0 * width, 1.0))})"
-                " or smaller errors on the way"
+                f"a wider corridor (half_angle_deg {number(max(2.0 * angle, 5.0))}, width_m "
+                f"{number(max(2.0 * width, 1.0))}) or smaller errors on the way"
             )
 
         yield Finding(
@@ -137,7 +143,11 @@ def short(evidence: RunEvidence) -> Finding:
     entered = entered_s(evidence, phase)
     still = np.isclose(_left_s(evidence, phase), file.duration_s)
     expected = np.array([_way_s(evidence, row) for row in range(len(file.phases))])
-    goal = [each.name for each in file.phases].index(file.goal.phase) if file.goal.phase in _names(file) else len(file.phases) - 1
+    goal = (
+        [each.name for each in file.phases].index(file.goal.phase)
+        if file.goal.phase in _names(file)
+        else len(file.phases) - 1
+    )
     to_come = np.array([expected[row : goal + 1].sum() for row in range(len(file.phases))])
     if file.phases[goal].until is None:
         to_come = to_come - expected[goal]
@@ -156,7 +166,13 @@ def short(evidence: RunEvidence) -> Finding:
         return f"duration_s = {1000.0 * np.ceil(1.3e-3 * median(needed, chosen)):.0f}"
 
     return Finding(
-        "short", "the run is shorter than the mission", Depth.ROOT, np.where(lacking, _CERTAIN, 0.0), entered, words, mend
+        "short",
+        "the run is shorter than the mission",
+        Depth.ROOT,
+        np.where(lacking, _CERTAIN, 0.0),
+        entered,
+        words,
+        mend,
     )
 
 
@@ -210,7 +226,8 @@ def _wanted(evidence: RunEvidence, row: int, condition: Condition, chosen: Flags
         return f"time_s = {number(float(until.time_s or 0.0))} is not over"
     if condition == Condition.RANGE_SIGMA:
         least = _least(evidence.trace("nav_relative_sigma3_m") / 3.0)
-        return f"range_sigma_m = {number(float(until.range_sigma_m or 0.0))}, and sigma is at least {number(median(least, chosen))} m"
+        limit = number(float(until.range_sigma_m or 0.0))
+        return f"range_sigma_m = {limit}, and the position's sigma is {number(median(least, chosen))} m at best"
     if condition == Condition.ARRIVAL:
         box = " x ".join(number(float(each)) for each in until.arrival_box_m or ())
         error = _last(evidence.trace("formation_error_m"))
@@ -264,7 +281,8 @@ def keep_out(evidence: RunEvidence) -> Finding:
     def words(chosen: Flags) -> str:
         return (
             f"the keep-out sphere of {number(median(radius, chosen))} m is entered at "
-            f"{number(median(evidence.failed_at_s, chosen))} s, with a navigation error of {number(median(error, chosen))} m"
+            f"{number(median(evidence.failed_at_s, chosen))} s, with an error of navigation of "
+            f"{number(median(error, chosen))} m"
         )
 
     return Finding(

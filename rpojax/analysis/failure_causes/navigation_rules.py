@@ -143,7 +143,7 @@ def unknown_range(evidence: RunEvidence) -> Finding:
             f"{percent(limit)} ({percent(median(share, chosen))} of the time)"
         )
 
-    at_s = np.where(above.any(axis=1), evidence.time_s[np.argmax(above, axis=1)] if len(evidence.time_s) else 0, np.nan)
+    at_s = evidence.first_s(above)
     return Finding(
         "unknown_range",
         "the range is not known",
@@ -161,7 +161,9 @@ def gate(evidence: RunEvidence) -> Finding:
     sigma = evidence.file.navigation.gate_sigma
 
     def words(chosen: Flags) -> str:
-        return f"the gate of {number(sigma)} sigma rejects {percent(median(share, chosen))} of true boxes in ten minutes"
+        return (
+            f"the gate of {number(sigma)} sigma rejects {percent(median(share, chosen))} of true boxes in ten minutes"
+        )
 
     def mend(_: Flags) -> str:
         return f"navigation.gate_sigma = {number(sigma + 1.0)}, or beliefs that allow for what the boxes show"

@@ -48,9 +48,9 @@ def ranked_causes(findings: Sequence[Finding], failed: Flags, completed: Flags) 
     What completed runs show as much is no cause.
     """
     known = [each for each in findings if is_contrasted(each, failed, completed)]
-    duration = max((float(np.nanmax(each.at_s, initial=1.0)) for each in known), default=1.0)
+    duration_s = _latest_s(known)
     cause = np.full(len(failed), -1)
-    scores = np.array([_scores(each, failed, duration) for each in known]).reshape(len(known), len(failed))
+    scores = np.array([_scores(each, failed, duration_s) for each in known]).reshape(len(known), len(failed))
     if known:
         best = np.argmax(scores, axis=0)
         cause = np.where(failed & (scores.max(axis=0) > -np.inf), best, -1)
@@ -81,6 +81,12 @@ def _separation(finding: Finding, failed: Flags, completed: Flags) -> float:
     """Probability that a failed run shows a cause more strongly than a completed one; ties count half."""
     here, there = finding.strength[failed][:, None], finding.strength[completed][None, :]
     return float(np.mean((here > there) + 0.5 * (here == there)))
+
+
+def _latest_s(findings: Sequence[Finding]) -> float:
+    """Latest time at which a cause acts [s], at least 1 s."""
+    times = np.concatenate([np.ones(1), *(each.at_s for each in findings)])
+    return float(times[np.isfinite(times)].max())
 
 
 def _scores(finding: Finding, failed: Flags, duration_s: float) -> Numbers:

@@ -107,7 +107,12 @@ class RunEvidence:
         values = self.traces.get(name)
         if values is None:
             return np.full((self.count, max(1, len(self.time_s))), np.nan)
-        return np.where(self.time_s <= self.until_s[:, None], values, np.nan)
+        return np.where(self.time_s <= self.until_s[:, None], values, np.nan).astype(float)
+
+    def first_s(self, flags: Flags) -> Numbers:
+        """When flags (runs, samples) of a trace are first raised [s], NaN if never."""
+        times = self.time_s if len(self.time_s) else np.full(1, np.nan)
+        return np.where(flags.any(axis=1), times[np.argmax(flags, axis=1)], np.nan)
 
     @cached_property
     def interval_s(self) -> float:

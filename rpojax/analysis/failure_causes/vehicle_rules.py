@@ -6,11 +6,10 @@ from typing import Final
 import numpy as np
 
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
-from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
+from rpojax.analysis.failure_causes.run_evidence import Flags, RunEvidence
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.physics.equipment_faults import KINDS
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
-from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _CERTAIN: Final = 2.0
@@ -53,19 +52,28 @@ def faults(evidence: RunEvidence) -> Iterator[Finding]:
 
         def words(chosen: Flags, name: str = KINDS[number_of_kind].replace("_", " ")) -> str:
             lasting = median(np.minimum(end_s, evidence.until_s) - start_s, chosen)
-            return f"the injected fault {name} acts from {number(median(start_s, chosen))} s on, for {number(lasting)} s"
+            return (
+                f"the injected fault {name} acts from {number(median(start_s, chosen))} s on, for {number(lasting)} s"
+            )
 
         title = f"injected fault: {KINDS[number_of_kind].replace('_', ' ')}"
         strength = np.where(acts, _CERTAIN, 0.0)
-        yield Finding("fault", title, Depth.EQUIPMENT, strength, start_s, words, lambda _: "equipment in reserve, or fault.duration_s it survives")
+        yield Finding(
+            "fault",
+            title,
+            Depth.EQUIPMENT,
+            strength,
+            start_s,
+            words,
+            lambda _: "equipment in reserve, or fault.duration_s it survives",
+        )
 
 
 def wheels(evidence: RunEvidence) -> Finding:
     """Wheels reach their greatest speed."""
     speed = evidence.trace("wheel_speed_fraction")
     peak = np.max(np.where(np.isfinite(speed), speed, 0.0), axis=1, initial=0.0)
-    saturated = speed >= _SATURATED
-    at_s = np.where(saturated.any(axis=1), _first_s(evidence, saturated), np.nan)
+    at_s = evidence.first_s(speed >= _SATURATED)
     wheels_of_file = evidence.file.wheels
     loaded = np.max(np.abs(wheels_of_file.initial_speed_rad_s) / np.array(wheels_of_file.speed_limit_rad_s))
     held = np.array(wheels_of_file.inertia_kg_m2) * np.array(wheels_of_file.speed_limit_rad_s)
@@ -73,8 +81,8 @@ def wheels(evidence: RunEvidence) -> Finding:
     def words(chosen: Flags) -> str:
         begin = f"; they start at {percent(float(loaded))}" if loaded > 0.1 else ""
         return (
-            f"a wheel reaches its greatest speed ({percent(median(peak, chosen))} of {number(float(held.min()))} N m s, "
-            f"first at {number(median(at_s, chosen))} s{begin})"
+            f"a wheel reaches its greatest speed ({percent(median(peak, chosen))} of {number(float(held.min()))} "
+            f"N m s, first at {number(median(at_s, chosen))} s{begin})"
         )
 
     def mend(_: Flags) -> str:
@@ -84,10 +92,6 @@ def wheels(evidence: RunEvidence) -> Finding:
 
     strength = np.where(peak >= _SATURATED, _CERTAIN, peak / _SATURATED * 0.99)
     return Finding("wheels", "wheels are saturated", Depth.ROOT, strength, at_s, words, mend)
-
-
-def _first_s(evidence: RunEvidence, flags: Flags) -> Numbers:
-    return np.asarray(evidence.time_s[np.argmax(flags, axis=1)], dtype=float)
 
 
 def _periods_s(evidence: RunEvidence) -> float:
@@ -110,7 +114,9 @@ def authority(evidence: RunEvidence) -> Finding:
     most = np.max(np.where(np.isfinite(gained), gained, 0.0), axis=1, initial=0.0) / _PERIODS
     share = most / available if available > 0.0 else np.where(most > 0.0, np.inf, 0.0)
     has_place = gained.shape[1] > 0
-    place = np.argmax(np.where(np.isfinite(gained), gained, 0.0), axis=1) if has_place else np.zeros(evidence.count, int)
+    place = (
+        np.argmax(np.where(np.isfinite(gained), gained, 0.0), axis=1) if has_place else np.zeros(evidence.count, int)
+    )
     at_s = evidence.time_s[place] if has_place else np.full(evidence.count, np.nan)
     off = _off_station(evidence)
 
@@ -124,13 +130,15 @@ def authority(evidence: RunEvidence) -> Finding:
         wanted = file.thruster.force_n * max(2.0, 1.5 * median(share, chosen) / _AT_LIMIT)
         return f"a thruster of {number(wanted)} N, or a longer pointing.look_away_limit_s"
 
-    return Finding("authority", "the thruster is too weak", Depth.ROOT, np.where(off, share / _AT_LIMIT, 0.0), at_s, words, mend)
+    return Finding(
+        "authority", "the thruster is too weak", Depth.ROOT, np.where(off, share / _AT_LIMIT, 0.0), at_s, words, mend
+    )
 
 
 def _off_station(evidence: RunEvidence) -> Flags:
     """(runs,) whether a run was ever farther from where it should be than `limits.off_station_m` after its arrival."""
     error = evidence.trace("formation_error_m")
-    late = evidence.time_s >= float(np.min(evidence.value("limits.arrive_by_s")))
+    late = np.resize(evidence.time_s, error.shape[1]) >= float(np.min(evidence.value("limits.arrive_by_s")))
     limit = evidence.value("limits.off_station_m")[:, None]
     return np.asarray(((error > limit) & late).any(axis=1) | ~evidence.completed)
 
@@ -148,8 +156,8 @@ def coarse_burns(evidence: RunEvidence) -> Finding:
 
     def words(chosen: Flags) -> str:
         if available <= 0.0:
-            longest = "the turns leave no time for a burn"
-            return f"{longest} of {number(thruster.minimum_on_time_s)} s within {number(file.pointing.look_away_limit_s)} s"
+            limit_s = number(file.pointing.look_away_limit_s)
+            return f"turns leave no time for a burn of {number(thruster.minimum_on_time_s)} s within {limit_s} s"
         return (
             f"errors below {number(1e3 * median(least, chosen))} mm/s are not corrected, which are "
             f"{number(median(drift_m, chosen))} m in a burn period"
@@ -181,7 +189,13 @@ def propellant(evidence: RunEvidence) -> Finding:
         return f"at least {number(1.2 * median(most, chosen))} kg (limits.propellant_kg), or fewer burns"
 
     return Finding(
-        "propellant", "propellant is used up", Depth.ROOT, np.where(out, _CERTAIN, 0.0), evidence.failed_at_s, words, mend
+        "propellant",
+        "propellant is used up",
+        Depth.ROOT,
+        np.where(out, _CERTAIN, 0.0),
+        evidence.failed_at_s,
+        words,
+        mend,
     )
 
 
@@ -202,8 +216,3 @@ def star_tracker(evidence: RunEvidence) -> Finding:
         return f"another star_tracker.boresight, or a baffle for less than {number(sun)} deg from the Sun"
 
     return Finding("star_tracker", "the star tracker is blind", Depth.ROOT, share / _BLIND, at_s, words, mend)
-
-
-def is_frozen(evidence: RunEvidence) -> Flags:
-    """(runs,) whether a run ended before its time."""
-    return outcome_kinds.is_frozen(evidence.outcomes)

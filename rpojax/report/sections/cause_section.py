@@ -9,8 +9,8 @@ from rpojax.analysis.failure_causes import causes
 from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.errors import ScenarioError
-from rpojax.report.campaign_results import CampaignResults
 from rpojax.flight.mission.mission_state import AbortReason
+from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import format_number
 from rpojax.report.sections import phase_visits, team_section
 from rpojax.scenario.loading import scenario_loader
@@ -47,13 +47,18 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
 
 def without_texts(found: Mapping[str, Any]) -> dict[str, Any]:
     """The content without the texts of single runs, which stand with the failed runs."""
-    return {**found, "causes": [{name: value for name, value in each.items() if name != "texts"} for each in found["causes"]]}
+    return {
+        **found,
+        "causes": [{name: value for name, value in each.items() if name != "texts"} for each in found["causes"]],
+    }
 
 
 def texts_of_runs(found: Mapping[str, Any]) -> dict[int, dict[str, str]]:
     """`cause` and `cause_text` of each run that has a cause, by its number."""
     return {
-        run: {"cause": each["name"], "cause_text": each["texts"][str(run)]} for each in found["causes"] for run in each["run_ids"]
+        run: {"cause": each["name"], "cause_text": each["texts"][str(run)]}
+        for each in found["causes"]
+        for run in each["run_ids"]
     }
 
 
@@ -68,7 +73,9 @@ def abort_details(campaign: CampaignResults) -> dict[int, str]:
             continue
         visits = phase_visits.phase_visits(results.phases)
         before, reasons = visits.phase_before_abort(), results.phases["abort_reason"]
-        began = np.min(np.where(visits.phase == len(results.phase_names) - 1, visits.begin_s, np.inf), axis=1, initial=np.inf)
+        began = np.min(
+            np.where(visits.phase == len(results.phase_names) - 1, visits.begin_s, np.inf), axis=1, initial=np.inf
+        )
         for row in aborted.tolist():
             if reasons[row]:
                 where = f" in {results.phase_names[before[row]]}" if before[row] >= 0 else ""
@@ -79,15 +86,10 @@ def abort_details(campaign: CampaignResults) -> dict[int, str]:
 
 def rows(found: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Rows of the page's table: cause, runs, evidence, what mends it, since when, and the first run that shows it."""
-    return [
-        {**each, "since": format_number(each["at_s"]), "first": each["run_ids"][0]}
-        for each in found["causes"]
-    ]
+    return [{**each, "since": format_number(each["at_s"]), "first": each["run_ids"][0]} for each in found["causes"]]
 
 
-def _servicers(
-    campaign: CampaignResults, names: Sequence[str]
-) -> list[tuple[CampaignResults, ScenarioFile, str]]:
+def _servicers(campaign: CampaignResults, names: Sequence[str]) -> list[tuple[CampaignResults, ScenarioFile, str]]:
     """Results, scenario and name of each servicer; none where this version does not accept the scenario."""
     try:
         file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
@@ -132,7 +134,10 @@ def _causes(campaign: CampaignResults, file: ScenarioFile, servicer: str, failed
                     "mend": finding.mend(chosen),
                     "at_s": float(np.median(times)) if len(times) else None,
                     "run_ids": campaign.run_ids[chosen].tolist(),
-                    "texts": {str(campaign.run_ids[row]): _of_run(finding, begin, row, chosen) for row in np.flatnonzero(chosen)},
+                    "texts": {
+                        str(campaign.run_ids[row]): _of_run(finding, begin, row, chosen)
+                        for row in np.flatnonzero(chosen)
+                    },
                 }
             )
     return found

@@ -64,7 +64,7 @@ def outcomes_text(outcomes: Mapping[str, int]) -> str:
 
 
 def detail_counts(failures: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
-    """Where unfinished runs stayed and why, and how many of them, the most frequent first; aborts by reason and phase."""
+    """Where unfinished runs stayed and why, why others aborted, and how many of them, the most frequent first."""
     return Counter(without_time(failure["detail"]) for failure in failures if failure["detail"]).most_common()
 
 

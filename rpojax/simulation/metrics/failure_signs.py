@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.outcomes.judgement import outside_sigmas
 
 MAX_INTERVALS: Final = 64
 """Most intervals of a run. A choice: 140 s of `vbar_approach`, in 3 % of the disk of its traces."""
@@ -48,10 +47,10 @@ COUNTS: Final = (
     "no_star_tracker",
     "outside_3_sigma",
 )
-"""Signs that are numbers of ticks: all; without light; with light, of which the camera is turned to the target or
-searches it; with light and the target before the lens; of those that look the ones without it there; of those with it
-there the ones with a box of it, and with one that the frame cuts; false boxes of those that look; true boxes rejected and
-false ones accepted by the gate; without confidence, without star tracker, with an axis outside of 3 sigma."""
+"""Signs that are numbers of ticks: all; without light; with light while the camera looks at the target or searches it;
+with light and the target before the lens; of those that look the ones without it there; of those with it there the ones
+with a box of it, and with one that the frame cuts; false boxes of those that look; true boxes rejected and false ones
+accepted by the gate; without confidence; without star tracker; with an axis outside of 3 sigma."""
 FAILED_TESTS: Final = "failed_tests"
 """Sign that is a set of bits: the health tests of `rpojax.flight.navigation_health.TESTS` that failed in a tick."""
 
@@ -75,6 +74,7 @@ def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str,
     half_deg = np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * file.camera.field_of_view_deg))))
     in_view = lit & (records["pointing_error_deg"] <= half_deg)
     good = present & ~outlier & in_view
+    outside = np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
     flags = {
         "ticks": running,
         "dark": running & ~records["observable"],
@@ -88,7 +88,7 @@ def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str,
         "false_accepted": outlier & accepted,
         "unconfident": running & ~records["nav_confident"],
         "no_star_tracker": running & ~records["star_tracker_present"],
-        "outside_3_sigma": running & outside_sigmas(records).any(axis=2),
+        "outside_3_sigma": running & outside.any(axis=2),
     }
     counts = {name: _counted(flags[name], starts) for name in COUNTS}
     tests = np.where(running, records[FAILED_TESTS], 0).astype(np.int16)
