@@ -15,6 +15,10 @@ _CUT: Final = 0.4
 is used, and roughly."""
 _MISSED: Final = 0.5
 """Share of frames without a true box from which on a detector misses too much. A choice: a fifth is nothing unusual."""
+_HOPELESS: Final = 0.8
+"""Share of missed frames from which on it does not help that the filter is told of them."""
+_LEAST_FRAMES: Final = 8
+"""Fewest frames in ten minutes that tell of missing boxes: a search leaves the target soon. Chance misses none so."""
 _FALSE: Final = 0.25
 """Share of frames with a false box from which on there are too many. A choice: five times those of `inspection`."""
 _DARK: Final = 0.25
@@ -79,7 +83,7 @@ def too_small(evidence: RunEvidence) -> Finding:
     least, side_px = _least_px(evidence), _side_px(evidence)
     small = (side_px < _ROOM * least) & (evidence.ranges_m < _FARTHER * farthest)
     seen, frames = (np.where(small, evidence.sign(name), 0) for name in ("good_boxes", "in_view"))
-    share, at_s = evidence.worst_share(frames - seen, frames)
+    share, at_s = evidence.worst_share(frames - seen, frames, _LEAST_FRAMES)
     smallest = np.min(np.where(small, side_px, np.inf), axis=1, initial=np.inf)
     smallest = np.where(np.isfinite(smallest), smallest, np.nan)
     narrower = math.degrees(2.0 * math.atan(math.tan(math.radians(0.5 * file.camera.field_of_view_deg)) / 2.0))
@@ -124,7 +128,7 @@ def out_of_view(evidence: RunEvidence) -> Finding:
     def words(chosen: Flags) -> str:
         return (
             f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes: half its field of "
-            f"view is {number(half_deg)} deg, and the hand-over tells the direction to {number(sigma_deg)} deg (1 sigma)"
+            f"view is {number(half_deg)} deg, and at the start the direction is known to {number(sigma_deg)} deg, 1 sigma"
         )
 
     def mend(_: Flags) -> str:
@@ -133,7 +137,8 @@ def out_of_view(evidence: RunEvidence) -> Finding:
         return f"a lens of {5.0 * math.ceil(1.2 * sigma_deg):.0f} deg, or a better hand-over"
 
     depth = Depth.ROOT if is_narrow else Depth.CONSEQUENCE
-    return Finding("out_of_view", "the camera looks past the target", depth, share / _MISSED, at_s, words, mend)
+    title = "the camera looks past the target"
+    return Finding("out_of_view", title, depth, share / _MISSED, at_s, words, mend, is_loss=True)
 
 
 def dark(evidence: RunEvidence) -> Finding:
@@ -176,20 +181,20 @@ def misses(evidence: RunEvidence) -> Finding:
     """The detector misses a target that is before the lens, in the light, and large enough."""
     large = ~(_side_px(evidence) < _ROOM * _least_px(evidence))
     seen, frames = (np.where(large, evidence.sign(name), 0) for name in ("good_boxes", "in_view"))
-    share, at_s = evidence.worst_share(frames - seen, frames)
+    share, at_s = evidence.worst_share(frames - seen, frames, _LEAST_FRAMES)
+    whole = (frames - seen).sum(axis=1) / np.maximum(frames.sum(axis=1), 1)
     believed = evidence.file.navigation.miss_probability
 
     def words(chosen: Flags) -> str:
         return (
-            f"the detector misses the target in {percent(median(share, chosen))} of the frames that show it "
+            f"the detector misses the target in {percent(median(whole, chosen))} of the frames that show it "
             f"({percent(believed)} believed)"
         )
 
     def mend(chosen: Flags) -> str:
-        return (
-            f"a detector that finds it in {percent(1.0 - believed)} of them, or "
-            f"navigation.miss_probability = {number(median(share, chosen))}"
-        )
+        missed = median(whole, chosen)
+        told = f", or navigation.miss_probability = {number(missed)}" if missed < _HOPELESS else ""
+        return f"a detector that finds it in {percent(1.0 - believed)} of them{told}"
 
     return Finding("misses", "boxes are missing", Depth.ROOT, share / _MISSED, at_s, words, mend)
 

@@ -34,6 +34,8 @@ class Finding:
         at_s: (runs,) when it acted [s], NaN where unknown
         evidence: of some runs, with two numbers
         mend: what would mend it in some runs, empty if that is not known
+        may_follow: whether it may also follow from the loss of the target: it is no cause of what came long before it
+        is_loss: whether it is such a loss
     """
 
     name: str
@@ -43,6 +45,8 @@ class Finding:
     at_s: Numbers
     evidence: Words
     mend: Words
+    may_follow: bool = False
+    is_loss: bool = False
 
     @property
     def shown(self) -> Flags:

@@ -25,6 +25,17 @@ _UNKNOWN: Final = 0.3
 _UNCONFIDENT: Final = 0.5
 """Share of ten minutes without confidence that counts."""
 _CERTAIN: Final = 2.0
+_ADVICE: Final = {
+    "box_variance": "navigation.edge_noise_px and the beliefs of the target's shape that fit the boxes",
+    "box_bias": "a calibration of the camera's mounting, or a larger navigation.bearing_bias_sigma_deg",
+    "contradictions": "a wider navigation.gate_sigma, or beliefs that allow for what the boxes show",
+    "size": "navigation.target_size_m that fits, or navigation.target_size_sigma above 0",
+    "unseen": "more frames with the target: see light, lens and detector",
+    "range": "a way on which the range shows, or health.range_limit",
+    "control_effort": "beliefs of thrust and mass that fit (navigation.burn_scale_sigma)",
+    "lasting": "larger sigmas of errors that last (mounting, thrust, size)",
+}
+"""What to look at after each health test."""
 _SUSPECTS: Final = {
     "size": ("navigation.target_size",),
     "box_variance": ("navigation.edge_noise_px", "navigation.target_size"),
@@ -152,6 +163,7 @@ def unknown_range(evidence: RunEvidence) -> Finding:
         at_s,
         words,
         lambda _: "more frames with the target, or a way on which its range shows (radial or cross-track motion)",
+        is_loss=True,
     )
 
 
@@ -197,5 +209,6 @@ def confidence(evidence: RunEvidence) -> Iterator[Finding]:
             np.where(of_test, share / _UNCONFIDENT, 0.0),
             at_s,
             words,
-            lambda _, place=place: f"see the test {TESTS[place]} in `health`",
+            lambda _, place=place: _ADVICE[TESTS[place]],
+            is_loss=True,
         )

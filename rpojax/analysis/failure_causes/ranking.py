@@ -1,7 +1,7 @@
 """Causes of failed runs, contrasted with completed ones and ranked by the number of runs that they explain."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,6 +21,8 @@ _NEARLY_ALL: Final = 0.75
 """Share of the failed runs that must show it so strongly."""
 _EARLY: Final = 4.0
 """Weight of the time at which a cause acts, over that of how common and how strong it is."""
+_LONG_AFTER_S: Final = 600.0
+"""Time after a loss of the target from which on what may follow from it is no cause of it [s]: a window of shares."""
 _STRONGEST: Final = 4.0
 """Strength beyond which a cause is not stronger."""
 
@@ -47,7 +49,9 @@ def ranked_causes(findings: Sequence[Finding], failed: Flags, completed: Flags) 
 
     What completed runs show as much is no cause.
     """
-    known = [each for each in findings if is_contrasted(each, failed, completed)]
+    lost_s = _lost_s(findings, len(failed))
+    before = [_without_followers(each, lost_s) for each in findings]
+    known = [each for each in before if is_contrasted(each, failed, completed)]
     duration_s = _latest_s(known)
     cause = np.full(len(failed), -1)
     scores = np.array([_scores(each, failed, duration_s) for each in known]).reshape(len(known), len(failed))
@@ -81,6 +85,19 @@ def _separation(finding: Finding, failed: Flags, completed: Flags) -> float:
     """Probability that a failed run shows a cause more strongly than a completed one; ties count half."""
     here, there = finding.strength[failed][:, None], finding.strength[completed][None, :]
     return float(np.mean((here > there) + 0.5 * (here == there)))
+
+
+def _lost_s(findings: Sequence[Finding], runs: int) -> Numbers:
+    """(runs,) when the target was lost first [s], infinite if it was not."""
+    times = [np.where(each.shown & np.isfinite(each.at_s), each.at_s, np.inf) for each in findings if each.is_loss]
+    return np.min([np.full(runs, np.inf), *times], axis=0)
+
+
+def _without_followers(finding: Finding, lost_s: Numbers) -> Finding:
+    """A finding without the runs in which it follows from a loss of the target (runs,) [s]."""
+    if not finding.may_follow:
+        return finding
+    return replace(finding, strength=np.where(finding.at_s > lost_s + _LONG_AFTER_S, 0.0, finding.strength))
 
 
 def _latest_s(findings: Sequence[Finding]) -> float:

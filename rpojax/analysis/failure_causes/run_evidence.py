@@ -151,14 +151,14 @@ class RunEvidence:
             found[:, each] = np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
         return found
 
-    def worst_share(self, part: np.ndarray, whole: np.ndarray) -> tuple[Numbers, Numbers]:
+    def worst_share(self, part: np.ndarray, whole: np.ndarray, least: int = _LEAST_TICKS) -> tuple[Numbers, Numbers]:
         """Greatest share of ticks over windows (runs,), and when the first window with half of it began [s].
 
-        `part` and `whole` are numbers of ticks (runs, intervals); without ticks the share is 0.
+        `part` and `whole` are numbers of ticks (runs, intervals); of less than `least` ticks the share is 0.
         """
         width = min(max(1, round(WINDOW_S / self.interval_s)), part.shape[1])
         sums = [_moving_sum(each, width) for each in (part, whole)]
-        known = sums[1] >= _LEAST_TICKS * min(1.0, self.file.rates.camera_hz)
+        known = sums[1] >= least * min(1.0, self.file.rates.camera_hz)
         shares = np.where(known, sums[0] / np.maximum(sums[1], _TINY), 0.0)
         greatest = shares.max(axis=1)
         first = np.argmax((shares >= 0.5 * greatest[:, None]) & known, axis=1)

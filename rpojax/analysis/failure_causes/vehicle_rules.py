@@ -91,7 +91,7 @@ def wheels(evidence: RunEvidence) -> Finding:
         return f"wheels of {number(2.0 * float(held.min()))} N m s or slower slews (pointing.slew_acceleration_mrad_s2)"
 
     strength = np.where(peak >= _SATURATED, _CERTAIN, peak / _SATURATED * 0.99)
-    return Finding("wheels", "wheels are saturated", Depth.ROOT, strength, at_s, words, mend)
+    return Finding("wheels", "wheels are saturated", Depth.ROOT, strength, at_s, words, mend, may_follow=True)
 
 
 def _periods_s(evidence: RunEvidence) -> float:
@@ -122,17 +122,16 @@ def authority(evidence: RunEvidence) -> Finding:
 
     def words(chosen: Flags) -> str:
         return (
-            f"burns take {number(1e3 * median(most, chosen))} mm/s in a period of the {number(1e3 * available)} mm/s "
-            f"that the thruster gives there"
+            f"burns took {number(1e3 * median(most, chosen))} mm/s in a period, and within the look-away limit the "
+            f"thruster gives {number(1e3 * available)} mm/s after half a turn"
         )
 
     def mend(chosen: Flags) -> str:
         wanted = file.thruster.force_n * max(2.0, 1.5 * median(share, chosen) / _AT_LIMIT)
         return f"a thruster of {number(wanted)} N, or a longer pointing.look_away_limit_s"
 
-    return Finding(
-        "authority", "the thruster is too weak", Depth.ROOT, np.where(off, share / _AT_LIMIT, 0.0), at_s, words, mend
-    )
+    strength = np.where(off, share / _AT_LIMIT, 0.0)
+    return Finding("authority", "the thruster is too weak", Depth.ROOT, strength, at_s, words, mend, may_follow=True)
 
 
 def _off_station(evidence: RunEvidence) -> Flags:

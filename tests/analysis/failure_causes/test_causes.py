@@ -142,7 +142,7 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
     false_boxes: ("false_boxes", ("60 % of frames have a false box",)),
     fault: ("fault", ("thruster off", "from 500 s on")),
     wheels: ("wheels", ("100 % of 0.502 N m s", "wheels of 1 N m s")),
-    authority: ("authority", ("burns take 4 mm/s", "a thruster of ")),
+    authority: ("authority", ("burns took 4 mm/s", "a thruster of ")),
     coarse_burns: ("authority", ("below 40 mm/s", "8 m in a burn period")),
     long_burns: ("authority", ("a burn of 45 s within 110 s",)),
     propellant: ("propellant", ("0.001 kg is used up at 3000 s",)),
