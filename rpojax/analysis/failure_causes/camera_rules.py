@@ -128,7 +128,7 @@ def out_of_view(evidence: RunEvidence) -> Finding:
     def words(chosen: Flags) -> str:
         return (
             f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes: half its field of "
-            f"view is {number(half_deg)} deg, and at the start the direction is known to {number(sigma_deg)} deg, 1 sigma"
+            f"view is {number(half_deg)} deg, and the start is known to {number(sigma_deg)} deg (1 sigma)"
         )
 
     def mend(_: Flags) -> str:

@@ -16,9 +16,9 @@ _CERTAIN: Final = 2.0
 """Strength of what is shown or not, without a measure."""
 _SATURATED: Final = 0.98
 """Share of a wheel's speed limit from which on it gives no more torque."""
-_AT_LIMIT: Final = 0.7
-"""Share of what the thruster gives in a period that burns take, from which on it is too weak. A choice: two thirds is
-what a validated scenario may plan for."""
+_AT_LIMIT: Final = 1.0
+"""Mean burn of a few periods over the longest after half a turn, from which on the thruster may be too weak. A choice:
+`inspection` takes up to 1, and with 2 mN, where 7 of 16 runs fail, all take 2."""
 _PERIODS: Final = 4
 """Burn periods over which that is measured."""
 _BLIND: Final = 0.5
@@ -118,7 +118,6 @@ def authority(evidence: RunEvidence) -> Finding:
         np.argmax(np.where(np.isfinite(gained), gained, 0.0), axis=1) if has_place else np.zeros(evidence.count, int)
     )
     at_s = evidence.time_s[place] if has_place else np.full(evidence.count, np.nan)
-    off = _off_station(evidence)
 
     def words(chosen: Flags) -> str:
         return (
@@ -130,16 +129,8 @@ def authority(evidence: RunEvidence) -> Finding:
         wanted = file.thruster.force_n * max(2.0, 1.5 * median(share, chosen) / _AT_LIMIT)
         return f"a thruster of {number(wanted)} N, or a longer pointing.look_away_limit_s"
 
-    strength = np.where(off, share / _AT_LIMIT, 0.0)
-    return Finding("authority", "the thruster is too weak", Depth.ROOT, strength, at_s, words, mend, may_follow=True)
-
-
-def _off_station(evidence: RunEvidence) -> Flags:
-    """(runs,) whether a run was ever farther from where it should be than `limits.off_station_m` after its arrival."""
-    error = evidence.trace("formation_error_m")
-    late = np.resize(evidence.time_s, error.shape[1]) >= float(np.min(evidence.value("limits.arrive_by_s")))
-    limit = evidence.value("limits.off_station_m")[:, None]
-    return np.asarray(((error > limit) & late).any(axis=1) | ~evidence.completed)
+    title = "the thruster is too weak"
+    return Finding("authority", title, Depth.ROOT, share / _AT_LIMIT, at_s, words, mend, may_follow=True)
 
 
 def coarse_burns(evidence: RunEvidence) -> Finding:
@@ -165,9 +156,8 @@ def coarse_burns(evidence: RunEvidence) -> Finding:
     def mend(_: Flags) -> str:
         return "a shorter thruster.minimum_on_time_s, a smaller formation.dead_band_mm_s or a longer look-away"
 
-    off = _off_station(evidence)
     nowhere = np.full(evidence.count, np.nan)
-    return Finding("authority", "burns are too coarse", Depth.ROOT, np.where(off, strength, 0.0), nowhere, words, mend)
+    return Finding("authority", "burns are too coarse", Depth.ROOT, strength, nowhere, words, mend)
 
 
 def propellant(evidence: RunEvidence) -> Finding:
@@ -184,8 +174,12 @@ def propellant(evidence: RunEvidence) -> Finding:
         since = median(evidence.failed_at_s, chosen)
         return f"the propellant of {number(median(limit, chosen))} kg is used up at {number(since)} s"
 
-    def mend(chosen: Flags) -> str:
-        return f"at least {number(1.2 * median(most, chosen))} kg (limits.propellant_kg), or fewer burns"
+    def mend(_: Flags) -> str:
+        if evidence.completed.any():
+            return (
+                f"limits.propellant_kg above the {number(float(most[evidence.completed].max()))} kg of completed runs"
+            )
+        return "a larger limits.propellant_kg"
 
     return Finding(
         "propellant",

@@ -166,7 +166,7 @@ def sentence(found: Mapping[str, Any]) -> str:
     parts = []
     for place, each in enumerate(found["causes"][:_IN_SENTENCE]):
         mend = f"; {each['mend']}" if each["mend"] and place == 0 else ""
-        begin = "in all" if each["runs"] == failed else f"in {each['runs']}"
+        begin = f"in all {failed}" if each["runs"] == failed > 1 else f"in {each['runs']}"
         parts.append(f"{begin} {each['text']}{mend}")
     more = sum(each["runs"] for each in found["causes"][_IN_SENTENCE:])
     if more:

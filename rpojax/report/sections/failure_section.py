@@ -166,7 +166,9 @@ def failure_table(summary: Mapping[str, Any]) -> dict[str, Any]:
     rows = summary["failures"]
     return {
         "reasons": Counter(row["reason"] for row in rows).most_common(),
-        "details": detail_counts(rows),
+        "details": Counter(
+            f"{row['reason']}: {without_time(row['detail'])}" for row in rows if row["detail"]
+        ).most_common(),
         "rows": [{**row, "at_s": format_number(row["at_s"])} for row in rows[:_MAX_FAILURES]],
         "more": max(0, len(rows) - _MAX_FAILURES),
     }
