@@ -112,7 +112,7 @@ def authority(evidence: RunEvidence) -> Finding:
     step = 1 if len(evidence.time_s) < 2 else max(1, round(_PERIODS * period_s / float(np.diff(evidence.time_s).min())))
     gained = spent[:, step:] - spent[:, :-step]
     most = np.max(np.where(np.isfinite(gained), gained, 0.0), axis=1, initial=0.0) / _PERIODS
-    share = most / available if available > 0.0 else np.where(most > 0.0, np.inf, 0.0)
+    share = most / available if available > 0.0 else np.zeros(evidence.count)
     has_place = gained.shape[1] > 0
     place = (
         np.argmax(np.where(np.isfinite(gained), gained, 0.0), axis=1) if has_place else np.zeros(evidence.count, int)

@@ -68,7 +68,7 @@ def authority() -> RunEvidence:
 
 
 def coarse_burns() -> RunEvidence:
-    file = file_of(formation={"dead_band_mm_s": 40.0})
+    file = file_of(formation={"dead_band_mm_s": 60.0})
     return planted(file, "off_station", traces={"formation_error_m": 40.0})
 
 
@@ -143,7 +143,7 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
     fault: ("fault", ("thruster off", "from 500 s on")),
     wheels: ("wheels", ("100 % of 0.502 N m s", "wheels of 1 N m s")),
     authority: ("authority", ("burns took 4 mm/s", "a thruster of ")),
-    coarse_burns: ("authority", ("below 40 mm/s", "8 m in a burn period")),
+    coarse_burns: ("authority", ("below 60 mm/s", "12 m in a burn period")),
     long_burns: ("authority", ("a burn of 45 s within 110 s",)),
     propellant: ("propellant", ("0.001 kg is used up at 3000 s",)),
     star_tracker: ("star_tracker", ("in 100 % of ten minutes",)),
