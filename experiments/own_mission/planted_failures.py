@@ -72,6 +72,42 @@ PLANTED = (
     Planted("minimum_burn_long", "inspection", ["thruster.minimum_on_time_s=45.0"], ["authority"]),
     Planted("camera_tilted", "inspection", ["camera.misalignment_deg=[2.0, 2.0, 0.0]"], ["belief"]),
 )
+BLIND = (
+    Planted("radial_lens_narrow", "rbar_approach", ["target.scale=7.0", "navigation.target_size_m=7.44"], ["frame"]),
+    Planted("ellipse_lens_wide", "safety_ellipse", ["camera.field_of_view_deg=90.0"], ["too_small"]),
+    Planted("approach_dark", "vbar_approach", ["orbit.raan_deg=0.0", "camera.phase_limit_deg=60.0"], ["dark"]),
+    Planted("approach_preloaded", "vbar_approach", ["wheels.initial_speed_rad_s=[0.0, 600.0, 600.0]"], ["wheels"]),
+    Planted("radial_thrust_small", "rbar_approach", ["thruster.force_n=0.003"], ["authority"]),
+    Planted("full_thrust_belief", "inspection_full", ["thruster.force_scale=1.6"], ["belief"]),
+    Planted("approach_size_belief", "vbar_approach", ["navigation.target_size_m=0.6"], ["belief"]),
+    Planted(
+        "radial_corridor",
+        "rbar_approach",
+        ["phases.approach.corridor.half_angle_deg=0.5", "phases.approach.corridor.width_m=0.2"],
+        ["corridor"],
+    ),
+    Planted("approach_false_boxes", "vbar_approach", ["camera.outlier_probability=0.75"], ["false_boxes"]),
+    Planted("radial_misses", "rbar_approach", ["camera.miss_probability=0.95"], ["misses"]),
+    Planted(
+        "approach_weak_thruster",
+        "vbar_approach",
+        ["effects.faults=true", 'fault.kind="thruster_weak"', "fault.severity=0.9", "fault.start_s=1500.0"],
+        ["fault"],
+    ),
+    Planted(
+        "approach_box_tiny", "vbar_approach", ["phases.approach.until.arrival_box_m=[0.01, 0.01, 0.01]"], ["phase"]
+    ),
+    Planted("radial_short", "rbar_approach", ["duration_s=2000.0"], ["short"]),
+    Planted(
+        "full_star_tracker",
+        "inspection_full",
+        ["star_tracker.boresight=[0.0, 1.0, 0.0]", "star_tracker.sun_exclusion_deg=170.0"],
+        ["star_tracker"],
+    ),
+    Planted("approach_propellant", "vbar_approach", ["limits.propellant_kg=0.005"], ["propellant"]),
+    Planted("torque_small", "inspection", ["wheels.torque_limit_n_m=[0.001, 0.001, 0.001]"], ["wheels"]),
+)
+"""Planted after the rules had been written, on other missions: what the rules do not know."""
 HEALTHY = ("inspection", "vbar_approach", "inspection_eclipse", "inspection_faults", "safety_ellipse", "fly_around")
 
 
@@ -95,7 +131,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=16)
     parser.add_argument("--only", default="", help="names, separated by commas")
     options = parser.parse_args()
-    chosen = [each for each in PLANTED if not options.only or each.name in options.only.split(",")]
+    chosen = [each for each in (*PLANTED, *BLIND) if not options.only or each.name in options.only.split(",")]
     right = 0
     print("| planted | failed | first cause | right |\n|---|---|---|---|")
     for each in chosen:

@@ -113,11 +113,7 @@ def authority(evidence: RunEvidence) -> Finding:
     gained = spent[:, step:] - spent[:, :-step]
     most = np.max(np.where(np.isfinite(gained), gained, 0.0), axis=1, initial=0.0) / _PERIODS
     share = most / available if available > 0.0 else np.zeros(evidence.count)
-    has_place = gained.shape[1] > 0
-    place = (
-        np.argmax(np.where(np.isfinite(gained), gained, 0.0), axis=1) if has_place else np.zeros(evidence.count, int)
-    )
-    at_s = evidence.time_s[place] if has_place else np.full(evidence.count, np.nan)
+    off = _off_station(evidence)
 
     def words(chosen: Flags) -> str:
         return (
@@ -129,8 +125,15 @@ def authority(evidence: RunEvidence) -> Finding:
         wanted = file.thruster.force_n * max(2.0, 1.5 * median(share, chosen) / _AT_LIMIT)
         return f"a thruster of {number(wanted)} N, or a longer pointing.look_away_limit_s"
 
-    title = "the thruster is too weak"
-    return Finding("authority", title, Depth.ROOT, share / _AT_LIMIT, at_s, words, mend, may_follow=True)
+    title, strength = "the thruster is too weak", np.where(off.any(axis=1), share / _AT_LIMIT, 0.0)
+    return Finding("authority", title, Depth.ROOT, strength, evidence.first_s(off), words, mend, may_follow=True)
+
+
+def _off_station(evidence: RunEvidence) -> Flags:
+    """(runs, samples) whether a run is farther from where it should be than `limits.off_station_m` after its arrival."""
+    error = evidence.trace("formation_error_m")
+    late = np.resize(evidence.time_s, error.shape[1]) >= evidence.value("limits.arrive_by_s")[:, None]
+    return np.asarray((error > evidence.value("limits.off_station_m")[:, None]) & late)
 
 
 def coarse_burns(evidence: RunEvidence) -> Finding:

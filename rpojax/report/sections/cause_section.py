@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from rpojax.analysis.failure_causes import causes
+from rpojax.analysis.failure_causes.finding import Finding
 from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.errors import ScenarioError
@@ -136,14 +137,14 @@ def _causes(campaign: CampaignResults, file: ScenarioFile, servicer: str, failed
                     "run_ids": campaign.run_ids[chosen].tolist(),
                     "texts": {
                         str(campaign.run_ids[row]): _of_run(finding, begin, row, chosen)
-                        for row in np.flatnonzero(chosen)
+                        for row in np.flatnonzero(chosen).tolist()
                     },
                 }
             )
     return found
 
 
-def _of_run(finding: Any, begin: str, row: int, chosen: np.ndarray) -> str:
+def _of_run(finding: Finding, begin: str, row: int, chosen: np.ndarray) -> str:
     only = np.zeros(len(chosen), dtype=bool)
     only[row] = True
     return begin + finding.evidence(only)

@@ -32,11 +32,11 @@ def planted(file: ScenarioFile, outcome: str = "lost", **changes: Any) -> RunEvi
     ticks = round(file.duration_s * file.rates.camera_hz)
     every = failure_signs.interval_ticks(ticks, 1.0 / file.rates.camera_hz)
     intervals = -(-ticks // every)
-    signs = {name: np.zeros((RUNS, intervals), np.int32) for name in failure_signs.COUNTS}
+    names = (*failure_signs.COUNTS, failure_signs.FAILED_TESTS)
+    signs = {name: np.zeros((RUNS, intervals), np.int32) for name in names}
     for name in ("ticks", "looking", "in_view"):
         signs[name][:] = every
     signs["good_boxes"][:] = round(0.9 * every)
-    signs[failure_signs.FAILED_TESTS] = np.zeros((RUNS, intervals), np.int16)
     time_s = np.arange(0.0, file.duration_s, 10.0)
     shape = (RUNS, len(time_s))
     traces = {

@@ -1,5 +1,7 @@
 """Causes are contrasted with completed runs and ranked by the failed runs that they explain."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from rpojax.analysis.failure_causes.ranking import is_contrasted, ranked_causes
 FAILED = np.array([True] * 6 + [False] * 10)
 
 
-def finding(name: str, strength: list[float], depth: Depth = Depth.ROOT, at_s: float = np.nan) -> Finding:
+def finding(name: str, strength: Sequence[float], depth: Depth = Depth.ROOT, at_s: float = np.nan) -> Finding:
     values = np.array(strength)
     return Finding(name, name, depth, values, np.full(len(values), at_s), no_words, no_words)
 
