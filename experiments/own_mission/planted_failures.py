@@ -10,10 +10,12 @@ in twelve is wrong, or a healthy campaign has a cause.
 import argparse
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rpojax.analysis.failure_causes import causes
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.report.sections import cause_section
 
@@ -108,7 +110,13 @@ BLIND = (
     Planted("torque_small", "inspection", ["wheels.torque_limit_n_m=[0.001, 0.001, 0.001]"], ["wheels"]),
 )
 """Planted after the rules had been written, on other missions: what the rules do not know."""
-HEALTHY = ("inspection", "vbar_approach", "inspection_eclipse", "inspection_faults", "safety_ellipse", "fly_around")
+HEALTHY = {
+    "inspection": (),
+    "vbar_approach": (),
+    "inspection_eclipse": (),
+    "inspection_faults": ("fault",),
+}
+"""Packaged scenarios, and causes that may be named there."""
 
 
 def simulated(scenario: str, settings: Sequence[str], runs: int, folder: Path) -> Campaign:
@@ -123,6 +131,16 @@ def simulated(scenario: str, settings: Sequence[str], runs: int, folder: Path) -
         if done.returncode not in (0, 3):
             raise SystemExit(f"{scenario} {settings}: {done.stderr}")
     return Campaign(folder)
+
+
+def shown(campaign: Campaign) -> str:
+    """Which causes completed runs show, by the number of runs: what contrast must reject where a run fails."""
+    evidence = cause_section.evidence_of(campaign, campaign.file)
+    counts = Counter[str]()
+    for finding in causes.all_findings(evidence):
+        counts[finding.name] += int((finding.shown & evidence.completed).sum())
+    found = ", ".join(f"{name} ({count})" for name, count in counts.most_common() if count)
+    return f"completed runs show {found or 'none'}"
 
 
 def main() -> int:
@@ -145,13 +163,16 @@ def main() -> int:
             flush=True,
         )
     print(f"\n{right} of {len(chosen)} right\n")
-    named = 0
-    for scenario in [] if options.only else HEALTHY:
-        found = cause_section.content(simulated(scenario, [], options.runs, options.out / f"healthy_{scenario}"))
+    wrong = 0
+    for scenario, allowed in HEALTHY.items() if not options.only else ():
+        campaign = simulated(scenario, [], options.runs, options.out / f"healthy_{scenario}")
+        found = cause_section.content(campaign)
         names = ", ".join(f"{each['name']} ({each['runs']})" for each in found["causes"]) or "none"
-        named += bool(found["causes"])
-        print(f"- {scenario}: {found['failed']} of {options.runs} failed, causes: {names}", flush=True)
-    return int(12 * (len(chosen) - right) > len(chosen) or named > 0)
+        wrong += any(each["name"] not in allowed for each in found["causes"])
+        print(
+            f"- {scenario}: {found['failed']} of {options.runs} failed, causes: {names}; {shown(campaign)}", flush=True
+        )
+    return int(12 * (len(chosen) - right) > len(chosen) or wrong > 0)
 
 
 if __name__ == "__main__":

@@ -130,7 +130,7 @@ def authority(evidence: RunEvidence) -> Finding:
 
 
 def _off_station(evidence: RunEvidence) -> Flags:
-    """(runs, samples) whether a run is farther from where it should be than `limits.off_station_m` after its arrival."""
+    """(runs, samples) whether a run is farther off than `limits.off_station_m` after its arrival."""
     error = evidence.trace("formation_error_m")
     late = np.resize(evidence.time_s, error.shape[1]) >= evidence.value("limits.arrive_by_s")[:, None]
     return np.asarray((error > evidence.value("limits.off_station_m")[:, None]) & late)
