@@ -159,7 +159,7 @@ def main() -> int:
         right += is_right
         text = "none" if first is None else f"{first['name']}: {first['text']}"
         print(
-            f"| {each.name} | {found['failed']} of {options.runs} | {text} | {'yes' if is_right else 'no'} |",
+            f"| {each.name} | {found['failed']} of {found['runs']} | {text} | {'yes' if is_right else 'no'} |",
             flush=True,
         )
     print(f"\n{right} of {len(chosen)} right\n")
@@ -169,9 +169,8 @@ def main() -> int:
         found = cause_section.content(campaign)
         names = ", ".join(f"{each['name']} ({each['runs']})" for each in found["causes"]) or "none"
         wrong += any(each["name"] not in allowed for each in found["causes"])
-        print(
-            f"- {scenario}: {found['failed']} of {options.runs} failed, causes: {names}; {shown(campaign)}", flush=True
-        )
+        failed = f"{found['failed']} of {found['runs']} failed"
+        print(f"- {scenario}: {failed}, causes: {names}; {shown(campaign)}", flush=True)
     return int(12 * (len(chosen) - right) > len(chosen) or wrong > 0)
 
 

@@ -1,5 +1,6 @@
 """Causes in navigation: wrong beliefs, gate, range that is not known, confidence that was withdrawn."""
 
+import re
 from collections.abc import Iterator
 from typing import Final
 
@@ -25,6 +26,8 @@ _UNKNOWN: Final = 0.3
 _UNCONFIDENT: Final = 0.5
 """Share of ten minutes without confidence that counts."""
 _CERTAIN: Final = 2.0
+_TRUTH: Final = re.compile(r"(?:the truth is|is up to|is down to|target\.scale is) ([0-9.e+-]+)")
+"""Value of the truth in a warning about a belief."""
 _ADVICE: Final = {
     "box_variance": "navigation.edge_noise_px and the beliefs of the target's shape that fit the boxes",
     "box_bias": "a calibration of the camera's mounting, or a larger navigation.bearing_bias_sigma_deg",
@@ -101,8 +104,14 @@ def beliefs(evidence: RunEvidence) -> Iterator[Finding]:
             shows,
             nowhere,
             lambda _, key=key, found=found: f"{key} is wrong: {found}",
-            lambda _, key=key: f"a belief that fits ({key})",
+            lambda _, key=key, found=found: _fitting(key, found),
         )
+
+
+def _fitting(key: str, words: str) -> str:
+    """A belief that fits, by what a warning says of the truth."""
+    value = _TRUTH.search(words)
+    return f"a belief that fits ({key})" if value is None else f"{key} = {value.group(1)}"
 
 
 def _suspects(test: str) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ def faults(evidence: RunEvidence) -> Iterator[Finding]:
             strength,
             start_s,
             words,
-            lambda _: "equipment in reserve, or fault.duration_s it survives",
+            lambda _: "equipment in reserve, or a shorter fault (fault.duration_s)",
         )
 
 

@@ -147,7 +147,7 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
     long_burns: ("authority", ("a burn of 45 s within 110 s",)),
     propellant: ("propellant", ("0.001 kg is used up at 3000 s",)),
     star_tracker: ("star_tracker", ("in 100 % of ten minutes",)),
-    belief: ("belief", ("navigation.target_size_m", "a factor of 1.6")),
+    belief: ("belief", ("a factor of 1.6", "navigation.target_size_m = 1.7")),
     sure_and_wrong: ("sure_and_wrong", ("inside 3 sigma in 40 %", "NEES / 6 6.67")),
     gate: ("gate", ("4 sigma rejects 78 % of true boxes",)),
     unknown_range: ("unknown_range", ("known to 44 % only", "beyond 20 %")),
