@@ -132,8 +132,8 @@ class RunEvidence:
         return starts < self.until_s[:, None]
 
     def sign(self, name: str) -> np.ndarray:
-        """A sign (runs, intervals), zero after `until_s`."""
-        return np.where(self.before, self.signs[name], 0)
+        """A sign (runs, intervals), zero after `until_s` and for runs of an older version, which recorded none."""
+        return np.where(self.before, np.maximum(self.signs[name], 0), 0)
 
     @cached_property
     def ranges_m(self) -> Numbers:

@@ -182,6 +182,12 @@ def test_results_without_signs_traces_and_phases_give_no_cause() -> None:
     assert causes(evidence).findings == []
 
 
+def test_runs_that_an_older_version_wrote_without_signs_show_none() -> None:
+    evidence = misses()
+    signs = {name: np.where(FAILED[:, None], -1, values) for name, values in evidence.signs.items()}
+    assert causes(planted(file_of(), signs_of_run=signs)).findings == []
+
+
 def test_what_happens_after_an_abort_is_no_cause() -> None:
     file = file_of("vbar_approach")
     evidence = abort()
