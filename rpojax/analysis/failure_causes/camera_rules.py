@@ -8,6 +8,7 @@ import numpy as np
 
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
+from rpojax.scenario.warnings.attitude_authority import attitude_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
 
 _CUT: Final = 0.4
@@ -17,6 +18,12 @@ _MISSED: Final = 0.5
 """Share of frames without a true box from which on a detector misses too much. A choice: a fifth is nothing unusual."""
 _HOPELESS: Final = 0.8
 """Share of missed frames from which on it does not help that the filter is told of them."""
+_MORE, _LEAST_MORE = 2.0, 0.2
+"""Missed frames of the whole time over the believed share, and their least share, from which on they count."""
+_KNOWN: Final = 0.5
+"""Error of direction over half the field of view up to which the target would be in it."""
+_PAST: Final = 0.4
+"""Share of the time that looks past such a target from which on the attitude is at fault."""
 _LEAST_FRAMES: Final = 8
 """Fewest frames in ten minutes that tell of missing boxes: a search leaves the target soon. Chance misses none so."""
 _FALSE: Final = 0.25
@@ -35,6 +42,7 @@ def findings(evidence: RunEvidence) -> Iterator[Finding]:
         yield frame(evidence)
         yield too_small(evidence)
         yield out_of_view(evidence)
+        yield pointing(evidence)
         yield dark(evidence)
         yield misses(evidence)
         yield false_boxes(evidence)
@@ -141,6 +149,34 @@ def out_of_view(evidence: RunEvidence) -> Finding:
     return Finding("out_of_view", title, depth, share / _MISSED, at_s, words, mend, is_loss=True)
 
 
+def pointing(evidence: RunEvidence) -> Finding:
+    """The camera looks past a target whose direction is known: a root where slews ask more torque than wheels have."""
+    camera = evidence.file.camera
+    half = math.radians(0.5 * camera.field_of_view_deg) * min(1.0, camera.height_px / camera.width_px)
+    angle = evidence.in_intervals("nav_relative_error_m") / np.maximum(evidence.ranges_m, 1e-3)
+    past, looking = (np.where(angle < _KNOWN * half, evidence.sign(name), 0) for name in ("out_of_view", "looking"))
+    share, at_s = evidence.worst_share(past, looking)
+    torque = [line for line in attitude_warnings(evidence.file, evidence.reach, 0.0) if "N m of wheel" in line]
+    total = np.sum(np.where(past > 0, angle * past, 0.0), axis=1)
+    known_deg = np.degrees(total / np.maximum(past.sum(axis=1), 1))
+
+    def words(chosen: Flags) -> str:
+        found = (
+            f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes, although navigation "
+            f"knows its direction to {number(median(known_deg, chosen))} deg"
+        )
+        return f"{found}: {torque[0].partition(', or')[0]}" if torque else found
+
+    def mend(_: Flags) -> str:
+        if torque:
+            return f"a smaller {torque[0].partition(':')[0]}, or wheels of more torque"
+        return "slower slews, a longer pointing.settle_time_s, or see attitude and star tracker"
+
+    name, depth = ("wheels", Depth.ROOT) if torque else ("pointing", Depth.MECHANISM)
+    title = "wheels give too little torque" if torque else "the attitude does not follow"
+    return Finding(name, title, depth, share / _PAST, at_s, words, mend)
+
+
 def dark(evidence: RunEvidence) -> Finding:
     """There is no light to see the target by."""
     darkness, ticks = evidence.sign("dark"), evidence.sign("ticks")
@@ -196,7 +232,8 @@ def misses(evidence: RunEvidence) -> Finding:
         told = f", or navigation.miss_probability = {number(missed)}" if missed < _HOPELESS else ""
         return f"a detector that finds it in {percent(1.0 - believed)} of them{told}"
 
-    return Finding("misses", "boxes are missing", Depth.ROOT, share / _MISSED, at_s, words, mend)
+    strength = np.minimum(share / _MISSED, whole / max(_MORE * believed, _LEAST_MORE))
+    return Finding("misses", "boxes are missing", Depth.ROOT, strength, at_s, words, mend)
 
 
 def false_boxes(evidence: RunEvidence) -> Finding:

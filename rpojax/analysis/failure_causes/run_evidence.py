@@ -138,10 +138,14 @@ class RunEvidence:
     @cached_property
     def ranges_m(self) -> Numbers:
         """(runs, intervals) mean range in the intervals of the signs [m], NaN where unknown."""
+        return self.in_intervals("range_m")
+
+    def in_intervals(self, name: str) -> Numbers:
+        """Mean of a trace in the intervals of the signs (runs, intervals), NaN where unknown."""
         intervals = self.signs["ticks"].shape[1]
         place = np.minimum((self.time_s / self.interval_s).astype(int), intervals - 1)
         found = np.full((self.count, intervals), np.nan)
-        values = self.traces.get("range_m")
+        values = self.traces.get(name)
         if values is None:
             return found
         for each in np.unique(place):

@@ -32,7 +32,18 @@ def too_small() -> RunEvidence:
 
 def out_of_view() -> RunEvidence:
     narrow = file_of(camera={"field_of_view_deg": 2.0})
-    return planted(narrow, signs={"in_view": 0.0, "good_boxes": 0.0, "out_of_view": 1.0})
+    return planted(
+        narrow, signs={"in_view": 0.0, "good_boxes": 0.0, "out_of_view": 1.0}, traces={"nav_relative_error_m": 2.0}
+    )
+
+
+def torque() -> RunEvidence:
+    file = file_of(wheels={"torque_limit_n_m": [0.001, 0.001, 0.001]})
+    return planted(file, signs={"in_view": 0.2, "good_boxes": 0.18, "out_of_view": 0.8})
+
+
+def pointing() -> RunEvidence:
+    return planted(file_of(), signs={"in_view": 0.2, "good_boxes": 0.18, "out_of_view": 0.8})
 
 
 def dark() -> RunEvidence:
@@ -137,6 +148,8 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
     frame: ("frame", ("below 30 m (88 % of boxes cut)", "a lens of ")),
     too_small: ("too_small", ("px, boxes from 4 px on", "a lens of ")),
     out_of_view: ("out_of_view", ("in 100 % of ten minutes", "view is 1 deg")),
+    torque: ("wheels", ("80 % of ten minutes", "expected at most wheels.torque_limit_n_m")),
+    pointing: ("pointing", ("80 % of ten minutes", "knows its direction to 0.382 deg")),
     dark: ("dark", ("in 60 % of the time", "phase angle")),
     misses: ("misses", ("in 90 % of the frames", "(10 % believed)")),
     false_boxes: ("false_boxes", ("60 % of frames have a false box",)),
