@@ -33,6 +33,7 @@ class SyntheticCampaign:
     surface: dict[str, np.ndarray] = field(default_factory=dict)
     phases: dict[str, np.ndarray] = field(default_factory=dict)
     phase_names: tuple[str, ...] = ()
+    signs: dict[str, np.ndarray] = field(default_factory=dict)
     servicer_names: tuple[str, ...] = ()
     servicer_groups: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 

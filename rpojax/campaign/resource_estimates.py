@@ -9,7 +9,7 @@ from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 
-RECORD_BYTES_PER_TICK = 160
+RECORD_BYTES_PER_TICK = 164
 """Memory per run and tick for the channels that metrics and free drifts need [B]."""
 POSE_BYTES_PER_TICK = 44
 """Memory per run and tick for the poses that coverage needs, and in histories [B]."""
@@ -17,13 +17,13 @@ MISSION_BYTES_PER_TICK = 16
 """Memory per run and tick for the channels of phases, and in histories [B]."""
 EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are evaluated [B]."""
-HISTORY_BYTES_PER_TICK = 328
+HISTORY_BYTES_PER_TICK = 332
 """Memory and disk per tick of a full history [B]."""
 HISTORY_MEMORY_BYTES = 1_000_000_000
 """Memory for the channels that only histories of a batch need [B]; a batch with more of them keeps them in a file."""
 _BATCHES_IN_MEMORY = 2
 """Results of one batch are stored while the next one is simulated."""
-_RUN_BYTES = 2048
+_RUN_BYTES = 5376
 _PHASES_BYTES = 1536
 _TRACE_BYTES_PER_S = 4
 _REPORT_BYTES = 10_000_000

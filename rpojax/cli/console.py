@@ -11,6 +11,7 @@ from rich.text import Text
 
 from rpojax.metrics.metric_catalogue import find
 from rpojax.report.labels import format_number, metric_label
+from rpojax.report.sections.failure_section import without_time
 from rpojax.runtime.progress import count_runs
 
 _KEY_METRICS = (
@@ -54,6 +55,8 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
         console.print(f"unfinished: {count_runs(runs['missing'])} missing", markup=False)
     for reason, count in _reasons(summary).items():
         console.print(f"failed: {count} x {reason}", markup=False)
+    for line in _why(summary):
+        console.print(line, markup=False, soft_wrap=True)
     for judged in summary["requirements"]:
         reached = f"; {judged['reached_text']}" if "reached_text" in judged else ""
         console.print(f"{judged['verdict_text']}: {judged['text']}{reached}", markup=False, soft_wrap=True)
@@ -119,8 +122,19 @@ def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
     return {reason: reasons.count(reason) for reason in sorted(set(reasons))}
 
 
+def _why(summary: Mapping[str, Any]) -> list[str]:
+    """A line for each cause of failed runs: runs, evidence, what would mend it; one on those without a cause."""
+    found = summary["why_failed"]
+    lines = [
+        f"why: {each['runs']} x {each['text']}" + (f"; {each['mend']}" if each["mend"] else "")
+        for each in found["causes"]
+    ]
+    return [*lines, *([f"why: no cause was found in {found['without']}"] if found["without"] else [])]
+
+
 def _with_detail(failure: Mapping[str, Any]) -> str:
-    return f"{failure['reason']}: {failure['detail']}" if failure["detail"] else str(failure["reason"])
+    detail = without_time(str(failure["detail"]))
+    return f"{failure['reason']}: {detail}" if detail else str(failure["reason"])
 
 
 def show_lines(warnings: Iterable[str]) -> None:

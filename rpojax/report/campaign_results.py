@@ -111,6 +111,11 @@ class CampaignResults(Protocol):
         ...
 
     @property
+    def signs(self) -> Mapping[str, np.ndarray]:
+        """Arrays of `rpojax.simulation.metrics.failure_signs.evaluate` of the runs; empty in older folders."""
+        ...
+
+    @property
     def phase_names(self) -> Sequence[str]:
         """Names of the phases in the order of those arrays, the two built-in ones last."""
         ...

@@ -193,6 +193,13 @@ def _pointing_error(tick: ObservedTick) -> Scalar:
     return jnp.rad2deg(off)
 
 
+def _failed_tests(tick: ObservedTick) -> Array:
+    """Health tests whose threshold is exceeded, as bits in the order of `health_ratios`."""
+    ratios = tick.telemetry.flight.health.ratios
+    bits = jnp.array([1 << place for place in range(len(ratios))], dtype=jnp.int16)
+    return jnp.sum(jnp.where(ratios >= 1.0, bits, 0), axis=0, dtype=jnp.int16)
+
+
 def _mission(tick: ObservedTick) -> MissionState:
     return tick.telemetry.flight.mission
 
@@ -256,6 +263,8 @@ _NAVIGATION: Final[ChannelFunctions] = {
     "box_innovation_sigmas": _sigmas("box"),
     "nav_confident": lambda tick: tick.telemetry.flight.health.confident,
     "health_ratios": lambda tick: tick.telemetry.flight.health.ratios,
+    "failed_tests": _failed_tests,
+    "star_tracker_present": lambda tick: tick.telemetry.measurements.star_tracker_present,
 }
 _CAMERA: Final[ChannelFunctions] = {
     "box_present": lambda tick: tick.telemetry.frame.box.present,

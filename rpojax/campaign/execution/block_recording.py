@@ -24,7 +24,14 @@ from rpojax.runtime.rows_in_parts import in_parts
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import decimated_traces, drift_starts, phase_records, recorded_metrics, team_metrics
+from rpojax.simulation.metrics import (
+    decimated_traces,
+    drift_starts,
+    failure_signs,
+    phase_records,
+    recorded_metrics,
+    team_metrics,
+)
 from rpojax.simulation.outcomes import judgement
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 
@@ -34,6 +41,7 @@ RECORDED_CHANNELS = frozenset(
         *recorded_metrics.MISSION_CHANNELS,
         *drift_starts.REQUIRED_CHANNELS,
         *judgement.REQUIRED_CHANNELS,
+        *failure_signs.REQUIRED_CHANNELS,
         *team_metrics.TEAM_CHANNELS,
     }
 )
@@ -219,6 +227,7 @@ def _servicer_arrays(results: ServicerResults, rows: slice) -> dict[str, np.ndar
         for name, values in decimated_traces.decimated_traces(file, records, used, stride).items():
             arrays[f"traces/{name}"] = np.where(ended, np.float32(np.nan), values)
     arrays |= {f"phases/{name}": values for name, values in phase_records.evaluate(file, records).items()}
+    arrays |= {f"signs/{name}": values for name, values in failure_signs.evaluate(file, records).items()}
     arrays |= {f"coverage/{name}": values[rows] for name, values in coverage.maps.items()}
     arrays["status/failure"] = judged.codes[rows]
     arrays["status/failed_at_s"] = since_s

@@ -8,6 +8,7 @@
 | `results.zarr/coverage` | of every run of a scenario with coverage: `lit_samples`, `seen_samples` of each facet |
 | `results.zarr/servicer_GROUP` | of every run of a team: `NAME` of each servicer, which are the second axis |
 | `results.zarr/phases` | of every run of a scenario with phases: `NAME` of each phase, and its transitions |
+| `results.zarr/signs` | of every run: `NAME` in intervals of time, signs of what goes wrong |
 | `results.zarr/surface` | facets of the target, of a scenario with coverage |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
 | `manifest/000000.json` | one per finished block, written last; a resume runs the blocks without one |
@@ -358,6 +359,11 @@ class Campaign(Summarised):
     def phases(self) -> dict[str, np.ndarray]:
         """Arrays of `rpojax.simulation.metrics.phase_records.evaluate` of the runs; empty without phases."""
         return self._read("phases")
+
+    @property
+    def signs(self) -> dict[str, np.ndarray]:
+        """Arrays of `rpojax.simulation.metrics.failure_signs.evaluate` of the runs; empty in folders without them."""
+        return self._read("signs")
 
     @property
     def phase_names(self) -> tuple[str, ...]:

@@ -94,7 +94,9 @@ def _of_runs(content: Mapping[str, Any]) -> list[VerdictTile]:
     note = "every run completed" if runs["completed"] == ended else ""
     if runs["failed"]:
         note = failure_section.outcomes_text(runs["outcomes"])
-        if details := failure_section.detail_counts(content["failures"]):
+        if causes := content["why_failed"]["causes"]:
+            note += f"; most often {causes[0]['title']}" if len(causes) > 1 else f"; {causes[0]['title']}"
+        elif details := failure_section.detail_counts(content["failures"]):
             note += f"; most often {details[0][0]}" if len(details) > 1 else f"; {details[0][0]}"
     colour: Colour = "alert" if runs["failed"] else "good" if runs["completed"] == ended > 0 else "open"
     found = [VerdictTile("Failed runs", f"{runs['failed']} of {ended}", note, colour, "failures")]
@@ -276,7 +278,14 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
     if not runs["failed"]:
         return []
     first = content["failures"][0]["run_id"]
-    text = f"{runs['failed']} runs failed ({outcomes_text(runs['outcomes'])}): repeat one and read why."
+    causes = content["why_failed"]["causes"]
+    if causes:
+        leading = causes[0]
+        first = leading["run_ids"][0]
+        mend = f" To change: {leading['mend']}." if leading["mend"] else ""
+        text = f"{leading['runs']} of {runs['failed']} failed runs: {leading['title']}.{mend} Repeat one to look at it."
+        return [NextStep(text, "failures", shell_commands.rerun_command(campaign, first, f"run_{first}"))]
+    text = f"{runs['failed']} runs failed ({outcomes_text(runs['outcomes'])}), and no cause was found: repeat one."
     if details := detail_counts(content["failures"]):
         text += "".join(f" {count} {detail}." for detail, count in details[:2])
     return [NextStep(text, "failures", shell_commands.rerun_command(campaign, first, f"run_{first}"))]

@@ -1,6 +1,6 @@
 """Content of report.json, which the page shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from rpojax.report.labels import in_display_order
 from rpojax.report.left_out_parts import Notes
 from rpojax.report.metric_statistics import summary_statistics
 from rpojax.report.sections import (
+    cause_section,
     consistency_section,
     convergence_section,
     coverage_section,
@@ -43,7 +44,7 @@ def known_before(campaign: CampaignResults) -> list[str]:
 def summarise(campaign: CampaignResults) -> dict[str, Any]:
     """Counts of runs, metrics, verdicts, design, provenance, failures, faults and warnings; null in place of NaN."""
     metrics, independent = campaign.metrics, campaign_results.runs_are_independent(campaign)
-    run_counts = _run_counts(campaign)
+    run_counts, why = _run_counts(campaign), cause_section.content(campaign)
     return {
         "runs": run_counts,
         "metrics": {
@@ -53,7 +54,8 @@ def summarise(campaign: CampaignResults) -> dict[str, Any]:
         "requirements": to_json_types(requirement_verdict_section.content(campaign, run_counts["missing"])),
         "design": campaign_results.design_content(campaign),
         "provenance": to_json_types({key: value for key, value in campaign.info.items() if key != "scenario"}),
-        "failures": _failures(campaign),
+        "failures": _failures(campaign, why),
+        "why_failed": cause_section.without_texts(why),
         "faults": failure_section.fault_content(campaign),
         "warnings": known_before(campaign),
     }
@@ -72,8 +74,9 @@ def _run_counts(campaign: CampaignResults) -> dict[str, Any]:
     }
 
 
-def _failures(campaign: CampaignResults) -> list[dict[str, Any]]:
-    details = team_section.unfinished_details(campaign)
+def _failures(campaign: CampaignResults, why: Mapping[str, Any]) -> list[dict[str, Any]]:
+    details = {**team_section.unfinished_details(campaign), **cause_section.abort_details(campaign)}
+    causes = cause_section.texts_of_runs(why)
     return [
         {
             "run_id": int(run),
@@ -81,6 +84,7 @@ def _failures(campaign: CampaignResults) -> list[dict[str, Any]]:
             "at_s": to_json_types(at_s),
             "reason": str(reason),
             "detail": details.get(int(run), ""),
+            **causes.get(int(run), cause_section.NO_CAUSE),
         }
         for run, outcome, at_s, reason in zip(
             campaign.run_ids, campaign.outcomes, campaign.failed_at_s, campaign.failure_reason, strict=True

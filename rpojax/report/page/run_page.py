@@ -16,7 +16,7 @@ from rpojax.report.page.first_screen import VerdictTile, passive_safety_count
 from rpojax.report.page.run_charts import camera_charts, run_charts
 from rpojax.report.page.run_series import formation_error, path_scene
 from rpojax.report.page.template_values import RunDetail, run_detail_values
-from rpojax.report.sections import identity_section
+from rpojax.report.sections import cause_section, identity_section
 from rpojax.report.sections.requirement_verdict_section import limit_text
 from rpojax.report.sections.safety_section import worst_value_texts
 
@@ -199,6 +199,7 @@ def render_run_page(campaign: CampaignResults, content: Mapping[str, Any], detai
         "missing": content["runs"]["missing"],
         "warnings": content["warnings"],
         "outcome": run_sentence(campaign, content),
+        "why": cause_section.sentence_of_run(content["why_failed"]),
         "verdict_tiles": run_tiles(content),
         "parts": parts,
         "marks": run_timeline.time_marks(float(campaign.info.get("scenario", {}).get("duration_s", 1.0))),

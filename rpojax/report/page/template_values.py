@@ -18,6 +18,7 @@ from rpojax.report.labels import format_number
 from rpojax.report.left_out_parts import Notes
 from rpojax.report.page.first_screen import leading_figures, next_steps, outcome_sentence, verdict_tiles
 from rpojax.report.sections import (
+    cause_section,
     consistency_section,
     convergence_section,
     coverage_section,
@@ -134,6 +135,7 @@ def first_screen_values(campaign: CampaignResults, content: Mapping[str, Any], c
     return {
         "simulated": simulated_text(campaign.info, content["runs"]["requested"]),
         "outcome": outcome_sentence(content),
+        "why": content["why_failed"],
         "verdict_tiles": verdict_tiles(content),
         "leading": leading_figures(content, charts.charts),
         "next_steps": next_steps(campaign, content),
@@ -162,6 +164,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
         "low_coverage": consistency_section.low_coverage_text(consistency),
         "sensitivity": content["sensitivity"],
         "failures": failure_section.failure_table(content),
+        "why_rows": cause_section.rows(content["why_failed"]),
         "events": failure_section.event_table(content["events"]),
         "causes": [
             (

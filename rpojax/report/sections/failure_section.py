@@ -1,5 +1,6 @@
 """Failed runs by outcome, inputs that distinguish them from completed runs, and flags that were raised and cleared."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -25,6 +26,7 @@ _SIGNS = (
 )
 """Metrics that tell why a run ended as it did: camera, gate, filter, control and thrust, and what came of it."""
 _MAX_INPUTS = 5
+_AT_TIME = re.compile(r" at [0-9.e+]+ s")
 _MAX_FAILURES = 50
 TABLE_COLUMNS = (
     ("formation_error_rms_m", 50.0),
@@ -62,8 +64,13 @@ def outcomes_text(outcomes: Mapping[str, int]) -> str:
 
 
 def detail_counts(failures: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
-    """Where unfinished runs stayed and why, and how many of them, the most frequent first."""
-    return Counter(failure["detail"] for failure in failures if failure["detail"]).most_common()
+    """Where unfinished runs stayed and why, why others aborted, and how many of them, the most frequent first."""
+    return Counter(without_time(failure["detail"]) for failure in failures if failure["detail"]).most_common()
+
+
+def without_time(detail: str) -> str:
+    """A detail of a failed run without the time of an abort, which is that of one run."""
+    return _AT_TIME.sub("", detail)
 
 
 def cause_rows(entry: Mapping[str, Any]) -> list[list[str]]:
@@ -159,7 +166,9 @@ def failure_table(summary: Mapping[str, Any]) -> dict[str, Any]:
     rows = summary["failures"]
     return {
         "reasons": Counter(row["reason"] for row in rows).most_common(),
-        "details": detail_counts(rows),
+        "details": Counter(
+            f"{row['reason']}: {without_time(row['detail'])}" for row in rows if row["detail"]
+        ).most_common(),
         "rows": [{**row, "at_s": format_number(row["at_s"])} for row in rows[:_MAX_FAILURES]],
         "more": max(0, len(rows) - _MAX_FAILURES),
     }

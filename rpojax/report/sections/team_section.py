@@ -77,7 +77,7 @@ def of_servicer(campaign: CampaignResults, number: int) -> CampaignResults:
         failed_at_s=failed_at_s,
         failure_reason=np.array(REASONS)[codes],
         drawn=common | own,
-        **{group: _of_one(campaign, group, number) for group in ("metrics", "traces", "phases")},
+        **{group: _of_one(campaign, group, number) for group in ("metrics", "traces", "phases", "signs")},
         **dict.fromkeys(("events", "history_ids", "servicer_names"), ()),
         coverage={},
         surface={},

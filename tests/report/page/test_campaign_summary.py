@@ -75,6 +75,7 @@ def test_runs_failures_and_provenance(build):
     counts = {"requested": 12, "completed": 10, "failed": 2, "not_judged": 0, "missing": 0}
     assert summary["runs"] == {**counts, "outcomes": outcomes}
     failure = {"outcome": "keep_out", "at_s": 300.0, "reason": "entered the keep-out sphere", "detail": ""}
+    failure |= {"cause": "", "cause_text": ""}
     assert summary["failures"] == [{"run_id": run, **failure} for run in (4, 9)]
     assert summary["provenance"]["scenario_hash"] == campaign.info["scenario_hash"]
     assert summary["requirements"] == []

@@ -169,7 +169,7 @@ def array_units(group: str, name: str) -> str:
             unit = "s" if name.endswith("_s") else "-"
         case "phases":
             unit = phase_records.UNITS.get(name, "-")
-        case "coverage":
+        case "coverage" | "signs":
             unit = "-"
         case "histories":
             unit = CHANNEL_UNITS.get(name) or key_units.unit_symbol(name)

@@ -25,7 +25,7 @@ _BYTES_OF_ANY_ARRAY: Final = 64_000_000
 """Most bytes of an array that may be of any shape."""
 _BYTES_PER_STORED_BYTE: Final = 20_000
 """Best ratio of compression, of values that are all equal."""
-_OPTIONAL_GROUPS = ("drawn", "used", "events", "coverage", "phases")
+_OPTIONAL_GROUPS = ("drawn", "used", "events", "coverage", "phases", "signs")
 """Groups that need not exist: without numbers that vary, coverage or phases, and in folders of older versions."""
 
 

@@ -75,6 +75,7 @@ CONTENT = {
         "least_passive_range": None,
     },
     "failures": [],
+    "why_failed": {"failed": 0, "runs": 500, "causes": [], "without": 0, "sentence": ""},
     "metrics": {},
     "sensitivity": [],
 }

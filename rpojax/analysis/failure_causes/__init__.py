@@ -1,0 +1,1 @@
+"""Why runs failed: rules over what is recorded of each run, and their ranking."""

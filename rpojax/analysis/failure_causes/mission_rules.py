@@ -1,0 +1,296 @@
+"""Causes in the mission: corridor, keep-out zone, aborts, phases that never end, runs that are too short."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number
+from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
+from rpojax.flight.mission.mission_state import AbortReason, Condition
+from rpojax.scenario.phases.phase_sections import PhaseSection
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
+
+_CERTAIN: Final = 2.0
+_WEAK: Final = 1.0
+_ENDS: Final = {
+    AbortReason.TIMEOUT: "a longer timeout_s of the phase, or a condition that it can meet",
+    AbortReason.KEEP_OUT_PREDICTED: "a smaller keep-out zone, a slower approach, or a relative orbit",
+    AbortReason.TARGET_LOST: "see what the camera saw before the abort",
+    AbortReason.CONFIDENCE_LOST: "see which health test failed before the abort",
+    AbortReason.THRUSTER_FAILED: "a second thruster, or a longer formation.thruster_retry_s",
+    AbortReason.COMMAND: "a goal that allows for it (goal.phase)",
+}
+
+
+def findings(evidence: RunEvidence) -> Iterator[Finding]:
+    """Findings of the runs; none without phases, but for those that end before they are judged."""
+    if evidence.phases:
+        yield from corridors(evidence)
+        yield short(evidence)
+        yield from unmet(evidence)
+        yield from aborts(evidence)
+    yield keep_out(evidence)
+
+
+def last_phase(evidence: RunEvidence) -> np.ndarray:
+    """(runs,) number of the last phase of the scenario that a run was in, before a hold or an abort."""
+    phase = evidence.phases["transition_phase"]
+    in_table = (phase >= 0) & (phase < len(evidence.file.phases))
+    place = phase.shape[1] - 1 - np.argmax(in_table[:, ::-1], axis=1)
+    return np.where(in_table.any(axis=1), phase[np.arange(len(phase)), place], 0).astype(int)
+
+
+def entered_s(evidence: RunEvidence, phase: np.ndarray) -> Numbers:
+    """(runs,) when each run first began a phase (runs,) [s]."""
+    began = evidence.phases["transition_phase"] == phase[:, None]
+    return np.min(np.where(began, evidence.phases["transition_at_s"], np.inf), axis=1, initial=np.inf)
+
+
+def _left_s(evidence: RunEvidence, phase: np.ndarray) -> Numbers:
+    """(runs,) when each run left the phase (runs,) that it was in [s], the end of the run if it did not."""
+    after = evidence.phases["transition_at_s"] > entered_s(evidence, phase)[:, None]
+    found = np.min(np.where(after, evidence.phases["transition_at_s"], np.inf), axis=1, initial=np.inf)
+    return np.minimum(found, evidence.file.duration_s)
+
+
+def corridors(evidence: RunEvidence) -> Iterator[Finding]:
+    """The corridor was left, one finding for each phase with one."""
+    phase, left = last_phase(evidence), evidence.abort_reason == AbortReason.CORRIDOR_LEFT
+    for row, section in enumerate(evidence.file.phases):
+        here = left & (phase == row)
+        if section.corridor is None or not here.any():
+            continue
+        corridor, at_s = section.corridor, evidence.aborted_at_s
+        place = np.minimum(np.searchsorted(evidence.time_s, at_s), max(len(evidence.time_s) - 1, 0))
+        rows = np.arange(evidence.count)
+        range_m = _at(evidence, "range_m", rows, place)
+        error_m = _at(evidence, "formation_error_m", rows, place)
+        half_m = corridor.width_m + np.tan(np.radians(corridor.half_angle_deg)) * range_m
+
+        def words(
+            chosen: Flags,
+            name: str = section.name,
+            half: Numbers = half_m,
+            error: Numbers = error_m,
+            far: Numbers = range_m,
+        ) -> str:
+            return (
+                f"the corridor of {name} is left at {number(median(far, chosen))} m, where it is "
+                f"{number(median(half, chosen))} m to each side and the error is {number(median(error, chosen))} m"
+            )
+
+        def mend(
+            _: Flags, angle: float = float(corridor.half_angle_deg), width: float = float(corridor.width_m)
+        ) -> str:
+            return (
+                f"a wider corridor (half_angle_deg {number(max(2.0 * angle, 5.0))}, width_m "
+                f"{number(max(2.0 * width, 1.0))}) or smaller errors on the way"
+            )
+
+        yield Finding(
+            "corridor",
+            f"the corridor of {section.name} is left",
+            Depth.MECHANISM,
+            np.where(here, _CERTAIN, 0.0),
+            at_s,
+            words,
+            mend,
+        )
+
+
+def _at(evidence: RunEvidence, name: str, rows: np.ndarray, place: np.ndarray) -> Numbers:
+    """A trace at places (runs,), NaN where there is none."""
+    values = evidence.traces.get(name)
+    return np.full(len(rows), np.nan) if values is None else np.asarray(values[rows, place], dtype=float)
+
+
+def least_time_s(section: PhaseSection) -> float:
+    """Least time that a phase takes by its conditions [s]."""
+    until = section.until
+    if until is None:
+        return 0.0
+    held = [until.arrival_for_s if until.arrival_box_m is not None else None]
+    held.append(until.range_sigma_for_s if until.range_sigma_m is not None else None)
+    return max([until.time_s or 0.0, *(float(each or 0.0) for each in held)])
+
+
+def _way_s(evidence: RunEvidence, row: int) -> float:
+    """Median time that runs which went on took in a phase [s], else the least by its conditions and its way."""
+    section = evidence.file.phases[row]
+    went_on = (evidence.phases["transition_phase"] == row + 1).any(axis=1)
+    took = evidence.phases["duration_s"][went_on, row]
+    if len(took):
+        return float(np.median(took))
+    return max(least_time_s(section), _approach_s(evidence, row))
+
+
+def _approach_s(evidence: RunEvidence, row: int) -> float:
+    """Least time of an approach at its greatest speed from the place before it [s]; 0 of other references."""
+    reference = evidence.file.phases[row].reference.model_dump()
+    speed, end = reference.get("max_speed_m_s"), reference.get("end_position_m")
+    if reference.get("kind") != "approach" or not speed or end is None:
+        return float(reference.get("duration_s") or reference.get("join_s") or 0.0)
+    before = evidence.file.phases[row - 1].reference.model_dump() if row else {}
+    start = before.get("position_m") or before.get("end_position_m") or evidence.file.initial.relative_position_m
+    return float(np.linalg.norm(np.subtract(start, end))) / float(speed)
+
+
+def short(evidence: RunEvidence) -> Finding:
+    """The run ends before the phases can, although nothing holds it up."""
+    file, phase = evidence.file, last_phase(evidence)
+    unfinished = (evidence.outcomes == str(Outcome.UNFINISHED)) & ~np.isfinite(evidence.aborted_at_s)
+    entered = entered_s(evidence, phase)
+    still = np.isclose(_left_s(evidence, phase), file.duration_s)
+    expected = np.array([_way_s(evidence, row) for row in range(len(file.phases))])
+    goal = (
+        [each.name for each in file.phases].index(file.goal.phase)
+        if file.goal.phase in _names(file)
+        else len(file.phases) - 1
+    )
+    to_come = np.array([expected[row : goal + 1].sum() for row in range(len(file.phases))])
+    if file.phases[goal].until is None:
+        to_come = to_come - expected[goal]
+    needed = entered + to_come[phase]
+    lacking = unfinished & still & (file.duration_s - entered < 1.5 * np.maximum(expected[phase], 1.0))
+    needed = np.maximum(needed, file.duration_s * 1.05)
+
+    def words(chosen: Flags) -> str:
+        name = file.phases[int(np.median(phase[chosen]))].name
+        return (
+            f"the run of {number(file.duration_s)} s ends in {name}, begun at {number(median(entered, chosen))} s: "
+            f"the phases take some {number(median(needed, chosen))} s"
+        )
+
+    def mend(chosen: Flags) -> str:
+        return f"duration_s = {1000.0 * np.ceil(1.3e-3 * median(needed, chosen)):.0f}"
+
+    return Finding(
+        "short",
+        "the run is shorter than the mission",
+        Depth.ROOT,
+        np.where(lacking, _CERTAIN, 0.0),
+        entered,
+        words,
+        mend,
+    )
+
+
+def _names(file: object) -> list[str]:
+    return [each.name for each in getattr(file, "phases", [])]
+
+
+def unmet(evidence: RunEvidence) -> Iterator[Finding]:
+    """Conditions of a phase are never met, one finding for each phase and set of conditions."""
+    file, phase = evidence.file, last_phase(evidence)
+    bits = np.asarray(evidence.phases["unmet_conditions"])
+    stayed_s = _left_s(evidence, phase) - entered_s(evidence, phase)
+    stuck = evidence.failed & (bits > 0) & (stayed_s > 0.0)
+    stuck &= (evidence.outcomes == str(Outcome.UNFINISHED)) | (evidence.abort_reason == AbortReason.TIMEOUT)
+    for row, code in sorted({(int(a), int(b)) for a, b in zip(phase[stuck], bits[stuck], strict=True)}):
+        here = stuck & (phase == row) & (bits == code)
+        name, conditions = file.phases[row].name, Condition(code)
+
+        def words(chosen: Flags, row: int = row, name: str = name, conditions: Condition = conditions) -> str:
+            wanted = "; ".join(_wanted(evidence, row, each, chosen) for each in Condition if each & conditions)
+            return f"the phase {name} does not end in {number(median(stayed_s, chosen))} s: {wanted}"
+
+        def mend(_: Flags, row: int = row, conditions: Condition = conditions) -> str:
+            keys = ", ".join(_KEYS[each] for each in Condition if each & conditions)
+            return f"{keys} of phases.{file.phases[row].name}.until that the runs can meet"
+
+        yield Finding(
+            "phase",
+            f"the phase {name} never ends",
+            Depth.CONSEQUENCE,
+            np.where(here, _CERTAIN, 0.0),
+            entered_s(evidence, phase),
+            words,
+            mend,
+        )
+
+
+_KEYS: Final = {
+    Condition.TIME: "time_s",
+    Condition.ARRIVAL: "arrival_box_m",
+    Condition.RANGE_SIGMA: "range_sigma_m",
+    Condition.GROUND_GO: "ground_go_s",
+}
+
+
+def _wanted(evidence: RunEvidence, row: int, condition: Condition, chosen: Flags) -> str:
+    """What a condition wants, and what the runs have."""
+    until = evidence.file.phases[row].until
+    assert until is not None
+    if condition == Condition.TIME:
+        return f"time_s = {number(float(until.time_s or 0.0))} is not over"
+    if condition == Condition.RANGE_SIGMA:
+        least = _least(evidence.trace("nav_relative_sigma3_m") / 3.0)
+        limit = number(float(until.range_sigma_m or 0.0))
+        return f"range_sigma_m = {limit}, and the position's sigma is {number(median(least, chosen))} m at best"
+    if condition == Condition.ARRIVAL:
+        box = " x ".join(number(float(each)) for each in until.arrival_box_m or ())
+        error = _last(evidence.trace("formation_error_m"))
+        return f"arrival_box_m = {box}, and the error is {number(median(error, chosen))} m at the end"
+    return "no go from the ground"
+
+
+def _least(values: Numbers) -> Numbers:
+    found = np.min(np.where(np.isfinite(values), values, np.inf), axis=1, initial=np.inf)
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _last(values: Numbers) -> Numbers:
+    known = np.isfinite(values)
+    place = values.shape[1] - 1 - np.argmax(known[:, ::-1], axis=1)
+    return np.where(known.any(axis=1), values[np.arange(len(values)), place], np.nan)
+
+
+def aborts(evidence: RunEvidence) -> Iterator[Finding]:
+    """Aborts by reason and phase, where no cause farther back is known."""
+    phase = last_phase(evidence)
+    for reason in AbortReason:
+        for row, section in enumerate(evidence.file.phases):
+            here = (evidence.abort_reason == reason) & (phase == row)
+            if reason in (AbortReason.NONE, AbortReason.CORRIDOR_LEFT) or not here.any():
+                continue
+
+            def words(chosen: Flags, reason: AbortReason = reason, name: str = section.name) -> str:
+                range_m = _last(evidence.trace("range_m"))
+                return (
+                    f"{name} is aborted: {reason.text}, at {number(median(evidence.aborted_at_s, chosen))} s and "
+                    f"{number(median(range_m, chosen))} m"
+                )
+
+            yield Finding(
+                "abort",
+                f"abort in {section.name}: {reason.text}",
+                Depth.DECISION,
+                np.where(here, _WEAK, 0.0),
+                evidence.aborted_at_s,
+                words,
+                lambda _, reason=reason: _ENDS.get(reason, ""),
+            )
+
+
+def keep_out(evidence: RunEvidence) -> Finding:
+    """The keep-out sphere is entered, and nothing farther back tells why."""
+    entered = evidence.outcomes == str(Outcome.KEEP_OUT)
+    radius, error = evidence.value("limits.keep_out_m"), _last(evidence.trace("nav_relative_error_m"))
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"the keep-out sphere of {number(median(radius, chosen))} m is entered at "
+            f"{number(median(evidence.failed_at_s, chosen))} s, with an error of navigation of "
+            f"{number(median(error, chosen))} m"
+        )
+
+    return Finding(
+        "keep_out",
+        "the keep-out sphere is entered",
+        Depth.DECISION,
+        np.where(entered, _WEAK, 0.0),
+        evidence.failed_at_s,
+        words,
+        lambda _: "a station farther away, or a passively safe relative orbit",
+    )

@@ -1,0 +1,214 @@
+"""Causes in the vehicle: injected faults, wheels, thrust, propellant, star tracker."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
+from rpojax.analysis.failure_causes.run_evidence import Flags, RunEvidence
+from rpojax.core.constants import STANDARD_GRAVITY
+from rpojax.physics.equipment_faults import KINDS
+from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
+
+_CERTAIN: Final = 2.0
+"""Strength of what is shown or not, without a measure."""
+_SATURATED: Final = 0.98
+"""Share of a wheel's speed limit from which on it gives no more torque."""
+_AT_LIMIT: Final = 1.0
+"""Mean burn of a few periods over the longest after half a turn, from which on the thruster may be too weak. A choice:
+`inspection` takes up to 1, and with 2 mN, where 7 of 16 runs fail, all take 2."""
+_PERIODS: Final = 4
+"""Burn periods over which that is measured."""
+_BLIND: Final = 0.5
+"""Share of the time without star tracker from which on it is blind."""
+_SIGHT: Final = np.array([0.0, 1.0, 0.0])
+
+
+def findings(evidence: RunEvidence) -> Iterator[Finding]:
+    """Findings of the runs."""
+    yield from faults(evidence)
+    yield wheels(evidence)
+    yield authority(evidence)
+    yield coarse_burns(evidence)
+    yield propellant(evidence)
+    if evidence.has_signs:
+        yield star_tracker(evidence)
+
+
+def faults(evidence: RunEvidence) -> Iterator[Finding]:
+    """Faults that were injected and began before the run failed, one finding for each kind."""
+    if not evidence.file.effects.faults:
+        return
+    kind = evidence.drawn.get("fault.kind")
+    code = np.full(evidence.count, KINDS.index(evidence.file.fault.kind)) if kind is None else np.round(kind)
+    start_s = evidence.value("fault.start_s").astype(float)
+    end_s = start_s + evidence.value("fault.duration_s")
+    for number_of_kind in np.unique(code).astype(int).tolist():
+        if KINDS[number_of_kind] == "none":
+            continue
+        acts = (code == number_of_kind) & (start_s < evidence.until_s)
+
+        def words(chosen: Flags, name: str = KINDS[number_of_kind].replace("_", " ")) -> str:
+            lasting = median(np.minimum(end_s, evidence.until_s) - start_s, chosen)
+            return (
+                f"the injected fault {name} acts from {number(median(start_s, chosen))} s on, for {number(lasting)} s"
+            )
+
+        title = f"injected fault: {KINDS[number_of_kind].replace('_', ' ')}"
+        strength = np.where(acts, _CERTAIN, 0.0)
+        yield Finding(
+            "fault",
+            title,
+            Depth.EQUIPMENT,
+            strength,
+            start_s,
+            words,
+            lambda _: "equipment in reserve, or a shorter fault (fault.duration_s)",
+        )
+
+
+def wheels(evidence: RunEvidence) -> Finding:
+    """Wheels reach their greatest speed."""
+    speed = evidence.trace("wheel_speed_fraction")
+    peak = np.max(np.where(np.isfinite(speed), speed, 0.0), axis=1, initial=0.0)
+    at_s = evidence.first_s(speed >= _SATURATED)
+    wheels_of_file = evidence.file.wheels
+    loaded = np.max(np.abs(wheels_of_file.initial_speed_rad_s) / np.array(wheels_of_file.speed_limit_rad_s))
+    held = np.array(wheels_of_file.inertia_kg_m2) * np.array(wheels_of_file.speed_limit_rad_s)
+
+    def words(chosen: Flags) -> str:
+        begin = f"; they start at {percent(float(loaded))}" if loaded > 0.1 else ""
+        return (
+            f"a wheel reaches its greatest speed ({percent(median(peak, chosen))} of {number(float(held.min()))} "
+            f"N m s, first at {number(median(at_s, chosen))} s{begin})"
+        )
+
+    def mend(_: Flags) -> str:
+        if loaded > 0.5:
+            return "wheels unloaded before the start (wheels.initial_speed_rad_s)"
+        return f"wheels of {number(2.0 * float(held.min()))} N m s or slower slews (pointing.slew_acceleration_mrad_s2)"
+
+    strength = np.where(peak >= _SATURATED, _CERTAIN, peak / _SATURATED * 0.99)
+    return Finding("wheels", "wheels are saturated", Depth.ROOT, strength, at_s, words, mend, may_follow=True)
+
+
+def _periods_s(evidence: RunEvidence) -> float:
+    """Longest burn period of the scenario [s]."""
+    own = [phase.control_period_s or evidence.file.rates.formation_period_s for phase in evidence.file.phases]
+    return max(own, default=evidence.file.rates.formation_period_s)
+
+
+def _available_m_s(evidence: RunEvidence) -> float:
+    """Velocity change that the longest burn after a half turn gives [m/s], by the nominal vehicle."""
+    return float(largest_delta_v_m_s(evidence.file, evidence.reach, _SIGHT, -_SIGHT))
+
+
+def authority(evidence: RunEvidence) -> Finding:
+    """Burns are as long as they may be and do not stop the drift."""
+    file, period_s, available = evidence.file, _periods_s(evidence), _available_m_s(evidence)
+    spent = evidence.trace("delta_v_m_s")
+    step = 1 if len(evidence.time_s) < 2 else max(1, round(_PERIODS * period_s / float(np.diff(evidence.time_s).min())))
+    gained = spent[:, step:] - spent[:, :-step]
+    most = np.max(np.where(np.isfinite(gained), gained, 0.0), axis=1, initial=0.0) / _PERIODS
+    share = most / available if available > 0.0 else np.zeros(evidence.count)
+    off = _off_station(evidence)
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"burns took {number(1e3 * median(most, chosen))} mm/s in a period, and within the look-away limit the "
+            f"thruster gives {number(1e3 * available)} mm/s after half a turn"
+        )
+
+    def mend(chosen: Flags) -> str:
+        wanted = file.thruster.force_n * max(2.0, 1.5 * median(share, chosen) / _AT_LIMIT)
+        return f"a thruster of {number(wanted)} N, or a longer pointing.look_away_limit_s"
+
+    title, strength = "the thruster is too weak", np.where(off.any(axis=1), share / _AT_LIMIT, 0.0)
+    return Finding("authority", title, Depth.ROOT, strength, evidence.first_s(off), words, mend, may_follow=True)
+
+
+def _off_station(evidence: RunEvidence) -> Flags:
+    """(runs, samples) whether a run is farther off than `limits.off_station_m` after its arrival."""
+    error = evidence.trace("formation_error_m")
+    late = np.resize(evidence.time_s, error.shape[1]) >= evidence.value("limits.arrive_by_s")[:, None]
+    return np.asarray((error > evidence.value("limits.off_station_m")[:, None]) & late)
+
+
+def coarse_burns(evidence: RunEvidence) -> Finding:
+    """The least burn is too much, or longer than a burn may be."""
+    file, available, period_s = evidence.file, _available_m_s(evidence), _periods_s(evidence)
+    thruster = file.thruster
+    acceleration = thruster.force_n * evidence.value("thruster.force_scale") / evidence.value("servicer.mass_kg")
+    least = np.maximum(thruster.minimum_on_time_s * acceleration, 1e-3 * file.formation.dead_band_mm_s)
+    drift_m = least * period_s
+    strength = 2.0 * drift_m / evidence.value("limits.off_station_m")
+    if available <= 0.0:
+        strength = np.full(evidence.count, _CERTAIN)
+
+    def words(chosen: Flags) -> str:
+        if available <= 0.0:
+            limit_s = number(file.pointing.look_away_limit_s)
+            return f"turns leave no time for a burn of {number(thruster.minimum_on_time_s)} s within {limit_s} s"
+        return (
+            f"errors below {number(1e3 * median(least, chosen))} mm/s are not corrected, which are "
+            f"{number(median(drift_m, chosen))} m in a burn period"
+        )
+
+    def mend(_: Flags) -> str:
+        return "a shorter thruster.minimum_on_time_s, a smaller formation.dead_band_mm_s or a longer look-away"
+
+    nowhere = np.full(evidence.count, np.nan)
+    return Finding("authority", "burns are too coarse", Depth.ROOT, strength, nowhere, words, mend)
+
+
+def propellant(evidence: RunEvidence) -> Finding:
+    """The propellant is used up."""
+    file = evidence.file
+    spent = evidence.trace("delta_v_m_s")
+    mass = evidence.value("servicer.mass_kg")[:, None]
+    used = mass * -np.expm1(-spent / (STANDARD_GRAVITY * file.thruster.specific_impulse_s))
+    limit = evidence.value("limits.propellant_kg")
+    most = np.max(np.where(np.isfinite(used), used, 0.0), axis=1, initial=0.0)
+    out = evidence.outcomes == str(Outcome.OUT_OF_PROPELLANT)
+
+    def words(chosen: Flags) -> str:
+        since = median(evidence.failed_at_s, chosen)
+        return f"the propellant of {number(median(limit, chosen))} kg is used up at {number(since)} s"
+
+    def mend(_: Flags) -> str:
+        if evidence.completed.any():
+            return (
+                f"limits.propellant_kg above the {number(float(most[evidence.completed].max()))} kg of completed runs"
+            )
+        return "a larger limits.propellant_kg"
+
+    return Finding(
+        "propellant",
+        "propellant is used up",
+        Depth.ROOT,
+        np.where(out, _CERTAIN, 0.0),
+        evidence.failed_at_s,
+        words,
+        mend,
+    )
+
+
+def star_tracker(evidence: RunEvidence) -> Finding:
+    """The star tracker is blind."""
+    blind, ticks = evidence.sign("no_star_tracker"), evidence.sign("ticks")
+    share, at_s = evidence.worst_share(blind, ticks)
+    whole = blind.sum(axis=1) / np.maximum(ticks.sum(axis=1), 1)
+
+    def words(chosen: Flags) -> str:
+        return (
+            f"the star tracker is blind in {percent(median(share, chosen))} of ten minutes "
+            f"({percent(median(whole, chosen))} of the time)"
+        )
+
+    def mend(_: Flags) -> str:
+        sun = evidence.file.star_tracker.sun_exclusion_deg
+        return f"another star_tracker.boresight, or a baffle for less than {number(sun)} deg from the Sun"
+
+    return Finding("star_tracker", "the star tracker is blind", Depth.ROOT, share / _BLIND, at_s, words, mend)

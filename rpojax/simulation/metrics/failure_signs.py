@@ -1,0 +1,100 @@
+"""Signs of what goes wrong in a run, counted in intervals of time: camera, gate, light, health tests, star tracker.
+
+Names of arrays are those of the group `signs` of a campaign.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.scenario.schema import ScenarioFile
+
+MAX_INTERVALS: Final = 64
+"""Most intervals of a run. A choice: 140 s of `vbar_approach`, in 3 % of the disk of its traces."""
+LEAST_INTERVAL_S: Final = 30.0
+"""Shortest interval [s]."""
+REQUIRED_CHANNELS: Final = (
+    "box_present",
+    "box_accepted",
+    "box_outlier",
+    "box_truncated",
+    "observable",
+    "mode",
+    "pointing_error_deg",
+    "nav_confident",
+    "failed_tests",
+    "star_tracker_present",
+    "relative_error_H",
+    "relative_sigma_H",
+    "running",
+)
+"""Channels that the signs are made of."""
+COUNTS: Final = (
+    "ticks",
+    "dark",
+    "looking",
+    "in_view",
+    "out_of_view",
+    "good_boxes",
+    "cut",
+    "false_boxes",
+    "good_rejected",
+    "false_accepted",
+    "unconfident",
+    "no_star_tracker",
+    "outside_3_sigma",
+)
+"""Signs that are numbers of ticks: all; without light; with light while the camera looks at the target or searches it;
+with light and the target before the lens; of those that look the ones without it there; of those with it there the ones
+with a box of it, and with one that the frame cuts; false boxes of those that look; true boxes rejected and false ones
+accepted by the gate; without confidence; without star tracker; with an axis outside of 3 sigma."""
+FAILED_TESTS: Final = "failed_tests"
+"""Sign that is a set of bits: the health tests of `rpojax.flight.navigation_health.TESTS` that failed in a tick."""
+
+
+def interval_ticks(ticks: int, tick_s: float) -> int:
+    """Ticks of an interval, from those of a run and their length [s]."""
+    return max(1, -(-ticks // MAX_INTERVALS), round(LEAST_INTERVAL_S / tick_s))
+
+
+def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Signs (runs, intervals) from channels (runs, ticks, ...), up to where a run was frozen; empty without them."""
+    if not all(name in records for name in REQUIRED_CHANNELS):
+        return {}
+    running = records["running"]
+    every = interval_ticks(running.shape[1], 1.0 / file.rates.camera_hz)
+    starts = np.arange(0, running.shape[1], every)
+    present, outlier, accepted = (records[f"box_{name}"] & running for name in ("present", "outlier", "accepted"))
+    lit = records["observable"] & running
+    looking = lit & np.isin(records["mode"], (Mode.LOOK, Mode.SEARCH))
+    least_side = min(file.camera.width_px, file.camera.height_px) / file.camera.width_px
+    half_deg = np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * file.camera.field_of_view_deg))))
+    in_view = lit & (records["pointing_error_deg"] <= half_deg)
+    good = present & ~outlier & in_view
+    outside = np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
+    flags = {
+        "ticks": running,
+        "dark": running & ~records["observable"],
+        "looking": looking,
+        "in_view": in_view,
+        "out_of_view": looking & ~in_view,
+        "good_boxes": good,
+        "cut": good & records["box_truncated"],
+        "false_boxes": outlier & looking,
+        "good_rejected": good & ~accepted,
+        "false_accepted": outlier & accepted,
+        "unconfident": running & ~records["nav_confident"],
+        "no_star_tracker": running & ~records["star_tracker_present"],
+        "outside_3_sigma": running & outside.any(axis=2),
+    }
+    counts = {name: _counted(flags[name], starts) for name in COUNTS}
+    tests = np.where(running, records[FAILED_TESTS], 0).astype(np.int16)
+    return {**counts, FAILED_TESTS: np.bitwise_or.reduceat(tests, starts, axis=1)}
+
+
+def _counted(flags: NDArray[np.bool_], starts: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Number of raised flags (runs, ticks) in each interval (runs, intervals)."""
+    return np.add.reduceat(flags, starts, axis=1, dtype=np.int32)

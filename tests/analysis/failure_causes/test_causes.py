@@ -1,0 +1,210 @@
+"""Each rule finds the failure that is planted in small arrays, with its numbers, and none where nothing is wrong."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from planted_evidence import FAILED, RUNS, file_of, phases_of, planted
+
+from rpojax.analysis.failure_causes.causes import all_findings, causes
+from rpojax.analysis.failure_causes.run_evidence import RunEvidence
+from rpojax.flight.mission.mission_state import AbortReason, Condition
+from rpojax.flight.navigation_health import TESTS
+from rpojax.physics.equipment_faults import KINDS
+
+
+def first(evidence: RunEvidence) -> tuple[str, int, str]:
+    """Name of the first cause, number of runs that it explains, evidence and what mends it."""
+    found = causes(evidence)
+    chosen = found.explained_by(0)
+    finding = found.findings[0]
+    return finding.name, int(chosen.sum()), f"{finding.evidence(chosen)}; {finding.mend(chosen)}"
+
+
+def frame() -> RunEvidence:
+    return planted(file_of(camera={"field_of_view_deg": 2.0}), signs={"cut": 0.8})
+
+
+def too_small() -> RunEvidence:
+    return planted(file_of(camera={"field_of_view_deg": 75.0}), signs={"good_boxes": 0.1})
+
+
+def out_of_view() -> RunEvidence:
+    narrow = file_of(camera={"field_of_view_deg": 2.0})
+    return planted(
+        narrow, signs={"in_view": 0.0, "good_boxes": 0.0, "out_of_view": 1.0}, traces={"nav_relative_error_m": 2.0}
+    )
+
+
+def torque() -> RunEvidence:
+    file = file_of(wheels={"torque_limit_n_m": [0.001, 0.001, 0.001]})
+    return planted(file, signs={"in_view": 0.2, "good_boxes": 0.18, "out_of_view": 0.8})
+
+
+def pointing() -> RunEvidence:
+    return planted(file_of(), signs={"in_view": 0.2, "good_boxes": 0.18, "out_of_view": 0.8})
+
+
+def dark() -> RunEvidence:
+    signs = {"dark": 0.6, "looking": 0.4, "in_view": 0.4, "good_boxes": 0.35}
+    return planted(file_of(orbit={"raan_deg": 0.0}), signs=signs)
+
+
+def misses() -> RunEvidence:
+    return planted(file_of(), signs={"good_boxes": 0.1})
+
+
+def false_boxes() -> RunEvidence:
+    return planted(file_of(), signs={"false_boxes": 0.6, "good_boxes": 0.6})
+
+
+def fault() -> RunEvidence:
+    file = file_of(effects={"faults": True})
+    drawn = {
+        "fault.kind": np.where(FAILED, KINDS.index("thruster_off"), KINDS.index("gps_outage")),
+        "fault.start_s": np.full(RUNS, 500.0),
+    }
+    return planted(file, drawn=drawn, signs={"good_boxes": 0.1})
+
+
+def wheels() -> RunEvidence:
+    return planted(file_of(), traces={"wheel_speed_fraction": 1.0}, signs={"unconfident": 1.0})
+
+
+def authority() -> RunEvidence:
+    file = file_of(thruster={"force_n": 0.002})
+    spent = 2e-5 * np.arange(0.0, file.duration_s, 10.0)
+    return planted(file, "off_station", traces={"delta_v_m_s": spent, "formation_error_m": 40.0})
+
+
+def coarse_burns() -> RunEvidence:
+    file = file_of(formation={"dead_band_mm_s": 60.0})
+    return planted(file, "off_station", traces={"formation_error_m": 40.0})
+
+
+def long_burns() -> RunEvidence:
+    file = file_of(thruster={"minimum_on_time_s": 45.0})
+    return planted(file, "off_station", traces={"formation_error_m": 40.0})
+
+
+def propellant() -> RunEvidence:
+    return planted(file_of(limits={"propellant_kg": 0.001}), "out_of_propellant")
+
+
+def star_tracker() -> RunEvidence:
+    return planted(file_of(), signs={"no_star_tracker": 1.0})
+
+
+def belief() -> RunEvidence:
+    bits = 1 << TESTS.index("size")
+    return planted(
+        file_of(target={"scale": 1.6}), "diverged", metrics={"sigma3_coverage": 0.4}, signs={"failed_tests": bits}
+    )
+
+
+def sure_and_wrong() -> RunEvidence:
+    return planted(file_of(), "diverged", metrics={"sigma3_coverage": 0.4, "nees_relative_mean": 40.0})
+
+
+def gate() -> RunEvidence:
+    return planted(file_of(), signs={"good_rejected": 0.7})
+
+
+def unknown_range() -> RunEvidence:
+    return planted(file_of(), traces={"nav_relative_sigma3_m": 40.0})
+
+
+def confidence() -> RunEvidence:
+    return planted(file_of(), signs={"unconfident": 1.0, "failed_tests": 1 << TESTS.index("range")})
+
+
+def corridor() -> RunEvidence:
+    file = file_of("vbar_approach")
+    phases = phases_of(file, 1, abort_reason=AbortReason.CORRIDOR_LEFT)
+    return planted(file, "aborted", phases=phases, traces={"formation_error_m": 9.0})
+
+
+def phase() -> RunEvidence:
+    file = file_of("vbar_approach")
+    return planted(file, "unfinished", phases=phases_of(file, 0, unmet=Condition.RANGE_SIGMA))
+
+
+def short() -> RunEvidence:
+    file = file_of("vbar_approach").model_copy(update={"duration_s": 1500.0})
+    return planted(file, "unfinished", phases=phases_of(file, 1, unmet=Condition.ARRIVAL))
+
+
+def abort() -> RunEvidence:
+    file = file_of("vbar_approach")
+    return planted(file, "aborted", phases=phases_of(file, 1, abort_reason=AbortReason.KEEP_OUT_PREDICTED))
+
+
+def keep_out() -> RunEvidence:
+    return planted(file_of(), "keep_out")
+
+
+PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
+    frame: ("frame", ("below 30 m (88 % of boxes cut)", "a lens of ")),
+    too_small: ("too_small", ("px, boxes from 4 px on", "a lens of ")),
+    out_of_view: ("out_of_view", ("in 100 % of ten minutes", "view is 1 deg")),
+    torque: ("wheels", ("80 % of ten minutes", "expected at most wheels.torque_limit_n_m")),
+    pointing: ("pointing", ("80 % of ten minutes", "knows its direction to 0.382 deg")),
+    dark: ("dark", ("in 60 % of the time", "phase angle")),
+    misses: ("misses", ("in 90 % of the frames", "(10 % believed)")),
+    false_boxes: ("false_boxes", ("60 % of frames have a false box",)),
+    fault: ("fault", ("thruster off", "from 500 s on")),
+    wheels: ("wheels", ("100 % of 0.502 N m s", "wheels of 1 N m s")),
+    authority: ("authority", ("burns took 4 mm/s", "a thruster of ")),
+    coarse_burns: ("authority", ("below 60 mm/s", "12 m in a burn period")),
+    long_burns: ("authority", ("a burn of 45 s within 110 s",)),
+    propellant: ("propellant", ("0.001 kg is used up at 3000 s",)),
+    star_tracker: ("star_tracker", ("in 100 % of ten minutes",)),
+    belief: ("belief", ("a factor of 1.6", "navigation.target_size_m = 1.7")),
+    sure_and_wrong: ("sure_and_wrong", ("inside 3 sigma in 40 %", "NEES / 6 6.67")),
+    gate: ("gate", ("4 sigma rejects 78 % of true boxes",)),
+    unknown_range: ("unknown_range", ("known to 44 % only", "beyond 20 %")),
+    confidence: ("confidence", ("by the test range", "100 % of ten minutes")),
+    corridor: ("corridor", ("approach is left at 30 m", "the error is 9 m")),
+    phase: ("phase", ("hold_100 does not end in 9000 s", "range_sigma_m = 6")),
+    short: ("short", ("the run of 1500 s ends in approach", "duration_s = ")),
+    abort: ("abort", ("keep-out zone ahead, at 2000 s and 30 m",)),
+    keep_out: ("keep_out", ("of 10 m is entered at 3000 s", "0.2 m")),
+}
+
+
+@pytest.mark.parametrize("plant", PLANTS, ids=lambda each: each.__name__)
+def test_the_first_cause_is_the_planted_one_with_its_numbers(plant: Callable[[], RunEvidence]) -> None:
+    name, numbers = PLANTS[plant]
+    found, runs, text = first(plant())
+    assert (found, runs) == (name, int(FAILED.sum())), text
+    assert [each for each in numbers if each not in text] == [], text
+
+
+@pytest.mark.parametrize("scenario", ["inspection", "vbar_approach", "inspection_faults"])
+def test_nothing_is_found_in_runs_in_which_nothing_is_wrong(scenario: str) -> None:
+    file = file_of(scenario)
+    more: dict[str, Any] = {"phases": phases_of(file, len(file.phases) - 1)} if file.phases else {}
+    evidence = planted(file, "completed", **more)
+    assert [each.name for each in all_findings(evidence) if each.shown.any() and each.name != "fault"] == []
+    assert causes(evidence).findings == []
+
+
+def test_results_without_signs_traces_and_phases_give_no_cause() -> None:
+    evidence = RunEvidence(file_of(), np.where(FAILED, "lost", "completed"), np.where(FAILED, 3000.0, np.nan))
+    assert causes(evidence).findings == []
+
+
+def test_runs_that_an_older_version_wrote_without_signs_show_none() -> None:
+    evidence = misses()
+    signs = {name: np.where(FAILED[:, None], -1, values) for name, values in evidence.signs.items()}
+    assert causes(planted(file_of(), signs_of_run=signs)).findings == []
+
+
+def test_what_happens_after_an_abort_is_no_cause() -> None:
+    file = file_of("vbar_approach")
+    evidence = abort()
+    late = np.arange(evidence.signs["ticks"].shape[1]) * evidence.interval_s > 2000.0
+    signs = {**evidence.signs, "good_boxes": np.where(late, 0, evidence.signs["good_boxes"])}
+    phases = phases_of(file, 1, abort_reason=AbortReason.KEEP_OUT_PREDICTED)
+    assert first(planted(file, "aborted", phases=phases, signs_of_run=signs))[0] == "abort"
