@@ -40,6 +40,11 @@ def mean_size(hull_m: list[list[float]]) -> float:
     return float(np.exp(np.log(np.maximum(hull_sides(hull_m), _LEAST_SIDE_M)).mean()))
 
 
+def size_spread(hull_m: list[list[float]]) -> float:
+    """Standard deviation over all attitudes of the log of the root of width times height."""
+    return float(np.log(np.maximum(hull_sides(hull_m), _LEAST_SIDE_M)).mean(axis=1).std())
+
+
 def packaged_picture_warnings(file: ScenarioFile) -> list[str]:
     """Pictures and surface of the packaged target for a hull that is nearly of its size."""
     if is_packaged(file.target.hull_m):
