@@ -13,6 +13,7 @@ from rpojax.scenario.loading.replaced_nominals import Layer
 from rpojax.scenario.loading.scenario_loader import ScenarioReading
 from rpojax.scenario.loading.table_merging import dispersion_name, key_names
 from rpojax.scenario.numbers.key_units import unit_symbol
+from rpojax.scenario.setting_meanings import setting_meaning
 from rpojax.scenario.warnings.key_uses import USES, keys_of
 
 DEFAULT: Final = "default"
@@ -84,7 +85,7 @@ def _leaves(model: BaseModel, tables: Mapping[str, Any], prefix: str) -> Iterato
     for name, value in tables.items():
         key, held = f"{prefix}{name}", getattr(model, name, None)
         field = type(model).model_fields.get(name)
-        meaning = (field.description if field else None) or ""
+        meaning = (field.description if field else None) or setting_meaning(key)
         if isinstance(held, BaseModel) and isinstance(value, dict):
             yield from _leaves(held, value, f"{key}.")
         elif isinstance(held, dict) and any(isinstance(each, BaseModel) for each in held.values()):

@@ -96,7 +96,7 @@ def _text(name: str, base: str, description: str, choices: Choices) -> str:
     lines = [
         "#:schema ./rpojax.schema.json",
         "# By `rpojax new` from what was known; what was derived says from which number. All other keys are those of",
-        f"# the base: `rpojax show {name}.toml` prints each with unit, origin and meaning, `rpojax validate` checks them.",
+        f"# the base: `rpojax show {name}.toml` prints each with unit, origin and meaning.",
         "",
         f"format_version = {FORMAT_VERSION}",
         *_assignment("extends", base),

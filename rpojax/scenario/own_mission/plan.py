@@ -178,14 +178,18 @@ def _requirements(facts: MissionFacts, keep_out_m: float, times: Times) -> list[
     def one(metric: str, bound: str, limit: float, reason: str, **more: Any) -> Choice:
         return Choice("requirements", {"metric": metric, "bound": bound, "limit": limit, **_CONFIDENCE, **more}, reason)
 
-    return [
-        one("formation_error_rms_m", "at most", tidy(nearest / 12.0, 2), f"a twelfth of {nearest:g} m", **of_phase),
+    share, words = (12.0, "a twelfth") if facts.approach_m is None else (8.0, "an eighth")
+    asked = [
+        one("formation_error_rms_m", "at most", tidy(nearest / share, 2), f"{words} of {nearest:g} m", **of_phase),
         one(
             "min_range_m",
             "at least",
             tidy(0.5 * (nearest + keep_out_m)),
             f"half-way between the station and the keep-out sphere of {keep_out_m:g} m",
         ),
-        one("look_away_peak_s", "at most", times.look_away_s, "as pointing.look_away_limit_s"),
         one("wheel_speed_peak_fraction", "at most", 0.8, ""),
     ]
+    if facts.approach_m is None:
+        # A phase begins between two decisions, so that with phases two burns may count as in one period.
+        asked.append(one("look_away_peak_s", "at most", times.look_away_s, "as pointing.look_away_limit_s"))
+    return asked

@@ -19,6 +19,8 @@ _BURN_M_S = 0.03
 """Velocity change of the longest burn, if time allows."""
 _ON_TIME_S, _LEAST_ON_TIME_S = 0.5, 0.02
 _WHEEL_SPEED_RAD_S = 628.0
+_SLOW_TUMBLE_DEG_S = 0.2
+"""Tumble of which a picture every five seconds shows enough: one degree between two."""
 _OF_LEAST_BURN, _OF_DEAD_BAND = 100.0, 150.0
 """Distance over the drift in a burn period by the least burn, and by the dead band."""
 
@@ -79,7 +81,7 @@ def servicer_choices(facts: MissionFacts, times: Times) -> Choices:
             *_wheels(times, inertia),
             *_turns(times),
             Choice("rates.formation_period_s", times.period_s, _period_reason(times)),
-            *_slow_rates(times),
+            *_slow_rates(times, facts.tumble_deg_s),
         ],
         [mass, position],
     )
@@ -170,8 +172,16 @@ def _period_reason(times: Times) -> str:
     return f"{times.look_away_s:g} s of it may be out of sight"
 
 
-def _slow_rates(times: Times) -> list[Choice]:
+def _slow_rates(times: Times, tumble_deg_s: float) -> list[Choice]:
     if not times.is_slow:
         return []
     reason = f"the orbit takes {times.pace:.3g} times as long as that of `inspection`"
-    return [Choice("rates.plant_hz", 1.0, reason), Choice("rates.camera_hz", 0.2, reason)]
+    if tumble_deg_s > _SLOW_TUMBLE_DEG_S:
+        return [Choice("rates.plant_hz", 1.0, reason)]
+    more = f"{reason}, and {tumble_deg_s:g} deg/s turn the target by {5.0 * tumble_deg_s:.2g} deg in 5 s"
+    return [
+        Choice("rates.plant_hz", 1.0, reason),
+        Choice("rates.camera_hz", 0.2, more),
+        Choice("navigation.confirm_within_s", 15.0, "three frames"),
+        Choice("navigation.recovery_after_s", 20.0, "four frames"),
+    ]

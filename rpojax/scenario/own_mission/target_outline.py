@@ -12,7 +12,7 @@ from rpojax.errors import RpojaxError
 from rpojax.scenario.own_mission.choices import Choice, Choices, tidy, tidy_all
 from rpojax.scenario.own_mission.facts import MissionFacts
 from rpojax.scenario.trained.packaged_hull import packaged_hull
-from rpojax.scenario.warnings.target_size import mean_size, size_spread
+from rpojax.scenario.warnings.target_size import largest_side_log, mean_size, size_spread
 from rpojax.training.synthetic_data.meshes.mesh_files import load_mesh
 
 _MASS_OF_A_CUBIC_METRE_KG = 190.0
@@ -145,6 +145,7 @@ def _beliefs(facts: MissionFacts, outline: Outline) -> list[Choice]:
     spread, packaged = size_spread(outline.hull_m.tolist()), size_spread(packaged_hull().tolist())
     factor = spread / packaged
     offset, perspective = _middles(outline)
+    side, side_spread = largest_side_log(outline.hull_m.tolist())
     center = math.hypot(offset, _BASE_CENTER_SIGMA_M * outline.size_m / _BASE_SIZE_M)
     return [
         Choice(
@@ -155,6 +156,11 @@ def _beliefs(facts: MissionFacts, outline: Outline) -> list[Choice]:
             "navigation.scale_sigma",
             tidy_all([each * factor for each in _BASE_SCALE_SIGMA]),
             f"the log of the size has a spread of {spread:.3g} over attitudes, that of `inspection` {packaged:.3g}",
+        ),
+        Choice(
+            "navigation.largest_side_log",
+            tidy_all([side, side_spread]),
+            "log of the larger side over the size: mean and spread over attitudes",
         ),
         Choice(
             "navigation.center_sigma_m", tidy(center, 2), f"middle of the outline {offset:.2g} m off, and 0.2 % of size"

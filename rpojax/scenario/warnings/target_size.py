@@ -45,6 +45,13 @@ def size_spread(hull_m: list[list[float]]) -> float:
     return float(np.log(np.maximum(hull_sides(hull_m), _LEAST_SIDE_M)).mean(axis=1).std())
 
 
+def largest_side_log(hull_m: list[list[float]]) -> tuple[float, float]:
+    """Log of the larger side over the root of width times height: mean and standard deviation over all attitudes."""
+    logs = np.log(np.maximum(hull_sides(hull_m), _LEAST_SIDE_M))
+    larger = logs.max(axis=1) - logs.mean(axis=1)
+    return float(larger.mean()), float(larger.std())
+
+
 def packaged_picture_warnings(file: ScenarioFile) -> list[str]:
     """Pictures and surface of the packaged target for a hull that is nearly of its size."""
     if is_packaged(file.target.hull_m):
