@@ -182,6 +182,4 @@ def _slow_rates(times: Times, tumble_deg_s: float) -> list[Choice]:
     return [
         Choice("rates.plant_hz", 1.0, reason),
         Choice("rates.camera_hz", 0.2, more),
-        Choice("navigation.confirm_within_s", 15.0, "three frames"),
-        Choice("navigation.recovery_after_s", 20.0, "four frames"),
     ]
