@@ -21,7 +21,8 @@ PARAGRAPHS = {
     "cubesat": (
         "A 6U cubesat of 12 kg with 10 mN looks at a 1U cubesat from 10 m, at 400 km and 51.6 deg, with the Sun 30 deg "
         "out of the orbit plane.",
-        "--mass-kg 12 --thrust-n 0.01 --target-m 0.1 --altitude-km 400 --inclination-deg 51.6 --beta-deg 30 --hold-m 10",
+        "--mass-kg 12 --thrust-n 0.01 --target-m 0.1 --altitude-km 400 --inclination-deg 51.6 --beta-deg 30 "
+        "--hold-m 10",
         (),
     ),
     "ring": (
@@ -88,7 +89,8 @@ def main() -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     print("| mission | changes | completed | others | formation error, median | worst | least range | warned of |")
     print("|---|---|---|---|---|---|---|---|")
-    return 0 if all([fly(name, options.out, options.runs, options.seed) for name in options.only]) else 1
+    good = [fly(name, options.out, options.runs, options.seed) for name in options.only]
+    return 0 if all(good) else 1
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ class MissionFacts:
     mesh_units: str | None = fact("length of a unit of the mesh", None)
     target_mass_kg: float | None = fact("mass of the target [kg]", None, 0.01, 1e6)
     tumble_deg_s: float = fact("rate of the target's tumble [deg/s]", 1.0, 0.0, 30.0)
-    size_sigma: float = fact("what the size of the target is known to, as a share of it", 0.0, 0.0, 0.5)
+    size_sigma: float = fact("what the size of the target is known to, as a share of it", 0.0, 0.0, 0.25)
     altitude_km: float = fact("altitude [km]", 500.0, 200.0, 60000.0)
     inclination_deg: float | None = fact("inclination, unless the Sun says it [deg]", None, 0.0, 180.0)
     local_time_h: float | None = fact("local time of the ascending node [h]", None, 0.0, 24.0)

@@ -11,13 +11,18 @@ import tomli_w
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 from rpojax.scenario.loading.table_merging import merge
-from rpojax.scenario.own_mission.choices import Choices
+from rpojax.scenario.own_mission.choices import Choice, Choices, tidy
 from rpojax.scenario.own_mission.facts import MissionFacts
 from rpojax.scenario.own_mission.lens import lens_choices, lens_problems
 from rpojax.scenario.own_mission.orbit_and_light import orbit_of, start_choices
 from rpojax.scenario.own_mission.plan import plan_choices
-from rpojax.scenario.own_mission.servicer import servicer_choices, times_of
-from rpojax.scenario.own_mission.target_outline import Outline, outline_of, target_choices
+from rpojax.scenario.own_mission.servicer import servicer_area, servicer_choices, times_of
+from rpojax.scenario.own_mission.target_outline import (
+    Outline,
+    outline_of,
+    target_area_and_mass,
+    target_choices,
+)
 from rpojax.scenario.schema import FORMAT_VERSION, ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.target_light import unseen_places
@@ -26,7 +31,7 @@ BASE, FULL_BASE = "inspection", "inspection_full"
 """Scenarios that the file extends: without and with the full environment."""
 _SECTIONS = (
     "", "rates", "orbit", "atmosphere", "initial", "servicer", "servicer_surface", "target", "target_surface",
-    "thruster", "wheels", "camera", "navigation", "formation", "pointing", "limits",
+    "thruster", "wheels", "camera", "navigation", "formation", "pointing", "mission", "limits",
 )  # fmt: skip
 _DARK_FACTOR = 2.0
 """Time that a mission takes in an orbit with darkness over that of one without."""
@@ -60,9 +65,8 @@ def own_mission(name: str, facts: MissionFacts) -> OwnMission:
     orbit = orbit_of(facts, base.tables["epoch_utc"])
     times = times_of(facts, orbit.period_s)
     description = _description(facts, outline)
-    fixed = (
-        orbit.choices + servicer_choices(facts, times) + target_choices(facts, outline) + lens_choices(facts, outline)
-    )
+    of_target = target_choices(facts, outline) + lens_choices(facts, outline) + _ballistic(facts, outline)
+    fixed = orbit.choices + servicer_choices(facts, times) + of_target
     if not facts.full_environment:
         fixed = Choices([each for each in fixed.values if not each.is_full], fixed.lists)
     choices = fixed + plan_choices(facts, outline, times, 1.0)
@@ -73,6 +77,15 @@ def own_mission(name: str, facts: MissionFacts) -> OwnMission:
         file = _scenario(base.tables, name, description, choices)
     lens = lens_problems(facts, outline, file.camera.field_of_view_deg, file.camera.width_px)
     return OwnMission(_text(name, extended, description, choices), file, [*lens, *scenario_warnings(file)])
+
+
+def _ballistic(facts: MissionFacts, outline: Outline) -> Choices:
+    """Belief of the difference of area over mass of both craft, with the full environment."""
+    (area, mass), (own_area, own_mass) = target_area_and_mass(facts, outline), (servicer_area(facts), facts.mass_kg)
+    of_target, of_servicer = area / mass, own_area / own_mass
+    sigma = abs(of_target - of_servicer) + 0.1 * max(of_target, of_servicer)
+    reason = f"{of_target:.3g} of the target less {of_servicer:.3g} of the servicer, and a tenth"
+    return Choices([Choice("navigation.ballistic_sigma_m2_kg", tidy(sigma, 2), reason, True)])
 
 
 def _description(facts: MissionFacts, outline: Outline) -> str:

@@ -17,6 +17,8 @@ _KNOWN, _SPREAD = 0.03, 0.04
 _SPEED_M_S, _OF_M = 0.01, 50.0
 """Those of the velocity in a low orbit, of that distance."""
 _LEAST_WIDTH_M = 0.8
+_ABORT_MARGIN_M = 2.0
+"""That which a mission has unless it says another."""
 _CONFIDENCE = {"probability": 0.99, "consumer_risk": 0.1}
 
 
@@ -58,7 +60,10 @@ def plan_choices(facts: MissionFacts, outline: Outline, times: Times, dark_facto
         Choice("limits.lost_after_s", 3.0 * times.period_s, "three burn periods"),
         *_handover(facts, times),
     ]
-    plan = _station(facts, times, dark_factor) if facts.approach_m is None else _approach(facts, times, dark_factor)
+    if facts.approach_m is None:
+        plan = _station(facts, times, dark_factor)
+    else:
+        plan = _approach(facts, times, dark_factor, keep_out)
     return Choices(common, _spread(facts, times)) + plan + Choices([], _requirements(facts, keep_out, times))
 
 
@@ -101,73 +106,59 @@ def _station(facts: MissionFacts, times: Times, dark_factor: float) -> Choices:
     )
 
 
-def _approach(facts: MissionFacts, times: Times, dark_factor: float) -> Choices:
+def _approach(facts: MissionFacts, times: Times, dark_factor: float, keep_out_m: float) -> Choices:
     found = approach_times(facts, times)
-    first = _HOLD_PERIODS * times.period_s
-    end = _END_PERIODS * times.period_s
+    first, end = _HOLD_PERIODS * times.period_s, _END_PERIODS * times.period_s
     duration = up_to(dark_factor * (1.5 * (first + found.duration_s) + end), 100.0)
     reason = (
         f"hold of {first:.0f} s, approach of {found.duration_s:.0f} s, half as much to spare, {end:.0f} s at the end"
     )
-    corridor = {
-        "axis": [0.0, -1.0, 0.0],
-        "half_angle_deg": 10.0,
-        "width_m": tidy(max(facts.nearest_m / 8.0, _LEAST_WIDTH_M), 2),
+    nearest = facts.nearest_m
+    margin = tidy(min(_ABORT_MARGIN_M, (nearest - keep_out_m) / 3.0), 2)
+    width = tidy(max(nearest / 8.0, _LEAST_WIDTH_M), 2)
+    corridor = {"axis": [0.0, -1.0, 0.0], "half_angle_deg": 10.0, "width_m": width}
+    hold_far: dict[str, Any] = {
+        "name": "hold_far",
+        "reference": {"kind": "hold", "position_m": [0.0, -facts.hold_m, 0.0]},
+        "until": {
+            "time_s": first,
+            "range_sigma_m": tidy(0.06 * facts.hold_m),
+            "range_sigma_for_s": 0.5 * times.period_s,
+        },
+        "timeout_s": up_to(2.5 * first * dark_factor, 10.0),
+        "on_timeout": "abort",
     }
-    wait = {"on_timeout": "abort"}
-    phases: list[Choice] = [
-        Choice(
-            "phases",
-            {
-                "name": "hold_far",
-                "reference": {"kind": "hold", "position_m": [0.0, -facts.hold_m, 0.0]},
-                "until": {
-                    "time_s": first,
-                    "range_sigma_m": tidy(0.06 * facts.hold_m),
-                    "range_sigma_for_s": 0.5 * times.period_s,
-                },
-                "timeout_s": up_to(2.5 * first * dark_factor, 10.0),
-                **wait,
-            },
-            f"until the range is known to 6 % of {facts.hold_m:g} m",
-        ),
-        Choice(
-            "phases",
-            {
-                "name": "approach",
-                "reference": {
-                    "kind": "approach",
-                    "end_position_m": [0.0, -facts.nearest_m, 0.0],
-                    "max_speed_m_s": found.speed_m_s,
-                    "time_constant_s": found.constant_s,
-                    "final_speed_m_s": found.last_speed_m_s,
-                },
-                "corridor": corridor,
-                "until": {
-                    "arrival_box_m": tidy_all([facts.nearest_m / each for each in (24.0, 12.0, 24.0)], 2),
-                    "arrival_for_s": 0.5 * times.period_s,
-                },
-                "timeout_s": up_to(2.0 * found.duration_s * dark_factor, 10.0),
-                **wait,
-            },
-            f"{facts.hold_m - facts.nearest_m:g} m in {found.duration_s:.0f} s, slower by the remaining distance over "
-            f"{_TIME_CONSTANT:g} burn periods",
-        ),
-        Choice(
-            "phases",
-            {
-                "name": "hold_near",
-                "reference": {"kind": "hold", "position_m": [0.0, -facts.nearest_m, 0.0]},
-                "corridor": corridor,
-            },
-        ),
+    approach: dict[str, Any] = {
+        "name": "approach",
+        "reference": {
+            "kind": "approach",
+            "end_position_m": [0.0, -nearest, 0.0],
+            "max_speed_m_s": found.speed_m_s,
+            "time_constant_s": found.constant_s,
+            "final_speed_m_s": found.last_speed_m_s,
+        },
+        "corridor": corridor,
+        "until": {
+            "arrival_box_m": tidy_all([nearest / each for each in (24.0, 12.0, 24.0)], 2),
+            "arrival_for_s": 0.5 * times.period_s,
+        },
+        "timeout_s": up_to(2.0 * found.duration_s * dark_factor, 10.0),
+        "on_timeout": "abort",
+    }
+    hold_near = {
+        "name": "hold_near",
+        "reference": {"kind": "hold", "position_m": [0.0, -nearest, 0.0]},
+        "corridor": corridor,
+    }
+    way = f"{facts.hold_m - nearest:g} m in {found.duration_s:.0f} s, at most the way left over {found.constant_s:g} s"
+    values = [
+        Choice("duration_s", duration, reason),
+        Choice("mission.abort_margin_m", margin, f"at most a third of the way from {keep_out_m:g} to {nearest:g} m"),
+        Choice("limits.arrive_by_s", first, "the hold before the approach"),
     ]
+    known = f"until the range is known to 6 % of {facts.hold_m:g} m"
     return Choices(
-        [
-            Choice("duration_s", duration, reason),
-            Choice("limits.arrive_by_s", first, "the hold before the approach"),
-        ],
-        phases,
+        values, [Choice("phases", hold_far, known), Choice("phases", approach, way), Choice("phases", hold_near)]
     )
 
 

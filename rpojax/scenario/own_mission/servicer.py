@@ -87,6 +87,11 @@ def servicer_choices(facts: MissionFacts, times: Times) -> Choices:
     )
 
 
+def servicer_area(facts: MissionFacts) -> float:
+    """Mean cross-section of the servicer [m^2]: a quarter of the surface of its cube."""
+    return 1.5 * side_of_mass(facts.mass_kg) ** 2
+
+
 def _body(facts: MissionFacts, side: float, inertia: float) -> list[Choice]:
     return [
         Choice("servicer.mass_kg", facts.mass_kg),
@@ -95,7 +100,7 @@ def _body(facts: MissionFacts, side: float, inertia: float) -> list[Choice]:
         ),
         Choice(
             "servicer_surface.area_m2",
-            tidy(1.5 * side**2),
+            tidy(servicer_area(facts)),
             f"a quarter of the surface of that cube, {side:.3g} m",
             True,
         ),

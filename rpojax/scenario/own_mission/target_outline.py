@@ -24,6 +24,8 @@ _PANEL_MASS = 0.15
 _SEEN_FROM = 5000
 _FAR = 50.0
 """Distance from which the offset by perspective is judged, in sizes of the target."""
+_LEAST_DISTANCE = 0.6
+"""Distance of the last station over the diameter of the target: a fifth more than its half, which turns."""
 _DIRECTIONS = 48
 """Directions in which a mesh's outline is kept."""
 _BASE_SCALE_SIGMA = (0.065, 0.14)
@@ -66,8 +68,18 @@ def outline_of(facts: MissionFacts) -> Outline:
     """Outline of the target of a mission.
 
     Raises:
-        RpojaxError: the mesh cannot be used.
+        RpojaxError: the mesh cannot be used, or a station is within the target's reach.
     """
+    outline = _outline(facts)
+    if facts.nearest_m <= _LEAST_DISTANCE * outline.diameter_m:
+        name = "hold_m" if facts.approach_m is None else "approach_m"
+        least = f"more than {_LEAST_DISTANCE * outline.diameter_m:.3g}, {_LEAST_DISTANCE:g} times the target's"
+        expected = f"{least} {outline.diameter_m:.3g} m from corner to corner"
+        raise RpojaxError.of_argument(name, f"found {facts.nearest_m:g}, expected {expected}")
+    return outline
+
+
+def _outline(facts: MissionFacts) -> Outline:
     if facts.target_mesh is not None:
         hull, sides = _hull_of_mesh(facts)
         words = (
@@ -116,17 +128,24 @@ def _hull_of_mesh(facts: MissionFacts) -> tuple[np.ndarray, tuple[float, float, 
     return np.round(kept, 4), (float(sides[0]), float(sides[1]), float(sides[2]))
 
 
+def target_area_and_mass(facts: MissionFacts, outline: Outline) -> tuple[float, float]:
+    """Mean cross-section of the target over all attitudes [m^2], and its mass [kg]."""
+    a, b, c = outline.sides_m
+    area = 0.5 * (a * b + b * c + c * a)
+    if facts.span_m is not None:
+        area += 0.5 * _PANEL_WIDTH * a * (facts.span_m - b)
+    return area, facts.target_mass_kg or tidy(mass_of_volume(a * b * c), 2)
+
+
 def _mass_properties(facts: MissionFacts, outline: Outline) -> list[Choice]:
     a, b, c = outline.sides_m
-    mass = facts.target_mass_kg or tidy(mass_of_volume(a * b * c), 2)
+    area, mass = target_area_and_mass(facts, outline)
     squares = np.array(outline.sides_m) ** 2
     inertia, reason = mass / 12.0 * (squares.sum() - squares), "of the body"
-    area = 0.5 * (a * b + b * c + c * a)
     if facts.span_m is not None:
         arm = 0.25 * (facts.span_m + b)
         inertia += _PANEL_MASS * mass * arm**2 * np.array([1.0, 0.0, 1.0])
         reason += f", and panels of {_PANEL_MASS:g} of the mass {arm:.3g} m from the middle"
-        area += 0.5 * _PANEL_WIDTH * a * (facts.span_m - b)
     return [
         Choice("target.mass_kg", mass, "" if facts.target_mass_kg else f"{MASS_RULE}, here {a * b * c:.3g} m3", True),
         Choice("target.inertia_kg_m2", tidy_all(np.diag(inertia)), reason),
@@ -151,7 +170,7 @@ def _beliefs(facts: MissionFacts, outline: Outline) -> list[Choice]:
         Choice(
             "navigation.target_size_m", tidy(outline.size_m, 4), "geometric mean of sqrt(width height) over attitudes"
         ),
-        Choice("navigation.target_size_sigma", facts.size_sigma, "of its log"),
+        *_size_belief(facts),
         Choice(
             "navigation.scale_sigma",
             tidy_all([each * factor for each in _BASE_SCALE_SIGMA]),
@@ -167,6 +186,14 @@ def _beliefs(facts: MissionFacts, outline: Outline) -> list[Choice]:
         ),
         Choice("navigation.center_perspective", tidy(perspective), "near parts look greater: of the hull, all round"),
     ]
+
+
+def _size_belief(facts: MissionFacts) -> list[Choice]:
+    if facts.size_sigma == 0.0:
+        return []
+    # The log of the least size that a normal error of three sigma reaches.
+    sigma = tidy(-math.log(1.0 - 3.0 * facts.size_sigma) / 3.0)
+    return [Choice("navigation.target_size_sigma", sigma, f"of its log, to {facts.size_sigma:g} of it")]
 
 
 def _middles(outline: Outline) -> tuple[float, float]:
