@@ -73,7 +73,9 @@ def own_mission(name: str, facts: MissionFacts) -> OwnMission:
     file = _scenario(base.tables, name, description, choices)
     dark = unseen_places(file, DispersedReach(file), np.array([0.0, -facts.nearest_m, 0.0]))
     if dark.any():
-        choices = fixed + plan_choices(facts, outline, times, _DARK_FACTOR) + start_choices(dark, not times.is_slow)
+        starts = start_choices(dark)
+        factor = 1.0 if starts.light_deg / 360.0 * orbit.period_s > file.duration_s else _DARK_FACTOR
+        choices = fixed + plan_choices(facts, outline, times, factor) + starts.choices
         file = _scenario(base.tables, name, description, choices)
     lens = lens_problems(facts, outline, file.camera.field_of_view_deg, file.camera.width_px)
     return OwnMission(_text(name, extended, description, choices), file, [*lens, *scenario_warnings(file)])

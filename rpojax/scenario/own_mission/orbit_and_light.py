@@ -106,27 +106,37 @@ def _air(altitude_km: float) -> list[Choice]:
     ]
 
 
-def start_choices(blocked: np.ndarray, is_wide: bool) -> Choices:
-    """Places on the orbit at which runs start, from where the target cannot be seen.
+@dataclass(frozen=True)
+class Starts:
+    """Places on the orbit at which runs start.
+
+    Attributes:
+        choices: their dispersion
+        light_deg: way on the orbit from the last of them into the dark
+    """
+
+    choices: Choices
+    light_deg: float
+
+
+def start_choices(blocked: np.ndarray) -> Starts:
+    """Places on the orbit at which runs start, where the target cannot be seen from some or all.
 
     Args:
         blocked: (n,) at equal steps of true anomaly from 0 deg
-        is_wide: whether all places will do if the target can be seen from all of them
     """
-    share = float(blocked.mean())
-    key = "orbit.true_anomaly_deg"
-    if (share == 0.0 and is_wide) or share == 1.0:
-        return Choices()
-    step = 360.0 / len(blocked)
-    rise, light = _longest_light(blocked)
-    low = rise * step + min(_AFTER_SUNRISE_DEG, 0.1 * light * step)
-    high = low + min(_WINDOW_DEG, _OF_LIGHT * light * step)
-    entry = {"key": key, "kind": "uniform", "low": round(low), "high": round(high)}
+    share, step = float(blocked.mean()), 360.0 / len(blocked)
+    if share == 1.0:
+        return Starts(Choices(), 0.0)
+    rise, light = (step * each for each in _longest_light(blocked))
+    low = round(rise + min(_AFTER_SUNRISE_DEG, 0.1 * light))
+    high = round(low + min(_WINDOW_DEG, _OF_LIGHT * light))
+    entry = {"key": "orbit.true_anomaly_deg", "kind": "uniform", "low": float(low), "high": float(high)}
     reason = (
         f"the target cannot be seen in {100.0 * share:.0f} % of an orbit; the start is in the light, from "
-        f"{rise * step:.0f} to {(rise + light) * step:.0f} deg"
+        f"{rise:.0f} to {rise + light:.0f} deg"
     )
-    return Choices([], [Choice("dispersions", entry, reason)])
+    return Starts(Choices([], [Choice("dispersions", entry, reason)]), rise + light - high)
 
 
 def _longest_light(blocked: np.ndarray) -> tuple[int, int]:

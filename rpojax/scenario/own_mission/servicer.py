@@ -19,8 +19,6 @@ _BURN_M_S = 0.03
 """Velocity change of the longest burn, if time allows."""
 _ON_TIME_S, _LEAST_ON_TIME_S = 0.5, 0.02
 _WHEEL_SPEED_RAD_S = 628.0
-_SLOW_TUMBLE_DEG_S = 0.2
-"""Tumble of which a picture every five seconds shows enough: one degree between two."""
 _OF_LEAST_BURN, _OF_DEAD_BAND = 100.0, 150.0
 """Distance over the drift in a burn period by the least burn, and by the dead band."""
 
@@ -34,7 +32,6 @@ class Times:
         burn_s: longest burn
         look_away_s: two half turns, and the burn between them
         period_s: from one burn decision to the next
-        is_slow: whether motion is slow enough for a plant of 1 Hz and a camera of 0.2 Hz
         pace: period of the orbit over that of `inspection`
     """
 
@@ -42,14 +39,12 @@ class Times:
     burn_s: float
     look_away_s: float
     period_s: float
-    is_slow: bool
     pace: float
 
 
 _BASE_ORBIT_S, _BASE_PERIOD_S = 5677.0, 200.0
 _MOST_OF_PERIOD = 0.55
 """Share of a burn period in which the camera looks away, as in `inspection`."""
-_SLOWEST = 6.0
 
 
 def times_of(facts: MissionFacts, orbit_s: float) -> Times:
@@ -58,8 +53,8 @@ def times_of(facts: MissionFacts, orbit_s: float) -> Times:
     burn = min(max(_BURN_M_S * facts.mass_kg / facts.thrust_n, _BURN_S), _LONGEST_BURN_S)
     look_away = up_to(2.0 * half_turn + _SETTLE_S + burn + _MARGIN_S, 5.0)
     pace = orbit_s / _BASE_ORBIT_S
-    period = up_to(max(look_away / _MOST_OF_PERIOD, _BASE_PERIOD_S * min(max(pace, 1.0), _SLOWEST)), 20.0)
-    return Times(half_turn, burn, look_away, period, pace > _SLOWEST, pace)
+    period = up_to(max(look_away / _MOST_OF_PERIOD, _BASE_PERIOD_S), 20.0)
+    return Times(half_turn, burn, look_away, period, pace)
 
 
 def servicer_choices(facts: MissionFacts, times: Times) -> Choices:
@@ -81,7 +76,6 @@ def servicer_choices(facts: MissionFacts, times: Times) -> Choices:
             *_wheels(times, inertia),
             *_turns(times),
             Choice("rates.formation_period_s", times.period_s, _period_reason(times)),
-            *_slow_rates(times, facts.tumble_deg_s),
         ],
         [mass, position],
     )
@@ -175,16 +169,3 @@ def _turns(times: Times) -> list[Choice]:
 
 def _period_reason(times: Times) -> str:
     return f"{times.look_away_s:g} s of it may be out of sight"
-
-
-def _slow_rates(times: Times, tumble_deg_s: float) -> list[Choice]:
-    if not times.is_slow:
-        return []
-    reason = f"the orbit takes {times.pace:.3g} times as long as that of `inspection`"
-    if tumble_deg_s > _SLOW_TUMBLE_DEG_S:
-        return [Choice("rates.plant_hz", 1.0, reason)]
-    more = f"{reason}, and {tumble_deg_s:g} deg/s turn the target by {5.0 * tumble_deg_s:.2g} deg in 5 s"
-    return [
-        Choice("rates.plant_hz", 1.0, reason),
-        Choice("rates.camera_hz", 0.2, more),
-    ]

@@ -3,7 +3,6 @@
 import dataclasses
 import re
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,18 +38,21 @@ def new(asked: NewCommand) -> int:
     if known and asked.extends is not None:
         found = f"found {asked.extends!r} beside {min(known)}, expected one of them"
         raise RpojaxError.of_argument("extends", found)
-    if not known and asked.extends is None and sys.stdin.isatty() and sys.stderr.isatty():
+    if not known and asked.extends is None and _is_terminal():
         known = _answers()
-        if not known:
-            known = {"mass_kg": MissionFacts().mass_kg}
+        known = known or {"mass_kg": MissionFacts().mass_kg}
     if not known:
         base = asked.extends or BASE
         print(write_atomically(path, template(name, base, load(base, ())).encode()))
         return Status.DONE
-    mission = own_mission(name, _facts(known))
+    mission = own_mission(name, MissionFacts(**known))
     print(write_atomically(path, mission.text.encode()))
     show_lines(mission.problems)
     return Status.DONE
+
+
+def _is_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stderr.isatty()
 
 
 def _check_names(name: str, extends: str | None) -> None:
@@ -59,10 +61,6 @@ def _check_names(name: str, extends: str | None) -> None:
         raise RpojaxError.of_argument("name", f"found {name!r}, expected a name that no packaged scenario has")
     if extends is not None and extends not in packaged:
         raise RpojaxError.of_argument("extends", f"found {extends!r}, expected a packaged scenario")
-
-
-def _facts(known: Mapping[str, Any]) -> MissionFacts:
-    return MissionFacts(**known)
 
 
 def _answers() -> dict[str, Any]:
