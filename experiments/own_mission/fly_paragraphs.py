@@ -51,7 +51,12 @@ _LEAST_COMPLETED = 0.95
 def rpojax_command(*words: str, folder: Path) -> str:
     """What a command prints on stderr; it ends the study if it fails."""
     done = subprocess.run(
-        [sys.executable, "-m", "rpojax", *words], cwd=folder, check=False, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "rpojax", *words],
+        cwd=folder,
+        check=False,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     if done.returncode not in (0, 3):  # 3: some of the runs failed
         raise SystemExit(done.stderr)

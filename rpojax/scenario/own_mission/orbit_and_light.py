@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 
 from rpojax.core.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
@@ -55,7 +56,7 @@ def orbit_of(facts: MissionFacts, epoch_utc: str) -> Orbit:
     """
     axis = RADIUS_EARTH + 1e3 * facts.altitude_km
     inclination, why = _inclination(facts, axis)
-    sun = np.asarray(sun_moon_ephemeris.sun_position(np.asarray(epoch_seconds(epoch_utc))))
+    sun = np.asarray(sun_moon_ephemeris.sun_position(jnp.float64(epoch_seconds(epoch_utc))))
     ascension = math.degrees(math.atan2(sun[1], sun[0]))
     declination = math.degrees(math.asin(sun[2] / np.linalg.norm(sun)))
     if facts.beta_deg is None:

@@ -115,8 +115,10 @@ def _approach(facts: MissionFacts, times: Times, dark_factor: float, keep_out_m:
     )
     nearest = facts.nearest_m
     margin = tidy(min(_ABORT_MARGIN_M, (nearest - keep_out_m) / 3.0), 2)
-    width = tidy(max(nearest / 8.0, _LEAST_WIDTH_M), 2)
-    corridor = {"axis": [0.0, -1.0, 0.0], "half_angle_deg": 10.0, "width_m": width}
+    # Before darkness an approach stops; it catches up afterwards, which leads aside by a quarter of the distance.
+    share, angle = (4.0, 20.0) if dark_factor > 1.0 else (8.0, 10.0)
+    width = tidy(max(nearest / share, _LEAST_WIDTH_M), 2)
+    corridor = {"axis": [0.0, -1.0, 0.0], "half_angle_deg": angle, "width_m": width}
     hold_far: dict[str, Any] = {
         "name": "hold_far",
         "reference": {"kind": "hold", "position_m": [0.0, -facts.hold_m, 0.0]},
