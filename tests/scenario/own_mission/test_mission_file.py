@@ -92,6 +92,8 @@ def test_what_makes_no_mission_is_refused_in_one_line(
 def test_what_cannot_be_flown_is_said_in_two_numbers() -> None:
     narrow = own_mission("one", MissionFacts(target_m=(3.0,), span_m=9.0, lens_deg=5.0)).problems
     assert narrow[0].startswith("camera.field_of_view_deg: found 5, expected at least 23.5 to hold a target")
+    long = own_mission("one", MissionFacts(target_m=(2.0, 2.0, 3.0), span_m=30.0, hold_m=120.0)).problems
+    assert [line for line in long if "varies by 0.386 over attitudes (1 sigma), expected at most 0.25" in line]
     weak = own_mission("one", MissionFacts(mass_kg=100.0, thrust_n=1e-3)).problems
     assert any(line.startswith("thruster.force_n: the way to the station") for line in weak)
 
