@@ -61,6 +61,7 @@ COMMANDS: Final[dict[str, type[Command] | Group]] = {
     "film": output.FilmCommand,
     "new": scenarios.NewCommand,
     "validate": scenarios.ValidateCommand,
+    "show": scenarios.ShowCommand,
     "schema": scenarios.SchemaCommand,
     "field": Group(
         "Train, evaluate and show radiance fields of targets.",

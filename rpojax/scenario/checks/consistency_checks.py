@@ -43,7 +43,7 @@ def check_consistency(file: ScenarioFile) -> None:
     _check_vehicle(file)
     _check_burn_timing(file)
     distance = math.hypot(*file.formation.desired_position_m)
-    if distance <= file.limits.keep_out_m:
+    if not file.phases and distance <= file.limits.keep_out_m:
         raise ScenarioError(
             "formation.desired_position_m",
             file.formation.desired_position_m,

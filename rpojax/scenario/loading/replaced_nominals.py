@@ -20,11 +20,13 @@ class Layer:
         before: tables without the changes
         changes: tables of the changes
         is_override: whether they are overrides
+        source: packaged name or path of the file, empty for what is no file
     """
 
     before: Tables
     changes: Tables
     is_override: bool = False
+    source: str = ""
 
 
 @dataclass(frozen=True)

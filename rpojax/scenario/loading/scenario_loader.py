@@ -178,17 +178,17 @@ def with_duration(file: ScenarioFile, duration_s: float) -> ScenarioFile:
     return validate({**file.model_dump(), "duration_s": duration_s, "requirements": kept})
 
 
-def _merge_files(files: Sequence[dict[str, Any]]) -> tuple[list[Layer], dict[str, Any]]:
+def _merge_files(files: Sequence[tuple[str, dict[str, Any]]]) -> tuple[list[Layer], dict[str, Any]]:
     """Changes that each file makes to those before it, and the tables of all together."""
     layers, tables = [], {}
-    for changes in files:
-        layers.append(Layer(tables, changes))
+    for source, changes in files:
+        layers.append(Layer(tables, changes, source=source))
         tables = merge(tables, changes)
     return layers, copy.deepcopy(tables)
 
 
-def _read_files(source: str | Path, depth: int = 0) -> list[dict[str, Any]]:
-    """Tables of a file after those of the files that it extends."""
+def _read_files(source: str | Path, depth: int = 0) -> list[tuple[str, dict[str, Any]]]:
+    """Name and tables of a file after those of the files that it extends."""
     if depth > _MAX_EXTENDS_DEPTH:
         raise ScenarioError("extends", str(source), "a chain of scenarios that ends")
     text, folder = _read_text(source)
@@ -200,12 +200,13 @@ def _read_files(source: str | Path, depth: int = 0) -> list[dict[str, Any]]:
     base = tables.pop("extends", None)
     if base is None:
         format_migration.migrate(tables, {}, str(source))
-        return [tables]
+        return [(str(source), tables)]
     if not isinstance(base, str):
         raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
     extended = _read_files(base if base in packaged_names() else folder / base, depth + 1)
-    format_migration.migrate(tables, functools.reduce(merge, extended, {}), str(source))
-    return [*extended, tables]
+    before = functools.reduce(merge, (changes for _, changes in extended), {})
+    format_migration.migrate(tables, before, str(source))
+    return [*extended, (str(source), tables)]
 
 
 def _read_text(source: str | Path) -> tuple[str, Path]:

@@ -8,7 +8,12 @@ from rpojax.scenario.warnings.filter_beliefs import belief_warnings
 from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
 from rpojax.scenario.warnings.phase_warnings import phase_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
-from rpojax.scenario.warnings.target_size import other_target_warnings, packaged_picture_warnings, small_box_warnings
+from rpojax.scenario.warnings.target_size import (
+    other_target_warnings,
+    packaged_picture_warnings,
+    shape_warnings,
+    small_box_warnings,
+)
 from rpojax.time_scales import instant, leap_seconds_are_known
 
 
@@ -18,6 +23,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
     found = [
         *bound_warnings(file, reach),
         *small_box_warnings(file, reach),
+        *shape_warnings(file),
         *packaged_picture_warnings(file),
         *other_target_warnings(file),
         *light_warnings(file, reach),

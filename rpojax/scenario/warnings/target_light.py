@@ -49,6 +49,12 @@ def light_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     return found
 
 
+def unseen_places(file: ScenarioFile, reach: DispersedReach, place_H: np.ndarray) -> np.ndarray:
+    """(360,) whether the target cannot be seen from a place in H [m], at equal steps of true anomaly from zero."""
+    anomalies = 2.0 * math.pi * np.arange(_POINTS) / _POINTS
+    return np.any(_blocked(file, reach, place_H, file.orbit.raan_deg, anomalies), axis=0)
+
+
 def _blocked(
     file: ScenarioFile, reach: DispersedReach, place_H: np.ndarray, raan_deg: float, anomalies: np.ndarray
 ) -> np.ndarray:

@@ -1,37 +1,14 @@
-"""The commands `rpojax new` and `rpojax validate`: a commented scenario file to begin with, and the check of one."""
+"""The command `rpojax validate`: the check of a scenario."""
 
-import re
-from pathlib import Path
-
-from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.cli.exit_status import Status
-from rpojax.cli.options.scenarios import NewCommand, ValidateCommand
-from rpojax.cli.output_paths import claim
+from rpojax.cli.options.scenarios import ValidateCommand
 from rpojax.cli.scenario_files import load
 from rpojax.cli.standard_streams import print_json
-from rpojax.errors import RpojaxError
 from rpojax.scenario.dispersed_numbers import dispersion_keys
-from rpojax.scenario.loading.scenario_loader import packaged_names
-from rpojax.scenario.loading.scenario_template import template
 from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.team.members import member_names
 from rpojax.scenario.trained.coverage_surface import surface_triangles
-
-
-def new(asked: NewCommand) -> int:
-    """Does the work of the command; returns its exit status."""
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}", asked.name):
-        raise RpojaxError.of_argument("name", f"found {asked.name!r:.60}, expected letters, digits, - and _")
-    path = Path(f"{asked.name}.toml")
-    claim(path, asked.force)
-
-    if asked.name in packaged_names() or asked.extends not in packaged_names():
-        expected = "a name that no packaged scenario has" if asked.name in packaged_names() else "a packaged scenario"
-        argument, found = ("name", asked.name) if asked.name in packaged_names() else ("extends", asked.extends)
-        raise RpojaxError.of_argument(argument, f"found {found!r}, expected {expected}")
-    print(write_atomically(path, template(asked.name, asked.extends, load(asked.extends, ())).encode()))
-    return Status.DONE
 
 
 def validate(asked: ValidateCommand) -> int:

@@ -1,0 +1,70 @@
+"""What `rpojax show` prints: value, unit, origin and meaning of each key of a scenario."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rpojax.cli import main
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.loading.shown_keys import shown_keys
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    text = 'extends = "vbar_approach"\nname = "mine"\n[camera]\nfield_of_view_deg = 20.0\n'
+    (tmp_path / "mine.toml").write_text(text)
+    return "mine.toml"
+
+
+def test_a_key_says_its_file_and_what_it_replaces(mine: str) -> None:
+    (lens,) = shown_keys(scenario_loader.read(mine), "camera.field_of_view_deg")
+    assert (lens.value, lens.unit, lens.origin, lens.before) == (20.0, "deg", mine, (15.0, "vbar_approach"))
+    assert "field of view" in lens.meaning
+    origins = {each.key: each.origin for each in shown_keys(scenario_loader.read(mine, ["gps.noise_m=3.0"]))}
+    assert origins["gps.noise_m"] == "--set"
+    assert origins["camera.width_px"] == "vbar_approach"
+    assert origins["rates.camera_hz"] == "inspection"
+    assert origins["mission.abort_margin_m"] == "default"
+    assert origins["phases.approach.reference.max_speed_m_s"] == "vbar_approach"
+    assert origins["dispersions.servicer.mass_kg"] == "inspection"
+
+
+@pytest.mark.parametrize("name", scenario_loader.packaged_names())
+def test_every_key_of_the_packaged_scenarios_has_a_meaning(name: str) -> None:
+    lists = {"phases", "servicers", "requirements", "dispersions"}
+    found = [each.key for each in shown_keys(scenario_loader.read(name)) if not each.meaning]
+    assert [key for key in found if key not in lists and not key.startswith("servicers.")] == []
+
+
+def test_a_dispersed_key_and_one_without_effect_say_so() -> None:
+    keys = {each.key: each for each in shown_keys(scenario_loader.read("inspection"))}
+    assert keys["servicer.mass_kg"].varied_by == "normal dispersion"
+    assert keys["atmosphere.density_kg_m3"].needs
+
+
+def test_the_command_prints_one_key_a_section_and_json(mine: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["show", mine, "camera.field_of_view_deg"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["camera.field_of_view_deg = 20.0 deg", f"  from: {mine}, in place of 15.0 of vbar_approach"]
+    assert main.main(["show", mine, "phases"]) == 0
+    assert "[phases.approach.until]" in capsys.readouterr().out
+    assert main.main(["show", mine, "rates", "--json"]) == 0
+    assert [each["unit"] for each in json.loads(capsys.readouterr().out)["keys"]] == ["Hz", "Hz", "s"]
+
+
+@pytest.mark.parametrize(
+    ("key", "hint"),
+    [
+        ("camara.field_of_view_deg", "did you mean 'camera.field_of_view_deg'?"),
+        ("camrea", "did you mean 'camera'?"),
+        ("mass_kg", "did you mean"),
+        ("qqq", "expected a key or section"),
+    ],
+)
+def test_an_unknown_key_gets_the_nearest_one(key: str, hint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["show", "inspection", key]) == 2
+    error = capsys.readouterr().err
+    assert hint in error
+    assert error.count("\n") == 1
