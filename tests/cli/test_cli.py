@@ -716,7 +716,7 @@ def test_a_spoilt_folder_is_refused_in_one_line(finished: Path, tmp_path: Path) 
     lines = result.stderr.splitlines()
     assert len(lines) == len(SPOILT)
     for line in lines:
-        assert re.match("rpojax: error: .*found .*expected ", line)
+        assert re.match("rpojax: error: .*(found|missing).*expected ", line)
 
 
 def test_a_run_without_history_cannot_be_shown(refused: Call, finished: Path) -> None:

@@ -91,3 +91,4 @@ class ShowCommand(Command):
     key: Annotated[Positional[str], arg(metavar="KEY", help="A key or a section; all of them without it.")] = ""
     overrides: Overrides = ()
     as_json: AsJson = False
+    allow_plugin: AllowPlugin = False
