@@ -14,6 +14,8 @@ from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.mission.static_mission_settings import MissionSettings, PhaseSettings
 from rpojax.flight.navigation import combined_orbit_filter
+from rpojax.flight.navigation.box_measurement import outlier_gate
+from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.stages import Stages
@@ -125,6 +127,17 @@ def box(
         half_frame_tangent=jnp.full(2, np.tan(np.deg2rad(5.0))),
         attitude_variance_change=jnp.zeros(()),
         interval=jnp.ones(()),
+    )
+
+
+def gate_after_a_box() -> GateState:
+    """Gate state with a box on the target one frame ago, cut by the frame."""
+    before = outlier_gate.initial()
+    return replace(
+        before,
+        direction_N=before.direction_N.at[:, 0].set(unit(TARGET_AHEAD)),
+        truncated=before.truncated.at[0].set(True),
+        age=before.age.at[0].set(1.0),
     )
 
 

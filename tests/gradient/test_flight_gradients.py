@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rendezvous_scene
 from gradient_checks import Q, V, W, check, check_finite
-from numpy_reference import IDENTITY, axis_angle_quaternion, random_covariance, rotation_matrix, unit
+from numpy_reference import IDENTITY, axis_angle_quaternion, random_covariance, rotation_matrix
 
 from rpojax.core import kalman_update, quaternion
 from rpojax.core.kalman_update import MeasurementRows
@@ -24,7 +24,6 @@ from rpojax.flight.guidance.references.impulsive_tracking import tracked_point
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
 from rpojax.scenario.params import Params
@@ -174,12 +173,7 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
     moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * scale)
     measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
     tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
-    track = replace(
-        outlier_gate.initial(),
-        direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)),
-        truncated=jnp.asarray(True),
-        age=jnp.ones(()),
-    )
+    track = rendezvous_scene.gate_after_a_box()
     after, _, result, _ = relative_orbit_ekf.update(
         tuning, True, moved, track, box_view(measured, flight.vehicle.focal_px, q_KN)
     )

@@ -318,17 +318,6 @@ def test_repeated_rejections_inflate_the_covariance_until_the_target_is_accepted
     assert np.max(np.abs(off[:2])) < 0.1
 
 
-def seen_before() -> GateState:
-    """Gate state with a box on the target one frame ago, cut by the frame."""
-    before = outlier_gate.initial()
-    return replace(
-        before,
-        direction_N=before.direction_N.at[:, 0].set(unit(rendezvous_scene.TARGET_AHEAD)),
-        truncated=before.truncated.at[0].set(True),
-        age=before.age.at[0].set(1.0),
-    )
-
-
 @pytest.mark.parametrize(
     ("sigma", "degrees", "possible"), [(0.05, 0.0, False), (0.05, 4.5, True), (0.05, -4.5, True), (1.0, 0.0, True)]
 )
@@ -339,10 +328,10 @@ def test_a_truncated_box_is_possible_only_near_the_edge_of_the_frame(
     for axis in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)):  # sideways, up and down
         aside = rotated(q_KN, degrees, axis)
         box = seen(flight, aside, truncated=True)
-        _, _, used = take(flight, known, aside, box, seen_before())
+        _, _, used = take(flight, known, aside, box, rendezvous_scene.gate_after_a_box())
         assert used is possible
         # The same box is possible if not truncated.
-        _, _, whole = take(flight, known, aside, seen(flight, aside), seen_before())
+        _, _, whole = take(flight, known, aside, seen(flight, aside), rendezvous_scene.gate_after_a_box())
         assert whole
 
 
@@ -409,8 +398,8 @@ def test_under_attitude_drift_a_box_corrects_the_bearing_bias(
 ) -> None:
     box = moved(seen(flight, q_KN), 3.0, flight.vehicle.focal_px)
     drifted = replace(box, attitude_variance_change=jnp.float64(0.01**2))
-    steady, _, _ = take(flight, known, q_KN, box, seen_before())
-    drifting, _, used = take(flight, known, q_KN, drifted, seen_before())
+    steady, _, _ = take(flight, known, q_KN, box, rendezvous_scene.gate_after_a_box())
+    drifting, _, used = take(flight, known, q_KN, drifted, rendezvous_scene.gate_after_a_box())
     assert used
     assert np.linalg.norm(drifting.r_TS_N - known.r_TS_N) < 0.1 * np.linalg.norm(steady.r_TS_N - known.r_TS_N)
     np.testing.assert_allclose(drifting.slow["bearing_bias"][0], box.tangent[0], rtol=0.1)
