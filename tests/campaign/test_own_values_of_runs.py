@@ -30,6 +30,7 @@ OWN_VALUES = {
     "limits.off_station_m": [1.0, 40.0, 50.0, 60.0],
     "limits.arrive_by_s": [100.0, 3000.0, 10.0, 299.0],
     "limits.propellant_kg": [3.0, 3.0, 3.0, 1e-5],
+    "camera.field_of_view_deg": [10.0, 8.0, 10.0, 12.0],
 }
 """Every key that a metric, a trace, an outcome or a section of the report reads, with a value for each run."""
 

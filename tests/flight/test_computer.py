@@ -197,12 +197,13 @@ def test_an_object_that_can_change_is_no_stage() -> None:
 
 @pytest.fixture(scope="module")
 def ready(flight: FlightParams) -> FlightMemory:
-    """Memory with the target acquired, known to 5 cm, and the camera on it."""
+    """Memory with the target acquired by boxes that agree, known to 5 cm, and the camera on it."""
     known = rendezvous_scene.estimate(flight, position_sigma=0.05)
     q_KN = jnp.asarray(rendezvous_scene.camera_attitude(flight, known))
     q_KB = quaternion.normalize(flight.vehicle.camera_mounting)
     q_BN = quaternion.multiply(quaternion.conjugate(q_KB), q_KN)
-    return acquired(start(flight, 200.0, Stages(), known, q_BN, np.zeros(3)))
+    memory = acquired(start(flight, 200.0, Stages(), known, q_BN, np.zeros(3)))
+    return replace(memory, gate=replace(memory.gate, supported_age=jnp.float64(1.0)))
 
 
 def sense(

@@ -14,7 +14,7 @@ from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
-from rpojax.report.campaign_results import dispersed_scalars
+from rpojax.report.campaign_results import dispersed_scalars, nominal_keep_out_radii
 from rpojax.report.figures.colours import BLUE, GREEN, GRID, INK, MUTED, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from rpojax.report.figures.requirement_limits import Limit, limits_of_channels, limits_of_metrics
 from rpojax.report.labels import CHANNEL_LABELS, FURTHER_CHANNEL_LABELS, ChannelLabel, heading, metric_label
@@ -157,9 +157,9 @@ def path(campaign: Campaign, run_ids: Sequence[int] | int | None = None) -> Figu
             for axes, vertical in zip(panels, (0, 2), strict=True):
                 axes.plot(rho[:, 1], rho[:, vertical], color=colour, lw=1.0, alpha=0.8, label=name)
                 axes.plot(rho[0, 1], rho[0, vertical], "o", color=colour, ms=4, label="start" if not names else None)
-    radius = campaign.file.limits.keep_out_m
+    radii = nominal_keep_out_radii(campaign)
     for axes, vertical in zip(panels, ("x, radial [m]", "z, normal [m]"), strict=True):
-        if radius:
+        for radius in radii:
             axes.add_patch(
                 Circle((0.0, 0.0), radius, fill=False, ec=VERMILLION, ls="--", label=f"keep-out, {radius:g} m")
             )

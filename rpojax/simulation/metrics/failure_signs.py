@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
 
 MAX_INTERVALS: Final = 64
@@ -60,8 +61,13 @@ def interval_ticks(ticks: int, tick_s: float) -> int:
     return max(1, -(-ticks // MAX_INTERVALS), round(LEAST_INTERVAL_S / tick_s))
 
 
-def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Signs (runs, intervals) from channels (runs, ticks, ...), up to where a run was frozen; empty without them."""
+def evaluate(
+    file: ScenarioFile, records: Mapping[str, np.ndarray], varied: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Signs (runs, intervals) from channels (runs, ticks, ...), up to where a run was frozen; empty without them.
+
+    `varied` holds the values (runs, ...) of the keys that vary from run to run, in their units.
+    """
     if not all(name in records for name in REQUIRED_CHANNELS):
         return {}
     running = records["running"]
@@ -71,8 +77,9 @@ def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str,
     lit = records["observable"] & running
     looking = lit & np.isin(records["mode"], (Mode.LOOK, Mode.SEARCH))
     least_side = min(file.camera.width_px, file.camera.height_px) / file.camera.width_px
-    half_deg = np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * file.camera.field_of_view_deg))))
-    in_view = lit & (records["pointing_error_deg"] <= half_deg)
+    field_of_view_deg = values_of_runs(varied, "camera.field_of_view_deg", file.camera.field_of_view_deg)
+    half_deg = np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * field_of_view_deg))))
+    in_view = lit & (records["pointing_error_deg"] <= half_deg[:, None])
     good = present & ~outlier & in_view
     outside = np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
     flags = {

@@ -25,7 +25,7 @@ def records(ticks: int = 90) -> Records:
 
 
 def test_a_perfect_run_has_frames_with_boxes_and_nothing_else(file: ScenarioFile) -> None:
-    signs = failure_signs.evaluate(file, records())
+    signs = failure_signs.evaluate(file, records(), {})
     full = {"ticks", "looking", "in_view", "good_boxes"}
     assert {name: values.tolist() for name, values in signs.items()} == {
         name: [[30, 30, 30]] if name in full else [[0, 0, 0]] for name in (*failure_signs.COUNTS, "failed_tests")
@@ -42,7 +42,7 @@ def test_each_sign_is_counted_in_its_interval(file: ScenarioFile) -> None:
     run["star_tracker_present"][0, 2] = False
     run["relative_error_H"][0, 10, 1] = 4.0
     run["failed_tests"][0, 40], run["failed_tests"][0, 41] = 2, 16
-    signs = {name: values[0].tolist() for name, values in failure_signs.evaluate(file, run).items()}
+    signs = {name: values[0].tolist() for name, values in failure_signs.evaluate(file, run, {}).items()}
     assert signs["cut"] == [5, 0, 0]
     assert signs["false_boxes"] == signs["false_accepted"] == [0, 7, 0]
     assert signs["good_boxes"] == [30, 23, 20]
@@ -57,7 +57,7 @@ def test_frames_of_turns_are_no_looks_and_a_target_beside_the_field_of_view_is_o
     run = records()
     run["mode"][0, :10], run["mode"][0, 30:40] = Mode.TURN, Mode.SEARCH
     run["pointing_error_deg"][0, 5:40] = 6.0
-    signs = {name: values[0].tolist() for name, values in failure_signs.evaluate(file, run).items()}
+    signs = {name: values[0].tolist() for name, values in failure_signs.evaluate(file, run, {}).items()}
     assert signs["looking"] == [20, 30, 30]
     assert signs["in_view"] == [5, 20, 30]
     assert signs["out_of_view"] == [20, 10, 0]
@@ -67,11 +67,21 @@ def test_nothing_is_counted_after_a_run_was_frozen(file: ScenarioFile) -> None:
     run = records()
     run["running"][0, 45:] = False
     run["failed_tests"][0, 50] = 2
-    signs = failure_signs.evaluate(file, run)
+    signs = failure_signs.evaluate(file, run, {})
     assert signs["ticks"].tolist() == [[30, 15, 0]]
     assert not signs["failed_tests"].any()
 
 
 def test_a_long_run_has_at_most_64_intervals_and_records_without_the_channels_have_no_signs(file: ScenarioFile) -> None:
-    assert failure_signs.evaluate(file, records(6001))["ticks"].shape == (1, 64)
-    assert failure_signs.evaluate(file, perfect_run()) == {}
+    assert failure_signs.evaluate(file, records(6001), {})["ticks"].shape == (1, 64)
+    assert failure_signs.evaluate(file, perfect_run(), {}) == {}
+
+
+def test_the_lens_is_that_of_the_run(file: ScenarioFile) -> None:
+    run = records()
+    run["pointing_error_deg"] = np.full_like(run["pointing_error_deg"], 4.5)
+    seen = {
+        lens: failure_signs.evaluate(file, run, {"camera.field_of_view_deg": np.array([lens])}) for lens in (8.0, 10.0)
+    }
+    assert seen[8.0]["in_view"].sum() == 0
+    assert seen[10.0]["in_view"].sum() == seen[10.0]["looking"].sum() > 0
