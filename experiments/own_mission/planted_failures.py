@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rpojax.analysis.failure_causes import causes
+from rpojax.analysis.failure_causes import ranking
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.report.sections import cause_section
 
@@ -137,7 +137,7 @@ def shown(campaign: Campaign) -> str:
     """Which causes completed runs show, by the number of runs: what contrast must reject where a run fails."""
     evidence = cause_section.evidence_of(campaign, campaign.file)
     counts = Counter[str]()
-    for finding in causes.all_findings(evidence):
+    for finding in ranking.all_findings(evidence):
         counts[finding.name] += int((finding.shown & evidence.completed).sum())
     found = ", ".join(f"{name} ({count})" for name, count in counts.most_common() if count)
     return f"completed runs show {found or 'none'}"

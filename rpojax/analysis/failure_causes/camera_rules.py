@@ -10,6 +10,7 @@ from rpojax.analysis.failure_causes.finding import Depth, Finding, median, numbe
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
 from rpojax.scenario.warnings.attitude_authority import attitude_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
+from rpojax.scenario.warnings.target_size import least_half_frame
 
 _CUT: Final = 0.4
 """Share of boxes cut by the frame from which on the target is too large for it. A choice: of a cut box only the bearing
@@ -127,8 +128,8 @@ def _side_px(evidence: RunEvidence) -> Numbers:
 def out_of_view(evidence: RunEvidence) -> Finding:
     """The camera looks past the target: a root where the lens is narrower than what is known at the hand-over."""
     share, at_s = evidence.worst_share(evidence.sign("out_of_view"), evidence.sign("looking"))
-    camera, believed = evidence.file.camera, evidence.file.navigation
-    half_deg = 0.5 * camera.field_of_view_deg * min(1.0, camera.height_px / camera.width_px)
+    believed = evidence.file.navigation
+    half_deg = math.degrees(math.atan(least_half_frame(evidence.file, evidence.reach)))
     start_m = float(np.linalg.norm(evidence.file.initial.relative_position_m))
     sigma_deg = math.degrees(math.atan(float(np.max(believed.initial_relative_position_sigma_m)) / max(start_m, 1e-3)))
     is_narrow = sigma_deg > half_deg
@@ -151,8 +152,7 @@ def out_of_view(evidence: RunEvidence) -> Finding:
 
 def pointing(evidence: RunEvidence) -> Finding:
     """The camera looks past a target whose direction is known: a root where slews ask more torque than wheels have."""
-    camera = evidence.file.camera
-    half = math.radians(0.5 * camera.field_of_view_deg) * min(1.0, camera.height_px / camera.width_px)
+    half = math.atan(least_half_frame(evidence.file, evidence.reach))
     angle = evidence.in_intervals("nav_relative_error_m") / np.maximum(evidence.ranges_m, 1e-3)
     past, looking = (np.where(angle < _KNOWN * half, evidence.sign(name), 0) for name in ("out_of_view", "looking"))
     share, at_s = evidence.worst_share(past, looking)

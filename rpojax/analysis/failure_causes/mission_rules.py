@@ -143,11 +143,8 @@ def short(evidence: RunEvidence) -> Finding:
     entered = entered_s(evidence, phase)
     still = np.isclose(_left_s(evidence, phase), file.duration_s)
     expected = np.array([_way_s(evidence, row) for row in range(len(file.phases))])
-    goal = (
-        [each.name for each in file.phases].index(file.goal.phase)
-        if file.goal.phase in _names(file)
-        else len(file.phases) - 1
-    )
+    names = [each.name for each in file.phases]
+    goal = names.index(file.goal.phase) if file.goal.phase in names else len(names) - 1
     to_come = np.array([expected[row : goal + 1].sum() for row in range(len(file.phases))])
     if file.phases[goal].until is None:
         to_come = to_come - expected[goal]
@@ -174,10 +171,6 @@ def short(evidence: RunEvidence) -> Finding:
         words,
         mend,
     )
-
-
-def _names(file: object) -> list[str]:
-    return [each.name for each in getattr(file, "phases", [])]
 
 
 def unmet(evidence: RunEvidence) -> Iterator[Finding]:

@@ -6,9 +6,12 @@ from typing import Final
 
 import numpy as np
 
+from rpojax.analysis.failure_causes import camera_rules, mission_rules, navigation_rules, vehicle_rules
 from rpojax.analysis.failure_causes.finding import Finding
-from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers
+from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
 
+RULES: Final = (vehicle_rules, camera_rules, navigation_rules, mission_rules)
+"""Modules with rules."""
 _MORE_OFTEN: Final = 0.3
 """By how much more often failed runs must show a cause than completed ones."""
 _SEPARATED: Final = 0.8
@@ -42,6 +45,16 @@ class RankedCauses:
     def explained_by(self, place: int) -> Flags:
         """(runs,) whether a run is explained by the cause at that place."""
         return np.asarray(self.cause == place)
+
+
+def all_findings(evidence: RunEvidence) -> list[Finding]:
+    """What every rule finds in the runs of one servicer."""
+    return [finding for module in RULES for finding in module.findings(evidence)]
+
+
+def causes(evidence: RunEvidence) -> RankedCauses:
+    """Causes of the failed runs of one servicer, those that explain most of them first."""
+    return ranked_causes(all_findings(evidence), evidence.failed, evidence.completed)
 
 
 def ranked_causes(findings: Sequence[Finding], failed: Flags, completed: Flags) -> RankedCauses:

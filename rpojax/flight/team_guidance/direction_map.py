@@ -5,13 +5,12 @@ seen, in a frame that it knows. If the target tumbles, another part of it turns 
 value with time.
 """
 
-import math
 from typing import Final
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.numerics.fibonacci_sphere import fibonacci_sphere
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 
 Vector = Float[Array, "3"]
@@ -21,19 +20,7 @@ COUNT: Final = 100
 """Number of directions. A choice: neighbours are 18 to 20 deg apart."""
 
 
-def _fibonacci_sphere(count: int) -> np.ndarray:
-    """Evenly spread unit vectors (3, count).
-
-    Gonzalez, "Measurement of areas on a sphere using Fibonacci and latitude-longitude lattices", 2010.
-    """
-    number = np.arange(count)
-    height = 1.0 - (2.0 * number + 1.0) / count
-    angle = number * math.pi * (3.0 - math.sqrt(5.0))
-    radius = np.sqrt(1.0 - height**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height])
-
-
-DIRECTIONS: Final = _fibonacci_sphere(COUNT)
+DIRECTIONS: Final = fibonacci_sphere(COUNT)
 """Normals of the sides of the target in H (3, directions)."""
 
 

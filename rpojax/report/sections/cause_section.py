@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.failure_causes import causes
+from rpojax.analysis.failure_causes import ranking
 from rpojax.analysis.failure_causes.finding import Finding
 from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.campaign.storage.atomic_outputs import to_json_types
@@ -119,7 +119,7 @@ def evidence_of(campaign: CampaignResults, file: ScenarioFile) -> RunEvidence:
 
 def _causes(campaign: CampaignResults, file: ScenarioFile, servicer: str, failed: np.ndarray) -> list[dict[str, Any]]:
     with np.errstate(invalid="ignore", divide="ignore"):
-        ranked = causes.causes(evidence_of(campaign, file))
+        ranked = ranking.causes(evidence_of(campaign, file))
         found = []
         for place, finding in enumerate(ranked.findings):
             chosen = ranked.explained_by(place) & failed

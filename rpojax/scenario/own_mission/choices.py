@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -33,7 +33,7 @@ class Choices:
     """
 
     values: Sequence[Choice] = ()
-    lists: Sequence[Choice] = field(default=())
+    lists: Sequence[Choice] = ()
 
     def __add__(self, other: "Choices") -> "Choices":
         return Choices([*self.values, *other.values], [*self.lists, *other.lists])

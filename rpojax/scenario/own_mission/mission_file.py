@@ -65,7 +65,8 @@ def own_mission(name: str, facts: MissionFacts) -> OwnMission:
     orbit = orbit_of(facts, base.tables["epoch_utc"])
     times = times_of(facts, orbit.period_s)
     description = _description(facts, outline)
-    of_target = target_choices(facts, outline) + lens_choices(facts, outline) + _ballistic(facts, outline)
+    of_target = target_choices(facts, outline, base.tables["navigation"]) + lens_choices(facts, outline)
+    of_target += _ballistic(facts, outline)
     fixed = orbit.choices + servicer_choices(facts, times) + of_target
     if not facts.full_environment:
         fixed = Choices([each for each in fixed.values if not each.is_full], fixed.lists)

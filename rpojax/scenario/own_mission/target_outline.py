@@ -1,13 +1,16 @@
 """Outline of the target from its sizes or a mesh: hull, mass properties, and what the filter should believe of it."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
+from rpojax.core.numerics.fibonacci_sphere import fibonacci_sphere
 from rpojax.errors import RpojaxError
 from rpojax.scenario.own_mission.choices import Choice, Choices, tidy, tidy_all
 from rpojax.scenario.own_mission.facts import MissionFacts
@@ -28,8 +31,8 @@ _LEAST_DISTANCE = 0.6
 """Distance of the last station over the diameter of the target: a fifth more than its half, which turns."""
 _DIRECTIONS = 48
 """Directions in which a mesh's outline is kept."""
-_BASE_SCALE_SIGMA = (0.065, 0.14)
-_BASE_CENTER_SIGMA_M, _BASE_SIZE_M = 0.002, 1.063
+_CORNERS = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+"""Of a cube of side 2."""
 
 
 def mass_of_volume(volume_m3: float) -> float:
@@ -91,14 +94,14 @@ def _outline(facts: MissionFacts) -> Outline:
     return Outline(hull, sides, float(pdist(hull).max()), mean_size(hull.tolist()), words)
 
 
-def target_choices(facts: MissionFacts, outline: Outline) -> Choices:
-    """Keys of the target and of what the filter believes of its outline."""
-    return Choices([*_mass_properties(facts, outline), *_beliefs(facts, outline)], _dispersions(facts))
+def target_choices(facts: MissionFacts, outline: Outline, base: Mapping[str, Any]) -> Choices:
+    """Keys of the target and of what the filter believes of its outline, by the `navigation` of the `base`."""
+    return Choices([*_mass_properties(facts, outline), *_beliefs(facts, outline, base)], _dispersions(facts))
 
 
 def _box_with_panels(sides: tuple[float, float, float], span_m: float | None) -> tuple[np.ndarray, str]:
     half = 0.5 * np.array(sides)
-    corners = half * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    corners = half * _CORNERS
     words = "a body of " + " x ".join(f"{each:g}" for each in sides) + " m"
     if span_m is None:
         return corners, words
@@ -110,14 +113,8 @@ def _hull_of_mesh(facts: MissionFacts) -> tuple[np.ndarray, tuple[float, float, 
     """Outermost points of a mesh in directions all round, and the sides of a box of its hull's volume."""
     assert facts.target_mesh is not None
     mesh = load_mesh(facts.target_mesh, facts.mesh_units)
-    points = np.concatenate([part.vertices for part in mesh.parts])
-    turns = np.arange(_DIRECTIONS) * math.pi * (3.0 - math.sqrt(5.0))
-    heights = 1.0 - 2.0 * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
-    around = np.sqrt(1.0 - heights**2)
-    spread = np.stack([around * np.cos(turns), around * np.sin(turns), heights], axis=1)
-    corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-    directions = np.concatenate([spread, np.eye(3), -np.eye(3), corners])
-    kept = np.unique(points[np.argmax(directions @ points.T, axis=1)], axis=0)
+    directions = np.concatenate([fibonacci_sphere(_DIRECTIONS).T, np.eye(3), -np.eye(3), _CORNERS])
+    kept = np.unique(mesh.vertices[np.argmax(directions @ mesh.vertices.T, axis=1)], axis=0)
     try:
         volume = float(ConvexHull(kept).volume)
     except QhullError:
@@ -160,12 +157,12 @@ def _mass_properties(facts: MissionFacts, outline: Outline) -> list[Choice]:
     ]
 
 
-def _beliefs(facts: MissionFacts, outline: Outline) -> list[Choice]:
+def _beliefs(facts: MissionFacts, outline: Outline, base: Mapping[str, Any]) -> list[Choice]:
     spread, packaged = size_spread(outline.hull_m.tolist()), size_spread(packaged_hull().tolist())
     factor = spread / packaged
     offset, perspective = _middles(outline)
     side, side_spread = largest_side_log(outline.hull_m.tolist())
-    center = math.hypot(offset, _BASE_CENTER_SIGMA_M * outline.size_m / _BASE_SIZE_M)
+    center = math.hypot(offset, base["center_sigma_m"] * outline.size_m / base["target_size_m"])
     return [
         Choice(
             "navigation.target_size_m", tidy(outline.size_m, 4), "geometric mean of sqrt(width height) over attitudes"
@@ -173,7 +170,7 @@ def _beliefs(facts: MissionFacts, outline: Outline) -> list[Choice]:
         *_size_belief(facts),
         Choice(
             "navigation.scale_sigma",
-            tidy_all([each * factor for each in _BASE_SCALE_SIGMA]),
+            tidy_all([each * factor for each in base["scale_sigma"]]),
             f"the log of the size has a spread of {spread:.3g} over attitudes, that of `inspection` {packaged:.3g}",
         ),
         Choice(

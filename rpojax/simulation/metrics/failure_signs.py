@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics.recorded_metrics import outside_sigmas
 
 MAX_INTERVALS: Final = 64
 """Most intervals of a run. A choice: 140 s of `vbar_approach`, in 3 % of the disk of its traces."""
@@ -81,7 +82,6 @@ def evaluate(
     half_deg = np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * field_of_view_deg))))
     in_view = lit & (records["pointing_error_deg"] <= half_deg[:, None])
     good = present & ~outlier & in_view
-    outside = np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
     flags = {
         "ticks": running,
         "dark": running & ~records["observable"],
@@ -95,7 +95,7 @@ def evaluate(
         "false_accepted": outlier & accepted,
         "unconfident": running & ~records["nav_confident"],
         "no_star_tracker": running & ~records["star_tracker_present"],
-        "outside_3_sigma": running & outside.any(axis=2),
+        "outside_3_sigma": running & outside_sigmas(records).any(axis=2),
     }
     counts = {name: _counted(flags[name], starts) for name in COUNTS}
     tests = np.where(running, records[FAILED_TESTS], 0).astype(np.int16)

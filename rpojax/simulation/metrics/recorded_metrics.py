@@ -111,6 +111,11 @@ def _quantities(file: ScenarioFile, records: Records, varied: Values) -> Records
     }
 
 
+def outside_sigmas(records: Records) -> NDArray[np.bool_]:
+    """Flags (runs, ticks, 3) of seconds and Hill axes with a relative position error outside of 3 sigma."""
+    return np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
+
+
 def desired_position_H(file: ScenarioFile, records: Records, varied: Values) -> Floats:
     """Desired relative position (runs, ticks, 3) of each run [m]: its station, or the reference of its phases."""
     if MISSION_CHANNELS[0] in records:

@@ -18,7 +18,7 @@ from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import mission_goal
-from rpojax.simulation.metrics.recorded_metrics import desired_position_H
+from rpojax.simulation.metrics.recorded_metrics import desired_position_H, outside_sigmas
 from rpojax.simulation.outcomes.outcome_events import EventArrays, collect_events
 from rpojax.simulation.outcomes.outcome_kinds import FREEZING, RECOVERABLE, Outcome
 from rpojax.time_scales import TIME_ROUNDING_S
@@ -116,11 +116,6 @@ def judge(
     diverged = (codes == Outcome.COMPLETED.code) & np.isfinite(outside_s)
     codes[diverged], since_s[diverged] = Outcome.DIVERGED.code, outside_s[diverged]
     return JudgedRuns(codes, since_s, events)
-
-
-def outside_sigmas(records: Records) -> Flags:
-    """Flags (runs, ticks, 3) of seconds and Hill axes with a relative position error outside of 3 sigma."""
-    return np.abs(records["relative_error_H"]) > 3.0 * records["relative_sigma_H"]
 
 
 def _outside_sigmas_since_s(records: Records, tick_s: float) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from planted_evidence import FAILED, RUNS, file_of, phases_of, planted
 
-from rpojax.analysis.failure_causes.causes import all_findings, causes
+from rpojax.analysis.failure_causes.ranking import all_findings, causes
 from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.flight.navigation_health import TESTS

@@ -21,7 +21,7 @@ from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.simulation.metrics import mission_goal, recorded_metrics
-from rpojax.simulation.outcomes.judgement import DIVERGED_NEES, LEAST_COVERAGE, JudgedRuns, outside_sigmas
+from rpojax.simulation.outcomes.judgement import DIVERGED_NEES, LEAST_COVERAGE, JudgedRuns
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 Arrays = Mapping[str, np.ndarray]
@@ -228,7 +228,7 @@ def _outcome_distance(runs: SimulatedRuns, outcome: Outcome) -> np.ndarray:
         return limit("limits", "lost_after_s") - tick_s * _ticks_since(seen, records["observable"])
     if outcome is Outcome.DIVERGED:
         nees = np.maximum(records["nees_relative"][:, -1], 1e-12)
-        coverage = 1.0 - outside_sigmas(records).mean(axis=(1, 2))
+        coverage = 1.0 - recorded_metrics.outside_sigmas(records).mean(axis=(1, 2))
         return np.minimum(np.log(DIVERGED_NEES / nees), (coverage - LEAST_COVERAGE) / (1.0 - LEAST_COVERAGE))
     if outcome is Outcome.UNFINISHED:
         left = records["running"].shape[1] * tick_s - mission_goal.reached_at_s(file, records)

@@ -39,8 +39,7 @@ def new(asked: NewCommand) -> int:
         found = f"found {asked.extends!r} beside {min(known)}, expected one of them"
         raise RpojaxError.of_argument("extends", found)
     if not known and asked.extends is None and _is_terminal():
-        known = _answers()
-        known = known or {"mass_kg": MissionFacts().mass_kg}
+        known = _answers() or {"mass_kg": MissionFacts().mass_kg}
     if not known:
         base = asked.extends or BASE
         print(write_atomically(path, template(name, base, load(base, ())).encode()))
