@@ -12,7 +12,7 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
-from rpojax.flight.control import wheel_torque_allocation
+from rpojax.flight.control import rcs_control, wheel_torque_allocation
 from rpojax.flight.decisions import burn_conditions, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
@@ -79,6 +79,7 @@ def initial(
         phase_gains=mission_decision.phase_gains(software, orbit),
         rejected_s=dict.fromkeys(params.sensors, never),
         own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
+        rcs=None if params.thrusters is None else rcs_control.no_command(params.thrusters),
     )
 
 
@@ -308,7 +309,10 @@ class MotionOnBoard:
 def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
     """Memory with both filters propagated over the tick up to `end` [s]; a burn without thrust marks its thruster."""
     params, dt, delta_v_N = software.params, software.tick_s, motion.delta_v_N
-    burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
+    burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, memory.plan.delta_v_N
+    if memory.rcs is not None:
+        # Each tick of pulses is a burn of its own, whose chambers have no sensor.
+        burning, burn_delta_v = burning & ~memory.rcs.acts, jnp.where(memory.rcs.acts, delta_v_N, burn_delta_v)
     thrust_estimate = memory.thrust_estimate
     if motion.thrust_ratio is not None:
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
@@ -320,7 +324,7 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         zonal_degree=software.filter.zonal_degree,
         estimate=memory.orbit,
         delta_v_N=thrust_estimate.ratio * delta_v_N,
-        burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
+        burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(burn_delta_v),
         burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
         third_body_acceleration_N=motion.third_body_acceleration_N,
         lasting=_lasting_effects(params, memory, motion),
@@ -342,8 +346,12 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
 def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> LastingEffects:
     """Effect of lasting errors over a tick with that `motion`."""
     servicer = memory.orbit.servicer
+    axes_N = lasting_error_effects.thrust_axes(motion.q_BN_before, params.vehicle.thrust_direction)
+    if memory.rcs is not None:
+        # Pulses of several thrusters have no common direction that lasts.
+        axes_N = jnp.where(memory.rcs.acts, 0.0, axes_N)
     return LastingEffects(
-        thrust_axes_N=lasting_error_effects.thrust_axes(motion.q_BN_before, params.vehicle.thrust_direction),
+        thrust_axes_N=axes_N,
         ballistic_N=differential_drag.ballistic_acceleration(
             params.atmosphere, servicer.r_SN_N, servicer.v_SN_N, motion.sun_N
         ),

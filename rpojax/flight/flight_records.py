@@ -9,6 +9,8 @@ from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.pytree import pytree
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.rcs_control import RcsCommand
+from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand
@@ -40,6 +42,7 @@ class FlightParams:
     mission: MissionTuning
     atmosphere: Atmosphere
     sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
+    thrusters: ThrusterLayout | None = None
 
 
 @pytree
@@ -65,6 +68,7 @@ class FlightMemory:
         rejected_s: () for how long an additional sensor has been rejected while nothing else measured the target [s],
             by name; from `recovery_after` on the estimate is widened in this tick
         own: memory of replaced stages, empty without one
+        rcs: command of the reaction control system, None without one
     """
 
     orbit: OrbitEstimate
@@ -83,6 +87,7 @@ class FlightMemory:
     phase_gains: tuple[Array, ...]
     rejected_s: dict[str, Array] = field(default_factory=dict)
     own: Any = ()
+    rcs: RcsCommand | None = None
 
 
 @dataclass(frozen=True)

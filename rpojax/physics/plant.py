@@ -13,10 +13,12 @@ from rpojax.core.orbits.encke_reference import EnckeReference
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.core.quaternion import conjugate, rotate
+from rpojax.core.vectors import cross
 from rpojax.physics import forces_and_torques, rigid_body
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth
+from rpojax.physics.rcs_thrusters import RcsThrust
 from rpojax.physics.thruster import StepThrust
 
 Vector = Float[Array, "3"]
@@ -64,6 +66,7 @@ def step(
     sky: SunMoonPositions,
     health: Health,
     dt: float | Scalar,
+    rcs: RcsThrust | None = None,
 ) -> Truth:
     """Truth after a step of `dt` [s] with constant wheel torque commands [N m] and the given thrusts.
 
@@ -85,27 +88,38 @@ def step(
         ),
     )
 
-    def derivative(integrated: Truth, node: tuple[tuple[Scalar, ...], Scalar | None]) -> Truth:
+    def derivative(integrated: Truth, node: tuple[tuple[Scalar, ...], Scalar | None, RcsThrust | None]) -> Truth:
         return _derivative(inputs, integrated, *node)
 
     factors = tuple(health.thrust_fraction * thrust.node_factors for thrust in thrusts)
     r_TN_N, v_TN_N = inputs.orbit.integration_start
     integrated = replace(_without_low_parts(truth), r_TN_N=r_TN_N, v_TN_N=v_TN_N)
     times = inputs.orbit.node_times(runge_kutta.NODES[effects.integrator], dt)
-    change = runge_kutta.increment(effects.integrator, derivative, integrated, (factors, times), dt)
+    change = runge_kutta.increment(effects.integrator, derivative, integrated, (factors, times, rcs), dt)
     return _apply_change(inputs.orbit, truth, change, dt)
 
 
-def _derivative(inputs: _StepInputs, integrated: Truth, factors: tuple[Scalar, ...], time: Scalar | None) -> Truth:
+def _derivative(
+    inputs: _StepInputs,
+    integrated: Truth,
+    factors: tuple[Scalar, ...],
+    time: Scalar | None,
+    rcs: RcsThrust | None,
+) -> Truth:
     """Time derivative of the truth at a node of the integrator, `time` [s] after the start of the step.
 
     `integrated` holds the target's deviation from the reference orbit, `factors` the thrusters' fractions of full
-    force.
+    force, `rcs` the thrust of the reaction control system.
     """
     effects, params, orbit = inputs.effects, inputs.params, inputs.orbit
     r_TN_N, v_TN_N = orbit.full_state(time, integrated.r_TN_N, integrated.v_TN_N)
     y = replace(integrated, r_TN_N=r_TN_N, v_TN_N=v_TN_N)
     force_B, torque_B, mass_flow = forces_and_torques.propulsion(effects, params, y, inputs.thrusts, factors)
+    delta_v_rate = sum(factor * norm(thrust.force_B) for factor, thrust in zip(factors, inputs.thrusts, strict=True))
+    if rcs is not None:
+        shift = forces_and_torques.center_of_mass_shift(effects, params, y)
+        force_B, torque_B = force_B + rcs.force_B, torque_B + rcs.moment_B - cross(shift, rcs.force_B)
+        mass_flow, delta_v_rate = mass_flow + rcs.mass_flow, delta_v_rate + rcs.effort
     gravity = orbit.gravity(time, integrated.r_TN_N, y.r_ST_N) + forces_and_torques.third_body_accelerations(
         effects, y, inputs.sky
     )
@@ -131,8 +145,7 @@ def _derivative(inputs: _StepInputs, integrated: Truth, factors: tuple[Scalar, .
             params.target.inertia, inputs.inverse_target, y.omega_TN_T, torque_T
         ),
         mass=-mass_flow,
-        delta_v=sum(factor * norm(thrust.force_B) for factor, thrust in zip(factors, inputs.thrusts, strict=True))
-        / y.mass,
+        delta_v=delta_v_rate / y.mass,
     )
 
 

@@ -1,5 +1,7 @@
 """True parameters and true state of servicer and target."""
 
+from dataclasses import field
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -14,6 +16,7 @@ from rpojax.core.quaternion import rotate
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
+from rpojax.physics.rcs_thrusters import RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
@@ -47,7 +50,11 @@ class Target:
 
 @pytree
 class PlantParams:
-    """True parameters of the two vehicles and their environment."""
+    """True parameters of the two vehicles and their environment.
+
+    Attributes:
+        thrusters: of the reaction control system by name, empty without one
+    """
 
     servicer: Body
     servicer_surface: Surface
@@ -59,6 +66,7 @@ class PlantParams:
     atmosphere: Atmosphere
     sunlight: Sunlight
     fault: Fault
+    thrusters: dict[str, RcsThruster] = field(default_factory=dict)
 
 
 @pytree

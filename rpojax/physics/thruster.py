@@ -118,23 +118,37 @@ def _node_factors(
     They reproduce the profile's impulse and its moments up to the degree that the nodes carry, so that velocity and
     position after the step are those of the true times, and both are smooth in the on-time.
     """
-    nodes = np.array(NODES[method])
-    powers = np.arange(nodes.size)
-    # Row i holds the coefficients of the i-th Lagrange polynomial, divided by its weight: its integral over the step.
-    lagrange = np.linalg.inv(nodes[:, None] ** powers[None, :]).T
-    weights = lagrange @ (1.0 / (powers + 1.0))
-    table = jnp.asarray(lagrange / weights[:, None])
+    table = _moments_to_factors(method)
+    count = table.shape[0]
     ignition, cutoff = command.ignition / dt, jnp.maximum(command.cutoff, command.ignition) / dt
     if ramps:
         rise = jnp.maximum(thruster.rise_time / dt, _SHORTEST_RAMP)
         peak = jnp.minimum((cutoff - ignition) / rise, 1.0)
         # A short burn is cut before the force is up, and falls from the force reached.
-        up = _ramp_moments(ignition, jnp.maximum(peak * rise, _SHORTEST_RAMP), nodes.size)
-        down = _ramp_moments(cutoff, jnp.maximum(thruster.fall_time / dt, _SHORTEST_RAMP), nodes.size)
+        up = _ramp_moments(ignition, jnp.maximum(peak * rise, _SHORTEST_RAMP), count)
+        down = _ramp_moments(cutoff, jnp.maximum(thruster.fall_time / dt, _SHORTEST_RAMP), count)
         moments = peak * (up - down)
     else:
-        moments = _step_moments(ignition, nodes.size) - _step_moments(cutoff, nodes.size)
+        moments = _step_moments(ignition, count) - _step_moments(cutoff, count)
     return jnp.sum(table * moments[None, :], axis=1)
+
+
+def pulse_factors(on_time: Scalar, method: Method, dt: float | Scalar) -> Float[Array, " nodes"]:
+    """Factors as of `StepThrust` of a valve that is open from the begin of a step of `dt` [s] for an on-time [s]."""
+    table = _moments_to_factors(method)
+    share = jnp.clip(on_time / dt, 0.0, 1.0)
+    moments = jnp.stack([share ** (k + 1) / (k + 1.0) for k in range(table.shape[0])])
+    return jnp.sum(table * moments[None, :], axis=1)
+
+
+def _moments_to_factors(method: Method) -> Float[Array, "nodes moments"]:
+    """Matrix from integrals of t^k times a profile over [0, 1] to its factors at the nodes of the integrator."""
+    nodes = np.array(NODES[method])
+    powers = np.arange(nodes.size)
+    # Row i holds the coefficients of the i-th Lagrange polynomial, divided by its weight: its integral over the step.
+    lagrange = np.linalg.inv(nodes[:, None] ** powers[None, :]).T
+    weights = lagrange @ (1.0 / (powers + 1.0))
+    return jnp.asarray(lagrange / weights[:, None])
 
 
 _SHORTEST_RAMP = 1e-9

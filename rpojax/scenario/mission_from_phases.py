@@ -55,7 +55,9 @@ _WAITING: Final = ("hold", "approach", "retreat")
 
 
 def control_period_s(file: ScenarioFile, phase: PhaseSection) -> float:
-    """Time between the burn decisions of a phase [s]."""
+    """Time between the burn decisions of a phase [s]; under continuous control it decides anew each tick."""
+    if phase.control == "continuous":
+        return 1.0 / file.rates.camera_hz
     return phase.control_period_s or file.rates.formation_period_s
 
 
@@ -86,14 +88,15 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
                 name=phase.name,
                 pointing=phase.pointing,
                 control_ticks=ticks(control_period_s(file, phase)),
-                burns_per_orbit=burns(control_period_s(file, phase)),
-                gain_tables=tables(control_period_s(file, phase)),
+                burns_per_orbit=1 if phase.control == "continuous" else burns(control_period_s(file, phase)),
+                gain_tables=1 if phase.control == "continuous" else tables(control_period_s(file, phase)),
                 on_timeout=phase.on_timeout,
                 ends=phase.until is not None,
                 has_arrival_box=phase.until is not None and phase.until.arrival_box_m is not None,
                 passively_safe=phase.passively_safe,
                 has_corridor=phase.corridor is not None,
                 stops_in_the_dark=phase.reference.kind in _WAITING and not phase.passively_safe,
+                translates=phase.control == "continuous",
             )
             for phase in file.phases or [station]
         ),

@@ -19,13 +19,17 @@ from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
+from rpojax.flight.control import thruster_allocation
+from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
+from rpojax.physics import rcs_thrusters
 from rpojax.physics.plant_state import PlantParams
 from rpojax.physics.radio_link import RadioLink
+from rpojax.physics.rcs_thrusters import RcsThruster
 from rpojax.scenario import mission_from_phases
 from rpojax.scenario.numbers import key_units
 from rpojax.scenario.numbers.section_records import array, record_of, section_record
@@ -86,7 +90,10 @@ up, and do not average out."""
 
 def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Parameters from the sections of a scenario; the flight software is configured with the nominal vehicle."""
-    plant = PlantParams(gravity=jax.tree.map(array, EARTH_GRAVITY), **_records(PlantParams, tables))
+    thrusters = {each["name"]: section_record(RcsThruster, each) for each in tables["thrusters"]}
+    plant = PlantParams(
+        gravity=jax.tree.map(array, EARTH_GRAVITY), thrusters=thrusters, **_records(PlantParams, tables)
+    )
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
     starts, ends = map(array, np.array(outages).T)
     rest = _records(Params, tables, without=("link",))
@@ -96,6 +103,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         mission=mission_from_phases.mission_tuning(tables),
         atmosphere=plant.atmosphere,
         sensors=_sensor_numbers(tables, believed=True),
+        thrusters=_nominal_thrusters(thrusters) if thrusters else None,
         **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere")),
     )
     return Params(
@@ -170,6 +178,17 @@ def _focal_px(field_of_view: Array, width_px: int, height_px: int) -> Array:
     return pinhole.pinhole_intrinsics(field_of_view, width_px, height_px).focal_px
 
 
+def _nominal_thrusters(thrusters: Mapping[str, RcsThruster]) -> ThrusterLayout:
+    """The thrusters as flight software believes them: as they are named, without errors."""
+    stacked = rcs_thrusters.stacked(thrusters)
+    force_B = rcs_thrusters.nominal_forces(stacked)
+    wrench = thruster_allocation.wrench_matrix(np.asarray(force_B), np.asarray(stacked.position))
+    authority = float(thruster_allocation.axis_authority(wrench)[:, :3].min()) / math.sqrt(3.0)
+    return thruster_allocation.layout(
+        force_B, stacked.position, rcs_thrusters.nominal_flows(stacked), stacked.minimum_on, array(authority)
+    )
+
+
 def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_px: int) -> VehicleModel:
     return VehicleModel(
         mass=plant.servicer.mass,
@@ -199,6 +218,8 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
         return leaves[key]
     section, _, name = key.rpartition(".")
     leaf, factor = key_units.split_unit(name)
+    if section.startswith("thrusters."):
+        return ("plant", "thrusters", section.partition(".")[2], leaf), factor
     if key.split(".")[0] in ("phases", "mission"):
         return ("flight", "mission", *mission_from_phases.leaf_path(key)), factor
     if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):

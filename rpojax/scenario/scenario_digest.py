@@ -26,7 +26,7 @@ def scenario_digest(file: ScenarioFile) -> str:
         del content["precision"]
     del content["format_version"]
     content.pop("plugin", None)  # where it is; its hash counts
-    for name in ("phases", "servicers"):
+    for name in ("phases", "servicers", "thrusters"):
         if not content[name]:
             del content[name]
     _remove_defaults(file, content)
@@ -48,7 +48,7 @@ def scenario_digest(file: ScenarioFile) -> str:
 
 def _remove_defaults(file: ScenarioFile, content: dict[str, Any]) -> None:
     """Removes from the tables of `content` the keys that have a default and its value, and tables thus empty."""
-    for name in set(content) - {"design", "phases", "servicers", *sensor_names()}:
+    for name in set(content) - {"design", "phases", "servicers", "thrusters", *sensor_names()}:
         section = getattr(file, name)
         if not isinstance(section, Section):
             continue

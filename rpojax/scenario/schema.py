@@ -43,6 +43,7 @@ from rpojax.scenario.sections import (
     OrbitSection,
     PointingSection,
     RatesSection,
+    RcsThrusterSection,
     SafetySection,
     ServicerSection,
     StarTrackerSection,
@@ -114,6 +115,8 @@ class RequirementSection(OptionalKeys):
         return not self.window.suffix and self.outcome is None
 
 
+MAX_THRUSTERS: Final = 24
+"""Most thrusters of a reaction control system."""
 MAX_SERVICERS: Final = 8
 """Most servicers of a team; the filters' states and the compiled program grow with them."""
 ServicerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
@@ -181,6 +184,7 @@ class ScenarioFile(Summarised, AdditionalSensors):
     target: TargetSection
     target_surface: SurfaceSection
     thruster: ThrusterSection
+    thrusters: list[RcsThrusterSection] = Field(default_factory=list, max_length=MAX_THRUSTERS)
     wheels: WheelsSection
     camera: CameraSection
     imaging: ImagingSection
@@ -215,6 +219,11 @@ class ScenarioFile(Summarised, AdditionalSensors):
     def phase_names(self) -> tuple[str, ...]:
         """Names of the phases in the order of the channel `phase`, none in a mission without phases."""
         return (*(phase.name for phase in self.phases), *BUILT_IN_PHASES) if self.phases else ()
+
+    @property
+    def turns_for_burns(self) -> bool:
+        """Whether there is a phase in which the servicer turns to burn with its one thruster."""
+        return not self.phases or any(phase.control == "burns" for phase in self.phases)
 
     @classmethod
     def absent_keys(cls) -> Iterable[str]:

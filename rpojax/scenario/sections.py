@@ -20,6 +20,7 @@ from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_state import Target
 from rpojax.physics.radio_link import RadioLink
+from rpojax.physics.rcs_thrusters import RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
@@ -157,6 +158,12 @@ class TargetSection(section_of(Target)):
 
 class ThrusterSection(section_of(Thruster)):
     """Thruster of the servicer."""
+
+
+class RcsThrusterSection(section_of(RcsThruster)):
+    """Thruster of the reaction control system."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
 class WheelsSection(section_of(ReactionWheels)):

@@ -42,6 +42,7 @@ class Scenario:
         additional_sensors: names and classes of the additional sensors
         records_poses: whether the poses of camera and target are channels
         team: static settings of a team of servicers, None for a servicer alone
+        thrusters: number of those of the reaction control system
     """
 
     ticks: int
@@ -61,6 +62,7 @@ class Scenario:
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     records_poses: bool = False
     team: TeamSettings | None = None
+    thrusters: int = 0
 
     @property
     def filter_settings(self) -> FilterSettings:
@@ -133,6 +135,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
         records_poses=file.coverage.enabled or file.camera.model == "rendered" or _metrics_need_poses(file),
         mission=mission_settings(file),
+        thrusters=len(file.thrusters),
     )
 
 

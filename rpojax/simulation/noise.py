@@ -54,6 +54,7 @@ class TickNoise:
         biases: (6,) driving noise of the GPS error in N and the gyro bias in B
         box_edge_errors: (4,) driving noise of the statistical camera's correlated errors, None for other cameras
         additional: (n,) of each additional sensor, by name
+        thrusters: (n,) of the reaction control system, None without one
     """
 
     gps: Array
@@ -66,6 +67,7 @@ class TickNoise:
     biases: Array
     box_edge_errors: Array | None
     additional: dict[str, Array] = field(default_factory=dict)
+    thrusters: Array | None = None
 
 
 _fold_in = jax.jit(random_streams.fold_in, inline=True)
@@ -164,6 +166,7 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         additional={
             name: _sensor_normals(name, sensor.normals, keys, tick) for name, sensor in scenario.additional_sensors
         },
+        thrusters=_sensor_normals("thrusters", scenario.thrusters, keys, tick) if scenario.thrusters else None,
     )
 
 

@@ -14,6 +14,7 @@ from rpojax.simulation.step_stages import (
     navigate,
     plan_burn,
     sense,
+    translate,
 )
 from rpojax.simulation.telemetry import Telemetry, telemetry_of
 from rpojax.simulation.tick import Loop
@@ -38,6 +39,7 @@ def step(
     tick = navigate(loop, tick)
     tick = manage_mission(loop, tick)
     tick = plan_burn(loop, tick)
+    tick = translate(loop, tick)
     tick = guide(loop, tick)
     motion = control_and_propagate(loop, tick)
     return finish(loop, tick, motion), telemetry_of(loop, tick)

@@ -11,15 +11,17 @@ from rpojax.core.orbits import third_body_gravity
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions, sun_and_moon_at
 from rpojax.core.pytree import replace, select
 from rpojax.flight import computer
-from rpojax.flight.decisions import burn_decision, mission_decision
+from rpojax.flight.control import rcs_control
+from rpojax.flight.decisions import burn_decision, mission_decision, translation
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_schedule, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation import attitude_ekf
-from rpojax.physics import equipment_faults, plant
+from rpojax.physics import equipment_faults, plant, rcs_thrusters
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth, propellant_used
+from rpojax.physics.rcs_thrusters import RcsThrust
 from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, thrust_over_step
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -126,6 +128,15 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
     return replace(tick, flight=replace(tick.flight, plan=plan, mission=state), burn_error=error)
 
 
+def translate(loop: Loop, tick: Tick) -> Tick:
+    """Command of the reaction control system for the tick, where the servicer has one."""
+    if loop.params.flight.thrusters is None:
+        return tick
+    with jax.named_scope("translate"):
+        flight = translation.command(loop.software, tick.flight, tick.state.truth.wheel_speed, tick.time)
+    return replace(tick, flight=flight)
+
+
 def guide(loop: Loop, tick: Tick) -> Tick:
     """Attitude reference of the tick, and the pointing mode."""
     assert tick.innovation is not None
@@ -157,7 +168,13 @@ def substep_offsets(scenario: Scenario) -> Float[Array, " substeps"]:
 
 def initial_motion(tick: Tick) -> Motion:
     """State of the vehicle before the first plant step of a tick."""
-    return Motion(truth=tick.state.truth, attitude=tick.flight.attitude, delta_v_N=jnp.zeros(3))
+    rcs = tick.flight.rcs
+    return Motion(
+        truth=tick.state.truth,
+        attitude=tick.flight.attitude,
+        delta_v_N=jnp.zeros(3),
+        owed=None if rcs is None else rcs.owed,
+    )
 
 
 def wheel_torque_command(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> Vector:
@@ -183,15 +200,36 @@ def propagate_substep(
     now = replace(tick.flight, attitude=motion.attitude)
     # Times relative to the step, because in single precision times since the start are too coarse.
     ignition, cutoff = plan.ignition - tick.time - offset, plan.cutoff - tick.time - offset
+    if tick.flight.rcs is not None:
+        cutoff = jnp.where(tick.flight.rcs.acts, ignition, cutoff)
     burn = ValveCommand(ignition=ignition, cutoff=cutoff, burn_error=tick.burn_error)
     delta_v_N = motion.delta_v_N + computer.expected_delta_v(params.flight, now, ignition, cutoff, dt)
     thrust = thrust_over_step(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
     health = _fed(params, motion.truth, tick.health)
-    truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, health, dt)
+    rcs, owed = None, motion.owed
+    if tick.flight.rcs is not None:
+        rcs, owed, given_N = _pulses(loop, tick, motion)
+        delta_v_N = delta_v_N + given_N
+    truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, health, dt, rcs)
     gyro_bias_B = tick.state.sensor_errors.gyro_bias_B
     sample = gyro.measure(params.gyro, truth.omega_BN_B, gyro_bias_B, gyro_normals, dt)
     attitude = attitude_ekf.integrate_gyro(motion.attitude, sample, dt)
-    return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N)
+    return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N, owed=owed)
+
+
+def _pulses(loop: Loop, tick: Tick, motion: Motion) -> tuple[RcsThrust, Array, Vector]:
+    """Thrust of the reaction control system over a plant step, what it owes then, and what is expected of it [m/s]."""
+    params, dt, believed, given = loop.params, loop.scenario.step_s, loop.params.flight.thrusters, tick.flight.rcs
+    assert believed is not None
+    assert given is not None
+    assert motion.owed is not None
+    assert tick.noise.thrusters is not None
+    on_time, owed = rcs_control.pulses(believed, given, motion.owed, dt)
+    expected_N = rcs_control.expected_delta_v(believed, params.flight.vehicle, motion.attitude.q_BN, on_time)
+    thrusters = rcs_thrusters.stacked(params.plant.thrusters)
+    works = jnp.where(propellant_used(params.plant, motion.truth) < params.limits.propellant, 1.0, 0.0)
+    state = rcs_thrusters.true_state(thrusters, tick.noise.thrusters, works * jnp.ones_like(on_time))
+    return rcs_thrusters.thrust_over_step(state, on_time, loop.scenario.effects.integrator, dt), owed, expected_N
 
 
 def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
@@ -225,6 +263,8 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
         sun_N=tick.sky.sun_N,
     )
     memory = replace(tick.flight, attitude=motion.attitude)
+    if memory.rcs is not None:
+        memory = replace(memory, rcs=replace(memory.rcs, owed=motion.owed))
     return computer.predict(loop.software, memory, on_board, tick.time + scenario.tick_s)
 
 

@@ -113,8 +113,10 @@ class Motion:
         truth: state of the plant
         attitude: estimate propagated by the gyro
         delta_v_N: (3,) velocity change in this tick as expected by the flight software [m/s]
+        owed: (n,) on-time that thrusters of the reaction control system owe [s], None without them
     """
 
     truth: Truth
     attitude: AttitudeEstimate
     delta_v_N: Array
+    owed: Array | None = None

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight.control import formation_law, periodic_lqr_gain, reference_governor
-from rpojax.flight.decisions import burn_conditions, phase_goal
+from rpojax.flight.decisions import burn_conditions, phase_goal, translation
 from rpojax.flight.decisions.mission_decision import is_passively_safe, keep_out_zone
 from rpojax.flight.decisions.motion_prediction import Prediction, predict_to_burn
 from rpojax.flight.decisions.phase_goal import Goal
@@ -99,7 +99,7 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     sees = pointing.visible & ~burn_conditions.is_lost(params, memory) & known
     is_blind = _is_blind(software, decision) & known
     drift = _drift_after_burn(software, decision, stops, period, is_blind)
-    greatest = burn_schedule.certain_delta_v(software.guidance)
+    greatest = _certain_delta_v(software, memory, period)
     if not settings.is_managed:
         planned_H = _within_limit(software, predicted, pointing, jnp.where(sees, planned_H, 0.0))
         burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, ~stops, improves=True)
@@ -137,17 +137,36 @@ def _is_blind(software: FlightSoftware, decision: Decision) -> Flag:
     return is_station & ~decision.pointing.visible & outlier_gate.is_without_boxes(decision.memory.gate)
 
 
+def _certain_delta_v(software: FlightSoftware, memory: FlightMemory, period: Scalar) -> Scalar:
+    """Velocity change [m/s] that a burn can make in any direction."""
+    with_turns = burn_schedule.certain_delta_v(software.guidance)
+    if software.params.thrusters is None:
+        return with_turns
+    without = software.params.thrusters.authority / software.params.vehicle.mass * period
+    return jnp.where(translation.is_translating(software, memory), without, with_turns)
+
+
 def _scheduled(software: FlightSoftware, decision: Decision, burn_H: Vector, can_burn: Flag) -> BurnPlan:
-    """Schedule of a velocity change [m/s]."""
-    delta_v_N = apply_transposed(decision.predicted.R_CN, burn_H)
-    return burn_schedule.schedule_burn(software.guidance, delta_v_N, decision.pointing.q_BN, can_burn, decision.time)
+    """Schedule of a velocity change [m/s]: between turns, or at once by the reaction control system."""
+    delta_v_N, q_look = apply_transposed(decision.predicted.R_CN, burn_H), decision.pointing.q_BN
+    plan = burn_schedule.schedule_burn(software.guidance, delta_v_N, q_look, can_burn, decision.time)
+    if software.params.thrusters is None:
+        return plan
+    on_time = jnp.where(can_burn, translation.burn_duration(software, delta_v_N), 0.0)
+    begin = decision.time + software.params.formation.lead - 0.5 * on_time
+    straight = burn_schedule.straight_burn(delta_v_N, q_look, jnp.maximum(begin, decision.time), on_time)
+    return select(translation.is_translating(software, decision.memory), straight, plan)
 
 
 def is_due(settings: MissionSettings, state: MissionState, time: Scalar, tick_s: float) -> Flag:
     """Whether `time` [s] is one of the times at which the present phase decides about burns."""
     period = _period(settings, state, tick_s)
     since = time - state.entered_at
-    return jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
+    is_time = jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
+    if not any(settings.translates):
+        return is_time
+    follows = constant_of_phase(state.phase, settings.translates) & (state.phase != settings.aborted)
+    return is_time & ~follows
 
 
 def _period(settings: MissionSettings, state: MissionState, tick_s: float) -> Scalar:
@@ -159,6 +178,8 @@ def _within_limit(
     software: FlightSoftware, predicted: Prediction, pointing: TargetPointing, planned_H: Vector
 ) -> Vector:
     """A planned velocity change [m/s] as the look-away limit shortens it: so it is judged."""
+    if all(software.mission.translates):
+        return planned_H
     planned_N = apply_transposed(predicted.R_CN, planned_H)
     share = burn_schedule.share_within_limit(software.guidance, planned_N, pointing.q_BN)
     return planned_H * share

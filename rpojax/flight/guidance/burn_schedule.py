@@ -74,6 +74,13 @@ def schedule_burn(
     )
 
 
+def straight_burn(delta_v_N: Vector, q_look: Float[Array, "4"], ignition: Scalar, on_time: Scalar) -> BurnPlan:
+    """Burn of a velocity change [m/s] for an on-time [s] from an ignition on, at the look attitude `q_look`."""
+    return BurnPlan(
+        turn_start=ignition, ignition=ignition, cutoff=ignition + on_time, delta_v_N=delta_v_N, q_burn=q_look
+    )
+
+
 def certain_delta_v(guidance: GuidanceSoftware) -> Scalar:
     """Velocity change [m/s] of the longest burn in any direction: between two turns by half a circle."""
     vehicle = guidance.vehicle

@@ -30,6 +30,7 @@ class PhaseSettings:
         stops_in_the_dark: whether it stops before the target gets dark, as its reference waits for it
         gain_tables: number of tables of gains, each for `burns_per_orbit` burns; the places of one table lie between
             those of another
+        translates: whether thrusters of the reaction control system follow its reference all the time, without turns
     """
 
     name: str
@@ -43,6 +44,7 @@ class PhaseSettings:
     has_corridor: bool
     stops_in_the_dark: bool
     gain_tables: int = 1
+    translates: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,12 @@ class MissionSettings:
     def built_in(self) -> tuple[str, ...]:
         """Names of the rows after those of the phases."""
         return BUILT_IN_PHASES if self.is_managed else ()
+
+    @property
+    def translates(self) -> tuple[bool, ...]:
+        """Whether a row uses the reaction control system; the built-in phases do where a phase does."""
+        own = [phase.translates for phase in self.phases]
+        return (*own, *(any(own) for _ in self.built_in))
 
     @property
     def hold(self) -> int:

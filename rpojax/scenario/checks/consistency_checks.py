@@ -109,6 +109,8 @@ def _check_vehicle(file: ScenarioFile) -> None:
 def _check_burn_timing(file: ScenarioFile) -> None:
     """Checks that a look-away, centred on the burn, fits between two burn decisions."""
     period, limit, lead = file.rates.formation_period_s, file.pointing.look_away_limit_s, file.formation.lead_s
+    if not file.turns_for_burns:
+        return
     if limit > period:
         raise ScenarioError("pointing.look_away_limit_s", limit, f"at most rates.formation_period_s = {period:g}")
     if not 0.5 * limit <= lead <= period - 0.5 * limit:

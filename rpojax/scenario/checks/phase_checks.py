@@ -79,10 +79,23 @@ def _check_periods(file: ScenarioFile) -> None:
     _check_multiple("rates.formation_period_s", default, decision, "mission.decision_period_s")
     for phase in file.phases:
         key, period = f"phases.{phase.name}.control_period_s", phase.control_period_s or default
+        _check_control(file, phase)
         _check_multiple(key, period, decision, "mission.decision_period_s")
-        if period < lead + 0.5 * limit:
+        if phase.control == "burns" and period < lead + 0.5 * limit:
             expected = f"at least {lead + 0.5 * limit:g}, formation.lead_s and half of pointing.look_away_limit_s"
             raise ScenarioError(key, period, expected)
+
+
+def _check_control(file: ScenarioFile, phase: PhaseSection) -> None:
+    """Refuses continuous control without thrusters for it, and a period beside it, which has no meaning."""
+    key = f"phases.{phase.name}"
+    if phase.control == "burns":
+        return
+    if not file.thrusters:
+        raise ScenarioError(f"{key}.control", phase.control, "'burns', or [[thrusters]] that need no turns")
+    if phase.control_period_s is not None:
+        expected = "no period: continuous control decides anew in each camera period"
+        raise ScenarioError(f"{key}.control_period_s", phase.control_period_s, expected)
 
 
 def _check_multiple(key: str, value: float, unit: float, name: str) -> None:

@@ -16,7 +16,7 @@ _OPTIONAL_SECTIONS = (
     "initial.handover", "chamber_pressure", "mission", "goal", "link", "team", "gps_differences", "link_range",
 )  # fmt: skip
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
-_NAMED = {"phases": "phase", "servicers": "servicer"}
+_NAMED = {"phases": "phase", "servicers": "servicer", "thrusters": "thruster"}
 """Lists of tables with names, by which overrides find them, and what one of them is."""
 REMOVED = "none"
 """In place of a kind: the dispersion of the base is removed."""

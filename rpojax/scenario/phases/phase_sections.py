@@ -22,7 +22,7 @@ class CorridorSection(section_of(Corridor)):
     """Approach corridor: a cone that opens away from the target along an axis in H."""
 
 
-_FIRST = ("name", "reference", "pointing", "control_period_s", "position_", "velocity_", "delta_v_", "until", "timeout")
+_FIRST = ("name", "reference", "pointing", "control", "control_period_s", "position_", "velocity_", "delta_v_", "until", "timeout")
 
 
 class PhaseSection(section_of(Phase, first=(*_FIRST, "on_timeout", "keep_out_m"), optional=True)):
@@ -31,6 +31,7 @@ class PhaseSection(section_of(Phase, first=(*_FIRST, "on_timeout", "keep_out_m")
     name: PhaseName
     reference: ReferenceSection
     pointing: Literal["target", "sun_safe", "velocity"] = "target"
+    control: Literal["burns", "continuous"] = "burns"
     control_period_s: Positive | None = None
     until: UntilSection | None = None
     on_timeout: Literal["next", "hold", "abort"] = "hold"

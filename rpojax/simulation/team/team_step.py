@@ -117,5 +117,5 @@ def _member_tick(ticks: Tick, number: Array) -> Tick:
 
 
 def _guide_and_move(loop: Loop, tick: Tick) -> tuple[Tick, Motion]:
-    tick = step_stages.guide(loop, tick)
+    tick = step_stages.guide(loop, step_stages.translate(loop, tick))
     return tick, step_stages.control_and_propagate(loop, tick)

@@ -1,0 +1,76 @@
+"""Translation without turns: the velocity change of a tick by which a reference is followed all the time."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.frames import hill_frame
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.orbits import yamanaka_ankersen
+from rpojax.core.pytree import replace
+from rpojax.core.vectors import apply_transposed
+from rpojax.flight.control import formation_law, rcs_control
+from rpojax.flight.decisions import burn_conditions, phase_goal
+from rpojax.flight.decisions.motion_prediction import predict_to_burn
+from rpojax.flight.flight_records import FlightMemory
+from rpojax.flight.flight_software import FlightSoftware
+from rpojax.flight.mission.phase_table import constant_of_phase, of_phase
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+
+
+def is_translating(software: FlightSoftware, memory: FlightMemory) -> Bool[Array, ""]:
+    """Whether the present phase uses the reaction control system."""
+    return constant_of_phase(memory.mission.phase, software.mission.translates)
+
+
+def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector, time: Scalar) -> FlightMemory:
+    """Memory with the command of the reaction control system for the tick that begins at `time` [s].
+
+    A phase with continuous control follows its reference by linear feedback and feed-forward of what its free motion
+    lacks; it drifts while nothing shows the target. After an abort the planned burn is made, if there is one.
+    """
+    thrusters, settings = software.params.thrusters, software.mission
+    assert thrusters is not None
+    assert memory.rcs is not None
+    has_aborted = memory.mission.phase == settings.aborted
+    sees = ~burn_conditions.is_lost(software.params, memory)
+    followed_N = jnp.where(sees, _following(software, memory, time), 0.0)
+    plan = memory.plan
+    duration = jnp.maximum(plan.cutoff - plan.ignition, software.tick_s)
+    overlap = jnp.minimum(time + software.tick_s, plan.cutoff) - jnp.maximum(time, plan.ignition)
+    planned_N = jnp.maximum(overlap, 0.0) / duration * plan.delta_v_N
+    rcs = rcs_control.command(
+        thrusters,
+        software.params.vehicle,
+        memory.rcs,
+        memory.attitude.q_BN,
+        jnp.where(has_aborted, planned_N, followed_N),
+        wheel_speed,
+        is_translating(software, memory),
+        software.tick_s,
+    )
+    return replace(memory, rcs=rcs)
+
+
+def _following(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> Vector:
+    """Velocity change of a tick in N [m/s] that follows the reference of the present phase."""
+    predicted, state = predict_to_burn(software.params, memory.orbit), memory.mission
+    tick = jnp.full_like(time, software.tick_s)
+    later = yamanaka_ankersen.advanced(predicted.orbit, tick)
+    desired = phase_goal.desired_state(software, state, predicted.orbit, time)
+    next_desired = phase_goal.desired_state(software, state, later, time + tick)
+    constants = yamanaka_ankersen.constants_of_motion(predicted.orbit, desired)
+    free = yamanaka_ankersen.free_motion(later, tick, constants)
+    gain = of_phase(state.phase, [each[0] for each in memory.phase_gains])
+    delta_v_H = next_desired[3:] - free[3:] + formation_law.lqr_feedback(gain, predicted.state_H - desired)
+    relative, servicer = memory.orbit.relative, memory.orbit.servicer
+    R_HN, _ = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)
+    return apply_transposed(R_HN, delta_v_H)
+
+
+def burn_duration(software: FlightSoftware, delta_v_N: Vector) -> Scalar:
+    """Time [s] in which the reaction control system makes a velocity change [m/s] in any direction."""
+    thrusters, mass = software.params.thrusters, software.params.vehicle.mass
+    assert thrusters is not None
+    return gradient_safe.norm(delta_v_N) * mass / thrusters.authority

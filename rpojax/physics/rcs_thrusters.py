@@ -1,0 +1,112 @@
+"""Small thrusters of a reaction control system (RCS): pulses of all of them as one force and torque."""
+
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core import quaternion
+from rpojax.core.constants import STANDARD_GRAVITY
+from rpojax.core.declared_numbers import number
+from rpojax.core.numerics.gradient_safe import norm
+from rpojax.core.numerics.runge_kutta import Method
+from rpojax.core.pytree import pytree
+from rpojax.physics.thruster import pulse_factors
+from rpojax.value_types import Direction
+
+Scalar = Float[Array, ""]
+
+
+@pytree
+class RcsThruster:
+    """Thruster fixed to the body that gives pulses, with its true values."""
+
+    position: Array = number("point of application of the force from the centre of mass, B", unit="m", length=3)
+    direction: Array = number(
+        "direction of the force on the servicer, opposite the plume, B; any length", form=Direction
+    )
+    force: Array = number("nominal force, used by the flight software", unit="n", above=0.0)
+    isp: Array = number("specific impulse", unit="s", above=0.0)
+    minimum_on: Array = number("shortest pulse", unit="s", at_least=0.0, default=0.0)
+    force_scale: Array = number("true over nominal force", above=0.0, default=1.0)
+    misalignment: Array = number("constant small rotation of the force, B", unit="deg", length=3, default=[0.0, 0.0, 0.0])
+    pulse_noise: Array = number("relative error of the force, new each tick, 1 sigma", at_least=0.0, default=0.0)
+
+
+@pytree
+class RcsState:
+    """What a thruster of the reaction control system has, those of all of them along the first axis.
+
+    Attributes:
+        force_B: (n, 3) true force when open [N]
+        position_B: (n, 3) where it acts, from the centre of mass [m]
+        mass_flow: (n,) of propellant when open [kg/s]
+    """
+
+    force_B: Array
+    position_B: Array
+    mass_flow: Array
+
+
+@pytree
+class RcsThrust:
+    """Force and torque of all thrusters at the nodes of an integration step.
+
+    Attributes:
+        force_B: (nodes, 3) [N]
+        moment_B: (nodes, 3) about the centre of mass of the full servicer [N m]
+        mass_flow: (nodes,) of propellant [kg/s]
+        effort: (nodes,) sum of the sizes of the forces [N]
+    """
+
+    force_B: Array
+    moment_B: Array
+    mass_flow: Array
+    effort: Array
+
+
+def stacked(thrusters: Mapping[str, RcsThruster]) -> RcsThruster:
+    """The numbers of all thrusters along the first axis, in the order of their names."""
+    # A mapping that passes through a compiled program comes out in that order.
+    return jax.tree.map(lambda *each: jnp.stack(each), *(thrusters[name] for name in sorted(thrusters)))
+
+
+def nominal_forces(thrusters: RcsThruster) -> Float[Array, "n 3"]:
+    """Nominal force of each thruster in B [N]."""
+    return thrusters.force[:, None] * quaternion.normalize(thrusters.direction.T).T
+
+
+def nominal_flows(thrusters: RcsThruster) -> Float[Array, " n"]:
+    """Nominal flow of propellant of each open thruster [kg/s]."""
+    return thrusters.force / (thrusters.isp * STANDARD_GRAVITY)
+
+
+def true_state(
+    thrusters: RcsThruster, normals: Float[Array, " n"], thrust_fraction: Float[Array, " n"]
+) -> RcsState:
+    """True thrusters of a tick, with their errors from standard normal numbers and what faults leave of their force."""
+    scale = thrusters.force_scale * (1.0 + thrusters.pulse_noise * normals) * thrust_fraction
+    turned = jax.vmap(lambda angle, force: quaternion.rotate(quaternion.exp(angle), force))
+    return RcsState(
+        force_B=scale[:, None] * turned(thrusters.misalignment, nominal_forces(thrusters)),
+        position_B=thrusters.position,
+        mass_flow=jnp.abs(scale) * nominal_flows(thrusters),
+    )
+
+
+def thrust_over_step(
+    state: RcsState, on_time: Float[Array, " n"], method: Method, dt: float | Scalar
+) -> RcsThrust:
+    """Thrust over a step of `dt` [s] at whose begin each thruster opens for its on-time [s], with exact impulses."""
+    factors = jax.vmap(lambda each: pulse_factors(each, method, dt), out_axes=1)(on_time)
+
+    def total(per_thruster: Float[Array, "n 3"]) -> Float[Array, "nodes 3"]:
+        return jnp.sum(factors[:, :, None] * per_thruster[None], axis=1)
+
+    return RcsThrust(
+        force_B=total(state.force_B),
+        moment_B=total(jnp.cross(state.position_B, state.force_B)),
+        mass_flow=jnp.sum(factors * state.mass_flow[None], axis=1),
+        effort=jnp.sum(factors * norm(state.force_B.T)[None], axis=1),
+    )
