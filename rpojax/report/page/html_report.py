@@ -36,12 +36,13 @@ from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_d
 from rpojax.runtime.progress import stage
 from rpojax.scenario.plugins import plugin_registry
 
+_READ_ONCE: Final = ("info", "run_ids", "metrics", "completed", "failed", "outcomes", "drawn", "traces", "trace_time_s")
 KEPT_BYTES: Final = 400_000_000
 """Memory beyond which the history that was not used for longest is read again."""
 
 
-class KeptHistories(ChangedResults):
-    """Results of a campaign, with a memory of its histories.
+class KeptResults(ChangedResults):
+    """Results of a campaign, with a memory of what was read: every part of the report asks for them again.
 
     Args:
         campaign: results
@@ -62,6 +63,19 @@ class KeptHistories(ChangedResults):
         self._kept.move_to_end(run_id)
         whole = self._kept[run_id]
         return whole if servicer is None or not self._campaign.servicer_names else of_servicer(whole, servicer)
+
+
+def _remembered(name: str) -> property:
+    def read(results: KeptResults) -> Any:
+        if name not in results._changes:
+            results._changes[name] = getattr(results._campaign, name)
+        return results._changes[name]
+
+    return property(read)
+
+
+for _name in _READ_ONCE:
+    setattr(KeptResults, _name, _remembered(_name))
 
 
 def _bytes(history: Mapping[str, np.ndarray]) -> int:
@@ -86,7 +100,7 @@ def write_report(
     """
     own = plugin_registry.recorded_metrics(campaign.info)
     with stage("writing the report", quiet=not progress, announce=False), metric_catalogue.metrics_of_scenario(own):
-        kept: Any = KeptHistories(campaign)
+        kept: Any = KeptResults(campaign)
         return _write(kept, run_id, film)
 
 

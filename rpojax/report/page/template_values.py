@@ -1,13 +1,10 @@
 """Values for the page's template: charts, tables and the run shown in detail."""
 
 import base64
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-from PIL import Image
 
 from rpojax.report import rare_failures, shell_commands
 from rpojax.report.campaign_results import CampaignResults
@@ -36,7 +33,6 @@ from rpojax.report.sections import (
     team_section,
 )
 
-_PALETTE_COLOURS = 64
 _CAPTIONS = {
     "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
     "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it rejected, triangles at an "
@@ -219,10 +215,6 @@ def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], det
 
 
 def _data_url(path: Path) -> str:
-    """Picture as a data URL; PNG files, which have few colours, get a palette of 64."""
-    if path.suffix == ".jpg":
-        return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
-    buffer = io.BytesIO()
-    with Image.open(path) as picture:
-        picture.convert("RGB").quantize(_PALETTE_COLOURS).save(buffer, format="png", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    """Picture as a data URL."""
+    kind = "jpeg" if path.suffix == ".jpg" else "png"
+    return f"data:image/{kind};base64," + base64.b64encode(path.read_bytes()).decode()
