@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from rpojax.report.figures.axis_scale import axis_ends, spans_decades
 from rpojax.report.figures.colours import BLUE, FAINT, FONT, GRID, INK, MUTED, VERMILLION
 from rpojax.report.figures.requirement_limits import Limit
 from rpojax.report.labels import ChannelLabel, MetricLabel
@@ -20,7 +21,7 @@ EMPTY_TITLE = {"text": ""}
 MAX_POINTS = 800
 """Most points of a line, so that the page stays small."""
 _MAX_BINS = 36
-_FARTHEST_SPANS: Final = 12.0
+_FARTHEST_SPANS: Final = 3.0
 """Spans of the values beyond which a limit is marked at the edge of the chart, so that the values stay visible."""
 
 
@@ -106,8 +107,14 @@ def hover_template(channel: ChannelLabel, name: str) -> str:
     return f"{name}: %{{y:.4g}} {channel.unit}<extra></extra>"
 
 
-def time_layout(channel: ChannelLabel, traces: list[dict[str, Any]]) -> dict[str, Any]:
-    """Layout for a channel over time; logarithmic where the channel is and its values span more than a factor of 5."""
+def time_layout(
+    channel: ChannelLabel, traces: list[dict[str, Any]], values: np.ndarray | None = None, limits: Sequence[float] = ()
+) -> dict[str, Any]:
+    """Layout for a channel over time; logarithmic where the channel is and its values span more than a factor of 5.
+
+    Of the `values` (runs, m) of a channel that is not, a few runs far beyond the others do not stretch the axis, which
+    includes the `limits`; where many are, it is logarithmic.
+    """
     layout = chart_layout("", f"[{channel.unit}]" if channel.unit else "[-]")
     layout["xaxis"]["ticksuffix"] = " s"
     layout["hovermode"] = "x unified"
@@ -117,7 +124,24 @@ def time_layout(channel: ChannelLabel, traces: list[dict[str, Any]]) -> dict[str
         layout["yaxis"].update(type="log", tickformat="~g", dtick=_log_tick_step(traces), minor=minor)
     elif not channel.logarithmic:
         layout["yaxis"]["rangemode"] = "tozero"
+        _fit_far_values(layout, np.zeros(0) if values is None else values, limits)
     return layout
+
+
+def _fit_far_values(layout: dict[str, Any], values: np.ndarray, limits: Sequence[float]) -> None:
+    """Clips the vertical axis, with the count of runs beyond in a note, or makes it logarithmic, where it must be."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return
+    _, high = axis_ends(finite, limits)
+    if high < float(finite.max()):
+        count = int(np.sum(np.any(np.where(np.isfinite(values), values, high) > high, axis=1)))
+        layout["yaxis"]["range"] = [min(0.0, float(finite.min())), 1.05 * high]
+        text = f"{count} {'run' if count == 1 else 'runs'} beyond, to {float(finite.max()):.3g}"
+        place = {"xref": "paper", "yref": "paper", "x": 1, "y": 1, "showarrow": False}
+        layout["annotations"] = [{"text": text, **place}]
+    elif spans_decades(finite):
+        layout["yaxis"].update(type="log")
 
 
 def _spans_decades(traces: list[dict[str, Any]]) -> bool:
@@ -135,9 +159,11 @@ def _log_tick_step(traces: list[dict[str, Any]]) -> str | int:
 def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Limit] = ()) -> Chart:
     """Histogram of `values` (n,), all finite; median solid, p99 (p1 where low is bad) dotted, limits dashed and named.
 
-    Bars beyond a limit have another colour. A limit lies at the edge, with an arrow, where it is far from all values.
+    Bars beyond a limit have another colour. A limit lies at the edge, with an arrow, where it is far from all values,
+    and a few values far beyond the others are counted at the edge.
     """
-    counts, edges = histogram_bins(values)
+    low, high = axis_ends(values)
+    counts, edges = histogram_bins(values[(values >= low) & (values <= high)])
     tail = 1 if label.low_is_bad else 99
     middles = (edges[:-1] + edges[1:]) / 2.0
     beyond = np.zeros(len(counts), dtype=bool)
@@ -153,13 +179,29 @@ def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Lim
     }
     layout = chart_layout(label.unit, "runs")
     layout["bargap"] = 0
+    statistics = (("solid", "median", np.percentile(values, 50)), ("dot", f"p{tail}", np.percentile(values, tail)))
     layout["shapes"] = [
-        _vertical_line(float(np.percentile(values, 50)), "solid", "median"),
-        _vertical_line(float(np.percentile(values, tail)), "dot", f"p{tail}"),
+        *(_vertical_line(float(x), dash, name) for dash, name, x in statistics if low <= x <= high),
         *(_limit_shape(limit, float(edges[0]), float(edges[-1])) for limit in limits),
+        *_counts_beyond(values, low, high, float(edges[0]), float(edges[-1])),
     ]
     layout["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
     return {"data": [bars], "layout": layout}
+
+
+def _counts_beyond(values: np.ndarray, low: float, high: float, left: float, right: float) -> list[dict[str, Any]]:
+    """Lines at the edges of an axis, with the number of values beyond."""
+    below, above = int(np.sum(values < low)), int(np.sum(values > high))
+    found = []
+    for count, place, text in (
+        (below, left, f"\N{LEFTWARDS ARROW} {below} below"),
+        (above, right, f"{above} beyond \N{RIGHTWARDS ARROW}"),
+    ):
+        if count:
+            line = {"color": MUTED, "width": 1.2, "dash": "dashdot"}
+            ends = {"xref": "x", "yref": "paper", "x0": place, "x1": place, "y0": 0, "y1": 1}
+            found.append({"type": "line", "name": "beyond", "line": line, "label": {"text": text}, **ends})
+    return found
 
 
 def histogram_bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

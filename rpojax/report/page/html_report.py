@@ -21,6 +21,7 @@ from rpojax.report.page import page_templates
 from rpojax.report.page.detail_values import DetailValues, choose_run, detail_values
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_page import is_single_run, render_run_page
+from rpojax.report.page.section_findings import section_findings
 from rpojax.report.page.template_values import (
     PageFigures,
     RunDetail,
@@ -37,6 +38,8 @@ from rpojax.runtime.progress import stage
 from rpojax.scenario.plugins import plugin_registry
 
 _READ_ONCE: Final = ("info", "run_ids", "metrics", "completed", "failed", "outcomes", "drawn", "traces", "trace_time_s")
+_FURTHER_RUNS: Final = 16
+"""Most runs with a history beside the median one and the worst ones that the page shows over time."""
 KEPT_BYTES: Final = 400_000_000
 """Memory beyond which the history that was not used for longest is read again."""
 
@@ -165,10 +168,16 @@ def _render_page(
     charts = page_charts(campaign, content, notes)
     runs: DetailValues = notes.derived(
         "Runs in detail",
-        lambda: detail_values(campaign, content, detail.run_id),
+        lambda: detail_values(campaign, content, detail.run_id, _FURTHER_RUNS),
         detail_values(campaign, content, None),
     )
-    data = {"charts": charts.charts, "explorer": charts.explorer, "detail": runs.detail, "scene": runs.scene}
+    data = {
+        "charts": charts.charts,
+        "explorer": charts.explorer,
+        "detail": runs.detail,
+        "scene": runs.scene,
+        "runs": charts.runs,
+    }
     values = {
         "name": campaign.info.get("name", "campaign"),
         "description": campaign.info.get("description", ""),
@@ -188,4 +197,5 @@ def _render_page(
         **runs.template_values,
         **figure_values(pictures),
     }
+    values["findings"] = section_findings(content, values)
     return page_templates.render("campaign.html", data, values)

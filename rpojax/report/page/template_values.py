@@ -13,7 +13,11 @@ from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.figures.scatter_explorer import scatter_explorer
 from rpojax.report.labels import format_number
 from rpojax.report.left_out_parts import Notes
-from rpojax.report.page.first_screen import leading_figures, next_steps, outcome_sentence, verdict_tiles
+from rpojax.report.page.first_screen import leading_figures, verdict_tiles
+from rpojax.report.page.headline import headline, headline_notes
+from rpojax.report.page.marked_runs import run_marks, shown_rows
+from rpojax.report.page.metric_groups import histogram_groups
+from rpojax.report.page.next_steps import next_steps
 from rpojax.report.sections import (
     cause_section,
     consistency_section,
@@ -30,6 +34,7 @@ from rpojax.report.sections import (
     requirement_verdict_section,
     safety_section,
     sensitivity_section,
+    simulation_section,
     team_section,
 )
 
@@ -77,10 +82,11 @@ def figure_values(figures: PageFigures) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class PageCharts:
-    """Charts by name, data of the interactive scatter plot, and the template values that place them."""
+    """Charts by name, data of the scatter plot and of the runs, and the template values that place them."""
 
     charts: dict[str, Chart]
     explorer: dict[str, Any] | None
+    runs: dict[str, Any] | None
     template_values: dict[str, Any]
 
 
@@ -94,7 +100,9 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     convergence = (
         {} if progress is None else notes.derived("Convergence", lambda: convergence_section.charts(progress), {})
     )
-    explorer = notes.derived("The scatter plot", lambda: scatter_explorer(campaign, required), None)
+    rows = shown_rows(campaign)
+    explorer = notes.derived("The scatter plot", lambda: scatter_explorer(campaign, rows, required), None)
+    runs = notes.derived("Single runs", lambda: run_marks(campaign, content, list(envelopes)), None)
     charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in envelopes.items()}
     charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
     charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in histograms if entry["chart"] is not None}
@@ -106,33 +114,26 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     template_values = {
         "envelopes": [channel for channel, _ in envelopes.values()],
         "averages": [channel for channel, _ in averages.values()],
-        "histograms": histograms,
+        "histogram_groups": histogram_groups(histograms, {str(each.get("of", each["metric"])) for each in required}),
         "constants": [entry for entry in histograms if entry["chart"] is None and entry["defined"]],
         "undefined": [entry["metric"].title for entry in histograms if not entry["defined"]],
         "convergence": [(name, title) for name, (title, _) in convergence.items()],
         "explorer": explorer is not None,
     }
-    return PageCharts(charts, explorer, template_values)
-
-
-def simulated_text(info: Mapping[str, Any], runs: int) -> str:
-    """Number of runs, their duration and seed, as far as recorded."""
-    duration = info.get("scenario", {}).get("duration_s")
-    parts = [
-        f"{runs} run" if runs == 1 else f"{runs} runs",
-        f"{format_number(float(duration))} s each" if duration is not None else "",
-        f"seed {info['seed']}" if "seed" in info else "",
-    ]
-    return ", ".join(part for part in parts if part)
+    return PageCharts(charts, explorer, runs, template_values)
 
 
 def first_screen_values(campaign: CampaignResults, content: Mapping[str, Any], charts: PageCharts) -> dict[str, Any]:
-    """What was simulated, sentence of outcome, verdicts, leading figures and next steps."""
+    """Headline, what was simulated, cards, leading figures, and what to change."""
+    requested, tiles = content["runs"]["requested"], verdict_tiles(content)
     return {
-        "simulated": simulated_text(campaign.info, content["runs"]["requested"]),
-        "outcome": outcome_sentence(content),
+        "simulated": simulation_section.simulated_text(campaign.info, requested),
+        "simulation": simulation_section.rows(campaign, requested),
+        "headline": headline(content),
+        "headline_colour": tiles[0].css_class if tiles else "open",
+        "headline_notes": headline_notes(content),
         "why": content["why_failed"],
-        "verdict_tiles": verdict_tiles(content),
+        "verdict_tiles": tiles,
         "leading": leading_figures(content, charts.charts),
         "next_steps": next_steps(campaign, content),
     }

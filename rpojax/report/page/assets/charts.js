@@ -276,7 +276,9 @@ const Charts = (() => {
     render(place, options.width);
   }
 
+  // A place in a folded section is drawn when it is opened.
   function render(place, forced) {
+    if (!forced && !place.clientWidth) return;
     const { figure, view } = shown.get(place);
     const layout = layoutOf(figure, view);
     const width = Math.max(160, Math.round(forced || place.clientWidth || 600));
@@ -291,6 +293,8 @@ const Charts = (() => {
     if (old) old.replaceWith(root); else place.prepend(root);
     place.dataset.drawn = "yes";
     drawLegend(place, traces, layout);
+    Object.assign(shown.get(place), { root, panels });
+    overlay(place);
     if (!shown.get(place).options.silent) listen(root, place, panels, layout);
   }
 
@@ -334,6 +338,9 @@ const Charts = (() => {
     drawShapes(inside, panel.first ? (layout.shapes || []).filter((shape) => shape.type === "rect") : [], x, y, box);
     panel.traces.forEach((trace, index) => drawTrace(inside, trace, panel.traces[index - 1], x, y));
     if (panel.first) drawShapes(root, (layout.shapes || []).filter((shape) => shape.type !== "rect"), x, y, box);
+    for (const note of panel.first ? layout.annotations || [] : []) {
+      node(root, "text", { x: box.right - 4, y: box.top + 10, "text-anchor": "end", class: "mark", fill: "var(--muted)" }, note.text);
+    }
     const title = layout.yaxis.title && layout.yaxis.title.text;
     if (title && panel.first) {
       const middle = (box.top + box.bottom) / 2;
@@ -370,12 +377,12 @@ const Charts = (() => {
     root.addEventListener("pointerleave", () => hide(cursor));
     const [panel] = panels;
     if (place.classList.contains("tall") && !panel.x.names && !panel.y.names) zoom(root, place, panel, across);
-    if (shown.get(place).options.onPick) {
-      root.addEventListener("click", (event) => {
-        const found = hit(panel, ...across(event));
-        if (found) shown.get(place).options.onPick(found.trace, found.index);
-      });
-    }
+    root.addEventListener("click", (event) => {
+      const [left, top] = across(event);
+      if (!shown.get(place).options.onPick) return marks.pick && marks.pick(place, panel, left, top);
+      const found = hit(panel, left, top);
+      return found && shown.get(place).options.onPick(found.trace, found.index);
+    });
   }
 
   function unified(panel, left, layout, cursor) {
@@ -460,5 +467,30 @@ const Charts = (() => {
     for (const place of shown.keys()) render(place, widthOf ? widthOf(place) : undefined);
   }
 
-  return { draw, resize, number };
+  // Draws what was folded when it was to be drawn, and is not any more.
+  function reveal() {
+    for (const [place, { root }] of shown) if (!root) render(place);
+  }
+
+  // What marks the picked run in a chart, and what picks one by a click.
+  const marks = { draw: null, pick: null };
+
+  function onMark(draw, pick) {
+    Object.assign(marks, { draw, pick });
+    for (const { root } of shown.values()) if (root) root.classList.add("picks");
+  }
+
+  function overlay(place) {
+    const { root, panels } = shown.get(place);
+    if (!root || !marks.draw) return;
+    const old = root.querySelector("g.picked");
+    if (old) old.remove();
+    marks.draw(place, node(root, "g", { class: "picked" }), panels[0]);
+  }
+
+  function remark() {
+    for (const place of shown.keys()) overlay(place);
+  }
+
+  return { draw, resize, reveal, onMark, remark, number };
 })();

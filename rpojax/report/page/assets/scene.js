@@ -3,7 +3,7 @@ const Scene = (() => {
   "use strict";
   const axes = [["x radial", [1, 0, 0]], ["y along-track", [0, 1, 0]], ["z normal", [0, 0, 1]]];
   const views = { free: [0.6, 0.35], plane: [0, 0], along: [Math.PI / 2, 0] };
-  const tone = { median: "--blue", worst: "--vermillion", other: "--shade" };
+  const tone = { median: "--blue", worst: "--vermillion", other: "--shade", picked: "--purple" };
 
   function start(data) {
     const canvas = document.getElementById("scene");
@@ -13,6 +13,7 @@ const Scene = (() => {
     const target = triangles(data.target);
     const paint = () => draw(canvas, data, target, reach, state);
     drag(canvas, state, paint);
+    pickable(canvas, data, state, paint);
     for (const button of document.querySelectorAll("[data-view]")) {
       button.addEventListener("click", () => {
         const wanted = button.dataset.view;
@@ -29,9 +30,31 @@ const Scene = (() => {
     paint();
   }
 
-  // Largest distance from the target of any path, so that all fit.
+  let markRun = () => {};
+
+  // A click near a path picks its run, which is told by the event "pickrun"; `markRun` shows the picked run.
+  function pickable(canvas, data, state, paint) {
+    let begin = null;
+    canvas.addEventListener("pointerdown", (event) => { begin = [event.clientX, event.clientY]; });
+    canvas.addEventListener("click", (event) => {
+      if (!begin || Math.hypot(event.clientX - begin[0], event.clientY - begin[1]) > 5 || !state.project) return;
+      const bounds = canvas.getBoundingClientRect();
+      const [x, y] = [event.clientX - bounds.left, event.clientY - bounds.top];
+      let best = [12, null];
+      for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) {
+        const [px, py] = state.project(path.points.slice(i, i + 3));
+        const far = Math.hypot(px - x, py - y);
+        if (far < best[0]) best = [far, path.run];
+      }
+      if (best[1] !== null) canvas.dispatchEvent(new CustomEvent("pickrun", { detail: best[1] }));
+    });
+    markRun = (run) => { state.picked = run; paint(); };
+  }
+
+  // Largest distance from the target of any path, so that all fit; `reach_m` where a few of them lead far away.
   function extent(data) {
     let most = data.keep_out_m || 1;
+    if (data.reach_m) return Math.max(most, data.reach_m);
     for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) most = Math.max(most, Math.hypot(path.points[i], path.points[i + 1], path.points[i + 2]));
     return most;
   }
@@ -82,6 +105,10 @@ const Scene = (() => {
     for (const path of data.paths.filter((one) => one.kind === "other")) drawPath(pen, project, path, named);
     drawTarget(pen, project, target, view, named);
     for (const path of data.paths.filter((one) => one.kind !== "other")) drawPath(pen, project, path, named);
+    for (const path of data.paths.filter((one) => one.run === state.picked)) drawPath(pen, project, { ...path, kind: "picked" }, named);
+    state.project = project;
+    pen.fillStyle = named("--muted");
+    if (data.beyond) pen.fillText(data.beyond, 14, 18);
     for (const place of data.desired) mark(pen, project(place), named("--green"), "desired");
     drawScale(pen, scale, height, named);
   }
@@ -96,7 +123,11 @@ const Scene = (() => {
       high[k] = Math.max(high[k], dot(direction, point));
     });
     for (const [, direction] of axes) include(direction.map((one) => one * length));
-    for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) include(path.points.slice(i, i + 3));
+    const near = (point) => !data.reach_m || Math.hypot(...point) <= data.reach_m;
+    for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) {
+      const point = path.points.slice(i, i + 3);
+      if (near(point)) include(point);
+    }
     return { width: high[0] - low[0], height: high[1] - low[1], center: [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2] };
   }
 
@@ -165,7 +196,7 @@ const Scene = (() => {
   function drawPath(pen, project, path, named) {
     pen.strokeStyle = named(tone[path.kind]);
     pen.globalAlpha = path.kind === "other" ? 0.45 : 1;
-    pen.lineWidth = { other: 1, worst: 1.5, median: 2.4 }[path.kind];
+    pen.lineWidth = { other: 1, worst: 1.5, median: 2.4, picked: 3.2 }[path.kind];
     pen.beginPath();
     let end = null;
     for (let i = 0; i < path.points.length; i += 3) {
@@ -236,5 +267,5 @@ const Scene = (() => {
     });
   }
 
-  return { start };
+  return { start, markRun: (run) => markRun(run) };
 })();
