@@ -24,9 +24,10 @@ def scatter_explorer(
 ) -> dict[str, Any] | None:
     """Data for scatter plots of each metric against each dispersed scalar; None with too few runs or nothing dispersed.
 
-    Contains the drawn values of the runs in `rows`, ends of the axis of each metric that a few runs far away do not
-    stretch, the rank correlation of each pair over all runs (not for categorical inputs), and `independence_limit`, below which the correlation of independent quantities lies in 95 % of the cases;
-    None if runs are not independent; and `limits`, value and text of those of the `requirements` of report.json.
+    Contains the drawn values of the runs in `rows`, the ends of an axis of each metric that a few runs far away do not
+    stretch, the rank correlation of each pair over all runs (not for categorical inputs), and `independence_limit`,
+    below which the correlation of independent quantities lies in 95 % of the cases; None if runs are not independent;
+    and `limits`, value and text of those of the `requirements` of report.json.
     """
     limits = limits_of_metrics(requirements)
     inputs = {key: values for key, values in dispersed_scalars(campaign).items() if np.ptp(values) > 0.0}

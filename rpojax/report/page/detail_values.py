@@ -87,9 +87,9 @@ class DetailValues:
 def detail_values(
     campaign: CampaignResults, content: Mapping[str, Any], median_run: int | None, others: int = 0
 ) -> DetailValues:
-    """Series and timelines of the median run, of the worst one of each requirement, and of at most `others` further ones.
+    """Series and timelines of the median run, of the worst one of each requirement, and of some others.
 
-    Of a team they are those of its first servicer.
+    Of a team they are those of its first servicer; there are at most `others` further runs.
     """
     worst = [] if median_run is None else worst_runs(campaign, content, median_run)
     choices = _choices(worst)
@@ -126,9 +126,7 @@ def detail_values(
     return DetailValues(detail, scene, values)
 
 
-def _further_runs(
-    campaign: CampaignResults, content: Mapping[str, Any], shown: Sequence[int]
-) -> list[tuple[int, str]]:
+def _further_runs(campaign: CampaignResults, content: Mapping[str, Any], shown: Sequence[int]) -> list[tuple[int, str]]:
     """Other runs with a history, failed ones first, and how they ended."""
     failed = {failure["run_id"]: str(failure["reason"]) for failure in content["failures"]}
     kept = [run for run in sorted(campaign.history_ids) if run not in shown]

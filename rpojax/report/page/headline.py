@@ -43,7 +43,9 @@ def _result(content: Mapping[str, Any]) -> str:
     """How many runs failed and in which way; without failures how many requirements are verified."""
     runs, ended = content["runs"], ended_runs(content)
     if runs["failed"]:
-        begin = f"all {ended} runs failed" if runs["failed"] == ended > 1 else f"{runs['failed']} of {ended} runs failed"
+        begin = (
+            f"all {ended} runs failed" if runs["failed"] == ended > 1 else f"{runs['failed']} of {ended} runs failed"
+        )
         return f"{begin}: {_kinds(runs['outcomes'])}."
     if runs["not_judged"]:
         return f"{_not_judged(content)}, and {_verified(content['requirements'])}."
@@ -101,11 +103,17 @@ def _cause(content: Mapping[str, Any]) -> str:
     causes = why["causes"]
     if causes:
         first = causes[0]
-        share = f"all {failed}" if first["runs"] == failed > 1 else f"{first['runs']} of these" if failed > 1 else "it"
-        return f"in {share}, {first['text']}." if failed > 1 else f"the cause: {first['text']}."
+        if failed == 1:
+            return f"the cause: {first['text']}."
+        shares = {failed: "both" if failed == 2 else f"all {failed}"}
+        return f"in {shares.get(first['runs'], str(first['runs']) + ' of these')}, {first['text']}."
     if details := failure_section.detail_counts(content["failures"]):
         often = "most often " if len(details) > 1 else ""
-        return f"no cause was found; {often}they {details[0][0]}." if failed > 1 else f"no cause was found; {details[0][0]}."
+        return (
+            f"no cause was found; {often}they {details[0][0]}."
+            if failed > 1
+            else f"no cause was found; {details[0][0]}."
+        )
     return "no cause was found: repeat one of them to look at it."
 
 

@@ -117,7 +117,11 @@ def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:
     detail = notes.derived("The run in detail", lambda: _run_detail(campaign, shown_run, film), no_detail)
     pictures = notes.derived(
         "Pictures",
-        lambda: PageFigures(coverage_section.write_figure(campaign), team_section.write_figure(campaign, shown_run)),
+        lambda: PageFigures(
+            coverage_section.write_figure(campaign),
+            team_section.write_figure(campaign, shown_run),
+            coverage_section.dark_picture(campaign),
+        ),
         PageFigures(None, None),
     )
 

@@ -9,7 +9,7 @@ from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import format_number, with_unit
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
-from rpojax.report.sections.failure_section import detail_counts, outcomes_text
+from rpojax.report.sections.failure_section import detail_counts
 from rpojax.report.sections.requirement_verdict_section import limit_text, violation_kinds
 
 _MOST_STEPS: Final = 6
@@ -70,7 +70,7 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
         return []
     steps = [
         NextStep(
-            f"{cause['runs']} of {runs['failed']} failed runs",
+            _count_of_failed(cause["runs"], runs["failed"]),
             cause["text"],
             cause["mend"],
             "failures",
@@ -81,11 +81,18 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
     explained = {run for cause in why["causes"] for run in cause["run_ids"]}
     without = [failure for failure in content["failures"] if failure["run_id"] not in explained]
     if without:
-        what = f"{len(without)} of {runs['failed']} failed runs" if steps else outcomes_text(runs["outcomes"])
+        what = _count_of_failed(len(without), runs["failed"])
         details = "".join(f"; {count} {detail}" for detail, count in detail_counts(without)[:2])
         first = _repeat(campaign, without[0]["run_id"])
         steps.append(NextStep(what, f"no cause was found{details}", "repeat one to look at it", "failures", *first))
     return steps
+
+
+def _count_of_failed(count: int, failed: int) -> str:
+    """How many of the failed runs, in words."""
+    if count < failed:
+        return f"{count} of {failed} failed runs"
+    return "The failed run" if failed == 1 else "Both failed runs" if failed == 2 else f"All {failed} failed runs"
 
 
 def _not_judged(content: Mapping[str, Any]) -> list[NextStep]:
@@ -130,7 +137,7 @@ def _nearest(campaign: CampaignResults, nearest: Mapping[str, Any] | None) -> tu
 
 
 def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
-    """Rows of the requirements that are not verified by other runs than the failed ones, which have rows of their own."""
+    """Rows of the requirements that other runs violate than the failed ones, which have rows of their own."""
     steps, drifts = [], bool(_passive_safety(campaign, content))
     failed = {failure["run_id"] for failure in content["failures"]}
     for entry in content["requirements"]:

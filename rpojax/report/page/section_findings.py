@@ -127,8 +127,9 @@ def _convergence(content: Mapping[str, Any], _: Mapping[str, Any]) -> str:
     if found is None:
         return "Needs at least twenty runs"
     rate = found["failure_rate"]
-    low, high = (None if rate[key] is None else rate[key][-1] for key in ("low_95", "high_95"))
-    interval = "" if low is None else f" (95 % interval {100.0 * low:.2g} to {100.0 * high:.2g} %)"
+    low, high = (rate[key][-1] if rate[key] else None for key in ("low_95", "high_95"))
+    known = low is not None and high is not None
+    interval = f" (95 % interval {100.0 * low:.2g} to {100.0 * high:.2g} %)" if known else ""
     return f"Failure rate {100.0 * rate['rate'][-1]:.3g} %{interval}"
 
 

@@ -11,7 +11,6 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.camera_pictures import CameraSheet
 from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.figures.scatter_explorer import scatter_explorer
-from rpojax.report.labels import format_number
 from rpojax.report.left_out_parts import Notes
 from rpojax.report.page.first_screen import leading_figures, verdict_tiles
 from rpojax.report.page.headline import headline, headline_notes
@@ -68,16 +67,24 @@ class RunDetail:
 
 @dataclass(frozen=True)
 class PageFigures:
-    """Pictures of single sections, None if there are none: the target's coverage, the relative orbits of a team."""
+    """Pictures of single sections, None if there are none: the target's coverage, the relative orbits of a team.
+
+    `dark_coverage` is that of the coverage for the dark scheme, the bytes of a PNG file.
+    """
 
     coverage: Path | None
     team: Path | None
+    dark_coverage: bytes | None = None
 
 
 def figure_values(figures: PageFigures) -> dict[str, Any]:
     """Pictures of single sections, empty if there are none."""
     named = {"coverage_figure": figures.coverage, "team_figure": figures.team}
-    return {name: "" if path is None else _data_url(path) for name, path in named.items()}
+    dark = figures.dark_coverage
+    return {
+        **{name: "" if path is None else _data_url(path) for name, path in named.items()},
+        "dark_coverage_figure": "" if dark is None else _encoded(dark, "png"),
+    }
 
 
 @dataclass(frozen=True)
@@ -218,4 +225,8 @@ def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], det
 def _data_url(path: Path) -> str:
     """Picture as a data URL."""
     kind = "jpeg" if path.suffix == ".jpg" else "png"
-    return f"data:image/{kind};base64," + base64.b64encode(path.read_bytes()).decode()
+    return _encoded(path.read_bytes(), kind)
+
+
+def _encoded(content: bytes, kind: str) -> str:
+    return f"data:image/{kind};base64," + base64.b64encode(content).decode()

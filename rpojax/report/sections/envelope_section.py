@@ -116,7 +116,10 @@ def envelope_charts(
             continue
         bound = campaign.traces.get("nav_relative_sigma3_m") if channel.name == "nav_relative_error_m" else None
         ended = np.asarray(campaign.reached_end, dtype=bool)
-        levels = [*(limit.value for limit in limits.get(channel.name, [])), *(level for level, _ in references.get(channel.name, []))]
+        levels = [
+            *(limit.value for limit in limits.get(channel.name, [])),
+            *(level for level, _ in references.get(channel.name, [])),
+        ]
         chart = envelope_chart(channel, campaign.trace_time_s, values, ended, bound, campaign.run_ids, levels)
         if chart is not None:
             charts[channel.name] = (channel, _with_limits(chart, limits.get(channel.name, [])))

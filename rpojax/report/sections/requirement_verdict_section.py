@@ -126,7 +126,9 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "margin": found.margin,
         "without_value": found.without_value,
         "worst": found.worst,
-        "sample_percentile": _sample_percentile(requirement, values if counted is None else values[counted], found.rank),
+        "sample_percentile": _sample_percentile(
+            requirement, values if counted is None else values[counted], found.rank
+        ),
         "success": found.success_fraction,
         "risk_reached": found.risk_reached,
         "success_interval": None if found.success_interval is None else list(found.success_interval),

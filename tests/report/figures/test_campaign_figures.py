@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
-from rpojax.report.figures import campaign_figures
+from rpojax.report.figures.axis_scale import axis_ends
 from rpojax.scenario.loading import scenario_loader
 
 
