@@ -55,7 +55,9 @@ def _result(content: Mapping[str, Any]) -> str:
 def _kinds(outcomes: Mapping[str, int]) -> str:
     """Failed runs by reason; without a number where there is one reason alone."""
     text = failure_section.outcomes_text(outcomes)
-    return text if "," in text else text.partition(" ")[2]
+    if "," in text:
+        return text
+    return "the goal of the mission was not reached" if outcomes["unfinished"] else text.partition(" ")[2]
 
 
 def _not_judged(content: Mapping[str, Any]) -> str:
@@ -109,11 +111,7 @@ def _cause(content: Mapping[str, Any]) -> str:
         return f"in {shares.get(first['runs'], str(first['runs']) + ' of these')}, {first['text']}."
     if details := failure_section.detail_counts(content["failures"]):
         often = "most often " if len(details) > 1 else ""
-        return (
-            f"no cause was found; {often}they {details[0][0]}."
-            if failed > 1
-            else f"no cause was found; {details[0][0]}."
-        )
+        return f"no cause was found; {often}{details[0][0]}."
     return "no cause was found: repeat one of them to look at it."
 
 

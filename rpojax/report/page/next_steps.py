@@ -152,7 +152,7 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
         why = f"{count}{_influence(content, entry)}"
         # The runs without a value, which failed, come first among them.
         beyond = entry["violating_ids"][entry["without_value"] :]
-        run = (others or beyond or entry["violating_ids"])[0]
+        run = ([run for run in beyond if run in others] or others or beyond or entry["violating_ids"])[0]
         change = "look at one of these runs, or relax the limit"
         steps.append(NextStep(what, why, change, "requirements", *_repeat(campaign, run)))
     return steps[:_MOST_VIOLATIONS]

@@ -128,8 +128,9 @@ def _convergence(content: Mapping[str, Any], _: Mapping[str, Any]) -> str:
         return "Needs at least twenty runs"
     rate = found["failure_rate"]
     low, high = (rate[key][-1] if rate[key] else None for key in ("low_95", "high_95"))
-    known = low is not None and high is not None
-    interval = f" (95 % interval {100.0 * low:.2g} to {100.0 * high:.2g} %)" if known else ""
+    interval = ""
+    if low is not None and high is not None:
+        interval = f" (95 % interval {100.0 * low:.2g} to {100.0 * high:.2g} %)"
     return f"Failure rate {100.0 * rate['rate'][-1]:.3g} %{interval}"
 
 
