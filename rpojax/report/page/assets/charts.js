@@ -159,7 +159,7 @@ const Charts = (() => {
       if (!x.names) node(grid, "line", { x1: place, x2: place, y1: top, y2: bottom });
       // The last text ends at the edge of the picture at the latest.
       const half = 3.4 * x.text(value).length;
-      node(root, "text", { x: Math.min(place, right + 10 - half), y: bottom + 15, "text-anchor": "middle", class: "tick" }, x.text(value));
+      node(root, "text", { x: Math.min(place, right + 10 - half), y: bottom + 16, "text-anchor": "middle", class: "tick" }, x.text(value));
     }
     for (const value of y.ticks) {
       const place = y.to(value).toFixed(1);
@@ -168,7 +168,9 @@ const Charts = (() => {
     }
     node(root, "path", { d: `M${left} ${top}V${bottom}H${right}`, class: "axis" });
     const title = xAxis.title && xAxis.title.text;
-    if (title) node(root, "text", { x: (left + right) / 2, y: bottom + 33, "text-anchor": "middle", class: "axis-title" }, title);
+    // A title that is wider than its plot is cut to its first word.
+    const fitting = title && 6.4 * title.length > right - left ? title.split(/[ ,]/)[0] : title;
+    if (title) node(root, "text", { x: (left + right) / 2, y: bottom + 33, "text-anchor": "middle", class: "axis-title" }, fitting);
   }
 
   function drawTrace(root, trace, before, x, y) {
@@ -237,11 +239,19 @@ const Charts = (() => {
       const text = shape.label && shape.label.text;
       if (!text) continue;
       const atEnd = upright && place > (box.left + box.right) / 2;
-      node(root, "text", {
-        x: upright ? place + (atEnd ? -4 : 4) : box.right - 4, y: upright ? box.top + 10 : place - 4,
-        "text-anchor": upright && !atEnd ? "start" : "end", class: "mark", fill: color(shape.line.color),
-      }, text);
+      const [left, top] = [upright ? place + (atEnd ? -4 : 4) : box.right - 4, upright ? box.top + 10 : place - 4];
+      label(root, text, left, top, upright && !atEnd ? "start" : "end", color(shape.line.color));
     }
+  }
+
+  // A label, below those that stand where it would.
+  function label(root, text, x, y, anchor, fill) {
+    const width = 6.6 * text.length;
+    const left = anchor === "end" ? x - width : x;
+    const others = [...root.querySelectorAll("text.mark")].map((one) => one.label);
+    let at = y;
+    while (others.some((one) => Math.abs(one.y - at) < 12 && one.left < left + width && left < one.left + one.width)) at += 1;
+    node(root, "text", { x, y: at, "text-anchor": anchor, class: "mark", fill }, text).label = { left, width, y: at };
   }
 
   function drawLegend(place, traces, layout) {
@@ -278,7 +288,7 @@ const Charts = (() => {
 
   // A place in a folded section is drawn when it is opened.
   function render(place, forced) {
-    if (!forced && !place.clientWidth) return;
+    if (!forced && !place.checkVisibility()) return;
     const { figure, view } = shown.get(place);
     const layout = layoutOf(figure, view);
     const width = Math.max(160, Math.round(forced || place.clientWidth || 600));
@@ -339,7 +349,7 @@ const Charts = (() => {
     panel.traces.forEach((trace, index) => drawTrace(inside, trace, panel.traces[index - 1], x, y));
     if (panel.first) drawShapes(root, (layout.shapes || []).filter((shape) => shape.type !== "rect"), x, y, box);
     for (const note of panel.first ? layout.annotations || [] : []) {
-      node(root, "text", { x: box.right - 4, y: box.top + 10, "text-anchor": "end", class: "mark", fill: "var(--muted)" }, note.text);
+      label(root, note.text, box.right - 4, box.top + 10, "end", "var(--muted)");
     }
     const title = layout.yaxis.title && layout.yaxis.title.text;
     if (title && panel.first) {
