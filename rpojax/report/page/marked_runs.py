@@ -100,6 +100,7 @@ def _coded(values: np.ndarray) -> dict[str, Any]:
     is_log = low > 0.0
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.log(wide / low) / np.log(high / low) if is_log else (wide - low) / (high - low)
-    shares = np.where(np.isfinite(wide) & ~np.isfinite(shares), 0.0, shares)
-    codes = np.where(np.isfinite(shares), np.round(_CODES * np.nan_to_num(shares)), _CODES + 1).astype("<u2")
+    # Of equal values the share is undefined: all are at the low end.
+    known = np.where(np.isfinite(shares), shares, 0.0)
+    codes = np.where(np.isfinite(wide), np.round(_CODES * known), _CODES + 1).astype("<u2")
     return {"low": low, "high": high, "log": is_log, "codes": base64.b64encode(codes.tobytes()).decode()}
