@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.metrics.passive_safety import horizon_metric_name
 from rpojax.report.figures.requirement_limits import CHANNEL_OF_METRIC
 from rpojax.report.labels import CHANNEL_LABELS, format_number, heading, metric_label, with_unit
@@ -49,7 +50,8 @@ def _is_passive_safety(entry: Mapping[str, Any], safety: Mapping[str, Any]) -> b
     horizons = [drift["horizon"] for drift in safety["free_drift"] if drift["below_keep_out"] is not None]
     if not horizons or entry["metric"] != horizon_metric_name(horizons[-1]) or "of" in entry:
         return False
-    return bool(entry["bound"] == "at least" and entry["limit"] == safety["keep_out_m"])
+    has_verdict = entry["verdict"] in (Verdict.VERIFIED, Verdict.NOT_VERIFIED, Verdict.MORE_RUNS)
+    return bool(has_verdict and entry["bound"] == "at least" and entry["limit"] == safety["keep_out_m"])
 
 
 def _passive_safety(safety: Mapping[str, Any]) -> list[VerdictTile]:

@@ -67,15 +67,19 @@ def _not_judged(content: Mapping[str, Any]) -> str:
 
 
 def _verified(requirements: Sequence[Mapping[str, Any]]) -> str:
-    count = len(requirements)
-    verified = sum(entry["verdict"] == Verdict.VERIFIED for entry in requirements)
+    """How many requirements are verified; whether others may be yet, or have no verdict at all."""
+    count, verdicts = len(requirements), [Verdict(entry["verdict"]) for entry in requirements]
+    verified = verdicts.count(Verdict.VERIFIED)
     if not count:
         return "no requirement is stated"
+    if all(verdict in _NO_VERDICT for verdict in verdicts):
+        return "its requirement has no verdict" if count == 1 else f"its {count} requirements have no verdict"
+    yet = " so far" if verified < count and Verdict.NOT_VERIFIED not in verdicts else ""
     if count == 1:
-        return "its requirement is verified" if verified else "its requirement is not verified"
+        return "its requirement is verified" if verified else f"its requirement is not verified{yet}"
     if verified in (0, count):
-        return f"{'all' if verified else 'none of'} {count} requirements are verified"
-    return f"{verified} of {count} requirements {'is' if verified == 1 else 'are'} verified"
+        return f"{'all' if verified else 'none of'} {count} requirements are verified{yet}"
+    return f"{verified} of {count} requirements {'is' if verified == 1 else 'are'} verified{yet}"
 
 
 def _reason(content: Mapping[str, Any]) -> str:
@@ -106,9 +110,10 @@ def _cause(content: Mapping[str, Any]) -> str:
     if causes:
         first = causes[0]
         if failed == 1:
-            return f"the cause: {first['text']}."
-        shares = {failed: "both" if failed == 2 else f"all {failed}"}
-        return f"in {shares.get(first['runs'], str(first['runs']) + ' of these')}, {first['text']}."
+            return f"the cause: {first['title']}."
+        if first["runs"] == failed:
+            return f"the cause in {'both' if failed == 2 else f'all {failed}'}: {first['title']}."
+        return f"the main cause, in {first['runs']} of these: {first['title']}."
     if details := failure_section.detail_counts(content["failures"]):
         often = "most often " if len(details) > 1 else ""
         return f"no cause was found; {often}{details[0][0]}."

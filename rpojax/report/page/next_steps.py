@@ -71,7 +71,7 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
     steps = [
         NextStep(
             _count_of_failed(cause["runs"], runs["failed"]),
-            cause["text"],
+            _with_title(cause["title"], cause["text"]),
             cause["mend"],
             "failures",
             *_repeat(campaign, cause["run_ids"][0]),
@@ -86,6 +86,11 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
         first = _repeat(campaign, without[0]["run_id"])
         steps.append(NextStep(what, f"no cause was found{details}", "repeat one to look at it", "failures", *first))
     return steps
+
+
+def _with_title(title: str, text: str) -> str:
+    """Evidence of a cause after what it is evidence of, unless it begins with that."""
+    return text if text.startswith(title) else f"{title}: {text}"
 
 
 def _count_of_failed(count: int, failed: int) -> str:
@@ -178,7 +183,7 @@ def _more_runs(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
     return [
         NextStep(
             f"{len(wanted)} {noun} more runs",
-            f"{ended} runs are too few to verify what they demand",
+            f"{ended} runs are too few to verify what {'it demands' if len(wanted) == 1 else 'they demand'}",
             f"simulate at least {runs} as a new campaign with another seed",
             "requirements",
             command,

@@ -89,11 +89,25 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
     )
     safe["requirements"][0] |= {"verdict": "needs more runs", "more_runs": 30}
     assert headline(safe) == [
-        "None of 500 runs failed, and 2 of 3 requirements are verified.",
+        "None of 500 runs failed, and 2 of 3 requirements are verified so far.",
         "1 requirement needs more runs: no run violates too much, but 500 are too few to tell.",
     ]
     safe["requirements"][1] |= {"verdict": "not verified", "violations": 9}
     assert headline(safe)[1] == "9 of 500 runs violate Minimum range \N{GREATER-THAN OR EQUAL TO} 15 m."
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        ("verified", "its requirement is verified."),
+        ("not verified", "its requirement is not verified."),
+        ("needs more runs", "its requirement is not verified so far."),
+        ("unfinished: no verdict", "its requirement has no verdict."),
+    ],
+)
+def test_what_is_open_is_told_apart_from_what_is_refuted(verdict, words):
+    stated = {**CONTENT, "requirements": [requirement("delta_v_m_s", "at most", 1.0, verdict, None, 0.5)]}
+    assert headline(stated)[0] == f"None of 500 runs failed, and {words}"
 
 
 def test_headline_of_failures_is_how_many_and_the_main_cause():
@@ -103,10 +117,10 @@ def test_headline_of_failures_is_how_many_and_the_main_cause():
     failed["why_failed"] |= {"failed": 22, "causes": [cause], "without": 2}
     assert headline(failed) == [
         "22 of 500 runs failed: 15 lost the target, 7 off station.",
-        "In 20 of these, a wheel reaches its greatest speed (100 %).",
+        "The main cause, in 20 of these: wheels are saturated.",
     ]
     failed["why_failed"]["causes"][0]["runs"] = 22
-    assert headline(failed)[1] == "In all 22, a wheel reaches its greatest speed (100 %)."
+    assert headline(failed)[1] == "The cause in all 22: wheels are saturated."
     everything = ended(0, lost=500)
     assert headline(everything) == [
         "All 500 runs failed: lost the target.",
