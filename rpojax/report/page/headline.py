@@ -67,19 +67,23 @@ def _not_judged(content: Mapping[str, Any]) -> str:
 
 
 def _verified(requirements: Sequence[Mapping[str, Any]]) -> str:
-    """How many requirements are verified; whether others may be yet, or have no verdict at all."""
+    """How many requirements are verified, and where others are open, how many of each kind."""
     count, verdicts = len(requirements), [Verdict(entry["verdict"]) for entry in requirements]
-    verified = verdicts.count(Verdict.VERIFIED)
     if not count:
         return "no requirement is stated"
-    if all(verdict in _NO_VERDICT for verdict in verdicts):
-        return "its requirement has no verdict" if count == 1 else f"its {count} requirements have no verdict"
-    yet = " so far" if verified < count and Verdict.NOT_VERIFIED not in verdicts else ""
-    if count == 1:
-        return "its requirement is verified" if verified else f"its requirement is not verified{yet}"
-    if verified in (0, count):
-        return f"{'all' if verified else 'none of'} {count} requirements are verified{yet}"
-    return f"{verified} of {count} requirements {'is' if verified == 1 else 'are'} verified{yet}"
+    kinds = (
+        (verdicts.count(Verdict.VERIFIED), "is verified", "are verified"),
+        (verdicts.count(Verdict.NOT_VERIFIED), "is not verified", "are not verified"),
+        (verdicts.count(Verdict.MORE_RUNS), "needs more runs", "need more runs"),
+        (sum(verdict in _NO_VERDICT for verdict in verdicts), "has no verdict", "have no verdict"),
+    )
+    found = [(number, one if number == 1 else many) for number, one, many in kinds if number]
+    if len(found) == 1:
+        return f"its requirement {found[0][1]}" if count == 1 else f"its {count} requirements {found[0][1]}"
+    if not kinds[2][0] and not kinds[3][0]:
+        return f"{found[0][0]} of {count} requirements {found[0][1]}"
+    words = [f"{number} {word}" for number, word in found]
+    return f"of {count} requirements {', '.join(words[:-1])} and {words[-1]}"
 
 
 def _reason(content: Mapping[str, Any]) -> str:

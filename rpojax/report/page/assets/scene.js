@@ -141,7 +141,7 @@ const Scene = (() => {
       pen.moveTo(a[0], a[1]);
       pen.lineTo(b[0], b[1]);
       pen.stroke();
-      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 14) pen.fillText(name, b[0] + 4, b[1] - 4);
+      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 24) pen.fillText(name, b[0] + 4, b[1] - 4);
     }
   }
 

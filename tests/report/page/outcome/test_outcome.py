@@ -78,7 +78,7 @@ CONTENT = {
 
 def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
     assert headline(CONTENT) == [
-        "None of 500 runs failed, and all 3 requirements are verified.",
+        "None of 500 runs failed, and its 3 requirements are verified.",
         "After a loss of thrust 194 of 500 runs could drift into the keep-out sphere within 24 h.",
     ]
     safe = copy.deepcopy(CONTENT)
@@ -89,10 +89,12 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
     )
     safe["requirements"][0] |= {"verdict": "needs more runs", "more_runs": 30}
     assert headline(safe) == [
-        "None of 500 runs failed, and 2 of 3 requirements are verified so far.",
+        "None of 500 runs failed, and of 3 requirements 2 are verified and 1 needs more runs.",
         "1 requirement needs more runs: no run violates too much, but 500 are too few to tell.",
     ]
     safe["requirements"][1] |= {"verdict": "not verified", "violations": 9}
+    every = "None of 500 runs failed, and of 3 requirements 1 is verified, 1 is not verified and 1 needs more runs."
+    assert headline(safe)[0] == every
     assert headline(safe)[1] == "9 of 500 runs violate Minimum range \N{GREATER-THAN OR EQUAL TO} 15 m."
 
 
@@ -101,7 +103,7 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
     [
         ("verified", "its requirement is verified."),
         ("not verified", "its requirement is not verified."),
-        ("needs more runs", "its requirement is not verified so far."),
+        ("needs more runs", "its requirement needs more runs."),
         ("unfinished: no verdict", "its requirement has no verdict."),
     ],
 )
@@ -157,8 +159,8 @@ def test_the_headline_says_where_unfinished_runs_stayed():
 @pytest.mark.parametrize(
     ("completed", "not_judged", "words"),
     [
-        (0, 500, "No run is judged, as all end before limits.arrive_by_s, and all 3 requirements are verified."),
-        (490, 10, "10 of 500 runs are not judged, as they end before limits.arrive_by_s, and all 3 requirements are "),
+        (0, 500, "No run is judged, as all end before limits.arrive_by_s, and its 3 requirements are verified."),
+        (490, 10, "10 of 500 runs are not judged, as they end before limits.arrive_by_s, and its 3 requirements are "),
     ],
 )
 def test_runs_that_are_not_judged_are_no_success_on_the_first_screen(completed, not_judged, words):
