@@ -9,7 +9,7 @@ _FAR: Final = 4.0
 """Spans of the middle 80 % of values beyond which the scale of an axis does not follow a few of them."""
 _MOST_BEYOND: Final = 0.1
 """Largest share of values that the scale of an axis leaves out."""
-_DECADES_FACTOR: Final = 50.0
+_DECADES_FACTOR: Final = 20.0
 """Ratio of the largest to the middle value from which an axis of positive values is logarithmic."""
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from rpojax.report.figures.axis_scale import axis_ends, spans_decades
 from rpojax.report.figures.colours import BLUE, FAINT, FONT, GRID, INK, MUTED, VERMILLION
 from rpojax.report.figures.requirement_limits import Limit
-from rpojax.report.labels import ChannelLabel, MetricLabel
+from rpojax.report.labels import ChannelLabel, MetricLabel, format_number
 
 Chart = dict[str, Any]
 """Plotly figure: `data` (traces) and `layout`."""
@@ -130,18 +130,19 @@ def time_layout(
 
 def _fit_far_values(layout: dict[str, Any], values: np.ndarray, limits: Sequence[float]) -> None:
     """Clips the vertical axis, with the count of runs beyond in a note, or makes it logarithmic, where it must be."""
-    finite = values[np.isfinite(values)]
-    if not len(finite):
+    defined = values[np.isfinite(values).any(axis=1)] if values.size else values
+    if not defined.size:
         return
-    _, high = axis_ends(finite, limits)
-    if high < float(finite.max()):
-        count = int(np.sum(np.any(np.where(np.isfinite(values), values, high) > high, axis=1)))
-        layout["yaxis"]["range"] = [min(0.0, float(finite.min())), 1.05 * high]
-        text = f"{count} {'run' if count == 1 else 'runs'} beyond, to {float(finite.max()):.3g}"
+    maxima = np.nanmax(np.where(np.isfinite(defined), defined, np.nan), axis=1)
+    _, high = axis_ends(maxima, limits)
+    if high < float(maxima.max()):
+        count = int(np.sum(maxima > high))
+        layout["yaxis"]["range"] = [min(0.0, float(np.nanmin(defined))), 1.05 * high]
+        text = f"{count} {'run' if count == 1 else 'runs'} beyond, to {format_number(float(maxima.max()), 3)}"
         place = {"xref": "paper", "yref": "paper", "x": 1, "y": 1, "showarrow": False}
         layout["annotations"] = [{"text": text, **place}]
-    elif spans_decades(finite):
-        layout["yaxis"].update(type="log")
+    elif spans_decades(defined):
+        layout["yaxis"].update(type="log", rangemode="normal")
 
 
 def _spans_decades(traces: list[dict[str, Any]]) -> bool:
@@ -159,11 +160,12 @@ def _log_tick_step(traces: list[dict[str, Any]]) -> str | int:
 def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Limit] = ()) -> Chart:
     """Histogram of `values` (n,), all finite; median solid, p99 (p1 where low is bad) dotted, limits dashed and named.
 
-    Bars beyond a limit have another colour. A limit lies at the edge, with an arrow, where it is far from all values,
-    and a few values far beyond the others are counted at the edge.
+    Bars beyond a limit have another colour. A limit lies at the edge, with an arrow, where it is far from all values.
+    A few values far beyond the others are counted at the edge; where many are, the axis is logarithmic.
     """
     low, high = axis_ends(values)
-    counts, edges = histogram_bins(values[(values >= low) & (values <= high)])
+    is_log = low == values.min() and high == values.max() and spans_decades(values)
+    counts, edges = _decade_bins(values) if is_log else histogram_bins(values[(values >= low) & (values <= high)])
     tail = 1 if label.low_is_bad else 99
     middles = (edges[:-1] + edges[1:]) / 2.0
     beyond = np.zeros(len(counts), dtype=bool)
@@ -179,6 +181,7 @@ def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Lim
     }
     layout = chart_layout(label.unit, "runs")
     layout["bargap"] = 0
+    layout["xaxis"].update({"type": "log"} if is_log else {})
     statistics = (("solid", "median", np.percentile(values, 50)), ("dot", f"p{tail}", np.percentile(values, tail)))
     layout["shapes"] = [
         *(_vertical_line(float(x), dash, name) for dash, name, x in statistics if low <= x <= high),
@@ -214,6 +217,14 @@ def histogram_bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     margin = 1e-6 * max(abs(low), abs(high))
     wide = high - low > margin
     return np.histogram(values, bins=bins, range=(low, high) if wide else (low - margin, high + margin))
+
+
+def _decade_bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Counts (k,) and bin edges (k + 1,) of positive `values` (n,), of equal width on a logarithmic axis."""
+    counts, exponents = np.histogram(np.log(values), bins=int(np.clip(np.ceil(np.sqrt(len(values))), 6, _MAX_BINS)))
+    edges = np.exp(exponents)
+    edges[0], edges[-1] = values.min(), values.max()
+    return counts, edges
 
 
 def _limit_shape(limit: Limit, low: float, high: float) -> dict[str, Any]:

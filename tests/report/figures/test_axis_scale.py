@@ -23,6 +23,19 @@ def test_three_of_thirty_two_runs_that_drift_kilometres_away_are_counted_at_the_
     assert "\N{LEFTWARDS ARROW} 3 below" in [each.get("label", {}).get("text") for each in below["layout"]["shapes"]]
 
 
+def test_a_histogram_of_which_many_runs_are_far_away_is_logarithmic():
+    values = np.concatenate([np.linspace(0.3, 1.1, 13), [90.0, 210.0, 650.0]])
+    chart = histogram_chart(metric_label("formation_error_rms_m"), values)
+    bars = chart["data"][0]
+    assert chart["layout"]["xaxis"]["type"] == "log"
+    assert sum(bars["y"]) == 16
+    ends = [(x - width / 2, x + width / 2) for x, width in zip(bars["x"], bars["width"], strict=True)]
+    assert ends[0][0] == pytest.approx(0.3, rel=1e-3)
+    assert ends[-1][1] == pytest.approx(650.0, rel=1e-3)
+    ratios = [high / low for low, high in ends]
+    assert ratios == pytest.approx([ratios[0]] * len(ratios), rel=1e-2)
+
+
 def envelope(far):
     """Envelope of the range of 32 runs at 30 m, of which the last ones drift away."""
     values = np.full((32, 50), 30.0) + np.linspace(-1.0, 1.0, 32)[:, None]
@@ -34,9 +47,9 @@ def envelope(far):
 
 def test_an_envelope_is_clipped_with_the_count_beyond_or_logarithmic():
     clipped = envelope(3)
-    assert clipped["yaxis"]["range"][1] < 150.0
+    assert clipped["yaxis"]["range"][1] < 35.0
     [note] = clipped["annotations"]
-    assert note["text"].startswith("3 runs beyond, to 3.")
+    assert note["text"] == "3 runs beyond, to 3100"
     assert "type" not in clipped["yaxis"]
     many = envelope(14)
     assert (many["yaxis"]["type"], many.get("annotations")) == ("log", None)

@@ -1,10 +1,13 @@
 """The report page in Chromium: no errors, no external requests, every chart drawn."""
 
+import json
 import re
 
+import numpy as np
 import pytest
 from headless_browser import BROWSER, after_script, browse, console_lines, measure, view_options
 from probability_estimates import write_estimate
+from report_page_parser import ReportPage
 
 from rpojax.report.page.html_report import write_report
 
@@ -15,7 +18,13 @@ def test_every_chart_is_drawn_without_console_messages(build):
     campaign = build(runs=30, seconds=60, kept=(), failed=(3,))
     campaign.drawn["<img src=http://x>"] = campaign.metrics["delta_v_m_s"].copy()
     campaign.drawn["<img src=http://x>"][3] = 0.3
+    # So many runs drift away that axes are logarithmic.
+    campaign.traces["range_m"][:12] *= np.linspace(1.0, 300.0, campaign.traces["range_m"].shape[1])
+    campaign.metrics["formation_error_rms_m"][:12] *= 2000.0
     page = write_report(campaign)
+    charts = json.loads(ReportPage(page.read_text()).data)["charts"]
+    assert charts["envelope-range_m"]["layout"]["yaxis"]["type"] == "log"
+    assert charts["histogram-formation_error_rms_m"]["layout"]["xaxis"]["type"] == "log"
     shown = browse(page, "--dump-dom")
     assert console_lines(shown) == []
     assert "<img src=" not in shown.stdout.partition("<script")[0]

@@ -81,7 +81,7 @@ const Charts = (() => {
     let [low, high] = axis.range ? axis.range.map((value) => (log ? 10 ** value : value)) : usable.reduce(
       ([least, most], value) => [Math.min(least, value), Math.max(most, value)], [Infinity, -Infinity]);
     if (!axis.range && !(low <= high)) [low, high] = log ? [1, 10] : [0, 1];
-    if (!axis.range && axis.rangemode === "tozero") [low, high] = [Math.min(0, low), Math.max(0, high)];
+    if (!axis.range && !log && axis.rangemode === "tozero") [low, high] = [Math.min(0, low), Math.max(0, high)];
     if (low === high) [low, high] = log ? [low / 2, high * 2] : [low - (Math.abs(low) * 0.1 || 1), high + (Math.abs(high) * 0.1 || 1)];
     if (!axis.range && axis.pad) {
       const room = axis.pad * (log ? Math.log(high / low) : high - low);
@@ -288,7 +288,7 @@ const Charts = (() => {
 
   // A place in a folded section is drawn when it is opened.
   function render(place, forced) {
-    if (!forced && !place.checkVisibility()) return;
+    if (!forced && !(place.checkVisibility ? place.checkVisibility() : place.clientWidth)) return;
     const { figure, view } = shown.get(place);
     const layout = layoutOf(figure, view);
     const width = Math.max(160, Math.round(forced || place.clientWidth || 600));
@@ -487,7 +487,7 @@ const Charts = (() => {
 
   function onMark(draw, pick) {
     Object.assign(marks, { draw, pick });
-    for (const { root } of shown.values()) if (root) root.classList.add("picks");
+    remark();
   }
 
   function overlay(place) {

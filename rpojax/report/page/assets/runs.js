@@ -48,6 +48,7 @@ const Runs = (() => {
   // The picked run in a chart: a line at its value, its course over time, or a ring about its point.
   function overlay(place, group, { x, y, box }) {
     const chart = place.dataset.chart || "";
+    group.ownerSVGElement.classList.toggle("picks", /^(histogram|envelope)-/.test(chart) || place.id === "scatter-chart");
     if (picked === null) return;
     if (chart.startsWith("histogram-")) {
       const value = valueOf(chart.slice(10), picked);
