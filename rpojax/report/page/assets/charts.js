@@ -292,6 +292,8 @@ const Charts = (() => {
     place.dataset.drawn = "yes";
     drawLegend(place, traces, layout);
     if (!shown.get(place).options.silent) listen(root, place, panels, layout);
+    Object.assign(shown.get(place), { root, panels });
+    place.dispatchEvent(new CustomEvent("drawn", { bubbles: true }));
   }
 
   // The plots of a figure: one, or two side by side that share the vertical axis.
@@ -460,5 +462,10 @@ const Charts = (() => {
     for (const place of shown.keys()) render(place, widthOf ? widthOf(place) : undefined);
   }
 
-  return { draw, resize, number };
+  // Calls `act` with place, picture and plots of every chart that is drawn.
+  function each(act) {
+    for (const [place, { root, panels }] of shown) if (root) act(place, root, panels);
+  }
+
+  return { draw, resize, number, nearest, filled, node, color, each };
 })();

@@ -78,7 +78,7 @@ const Scene = (() => {
     const project = (p) => [
       width / 2 + scale * (dot(view.right, p) - across), height / 2 - scale * (dot(view.up, p) - high), dot(view.forward, p)];
     drawAxes(pen, project, length / state.zoom, named);
-    for (const radius of data.spheres_m) drawSphere(pen, project, radius, scale, named);
+    for (const radius of data.spheres_m) if (radius) drawZone(pen, project, view, [radius, radius, radius], scale, named);
     for (const path of data.paths.filter((one) => one.kind === "other")) drawPath(pen, project, path, named);
     drawTarget(pen, project, target, view, named);
     for (const path of data.paths.filter((one) => one.kind !== "other")) drawPath(pen, project, path, named);
@@ -114,15 +114,19 @@ const Scene = (() => {
     }
   }
 
-  function drawSphere(pen, project, radius, scale, named) {
-    if (!radius) return;
+  // Ellipsoid along the axes: its outline, which is an ellipse in every view, and its three principal ellipses.
+  function drawZone(pen, project, view, radii, scale, named) {
     const [x, y] = project([0, 0, 0]);
+    const spread = (a, b) => radii.reduce((sum, radius, k) => sum + radius * radius * a[k] * b[k], 0);
+    const [across, mixed, high] = [spread(view.right, view.right), spread(view.right, view.up), spread(view.up, view.up)];
+    const [middle, half] = [0.5 * (across + high), Math.hypot(0.5 * (across - high), mixed)];
+    const [long, short] = [Math.sqrt(middle + half), Math.sqrt(Math.max(0, middle - half))];
     pen.strokeStyle = named("--alert");
     pen.fillStyle = named("--alert");
     pen.lineWidth = 1;
     pen.globalAlpha = 0.1;
     pen.beginPath();
-    pen.arc(x, y, radius * scale, 0, 2 * Math.PI);
+    pen.ellipse(x, y, long * scale, short * scale, -0.5 * Math.atan2(2 * mixed, across - high), 0, 2 * Math.PI);
     pen.fill();
     pen.globalAlpha = 0.8;
     pen.stroke();
@@ -131,15 +135,16 @@ const Scene = (() => {
       pen.beginPath();
       for (let step = 0; step <= 48; step += 1) {
         const p = [0, 0, 0];
-        p[i] = radius * Math.cos((step * Math.PI) / 24);
-        p[j] = radius * Math.sin((step * Math.PI) / 24);
+        p[i] = radii[i] * Math.cos((step * Math.PI) / 24);
+        p[j] = radii[j] * Math.sin((step * Math.PI) / 24);
         const [px, py] = project(p);
         if (step) pen.lineTo(px, py); else pen.moveTo(px, py);
       }
       pen.stroke();
     }
     pen.globalAlpha = 1;
-    if (radius * scale > 30) pen.fillText(`keep-out ${radius} m`, x + 0.72 * radius * scale, y - 0.72 * radius * scale - 3);
+    const size = [...new Set(radii)].join(" × ");
+    if (short * scale > 30) pen.fillText(`keep-out ${size} m`, x + 0.72 * radii[1] * scale, y - 0.72 * radii[0] * scale - 3);
   }
 
   function drawTarget(pen, project, target, view, named) {
@@ -236,5 +241,5 @@ const Scene = (() => {
     });
   }
 
-  return { start };
+  return { start, views, camera, dot, triangles, drawAxes, drawZone, drawScale, mark, drag };
 })();
