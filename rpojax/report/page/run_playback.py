@@ -114,6 +114,8 @@ def _servicer(
     if R_HN is not None and "q_BN" in at:
         arrays["q_HB"] = pack_rounded(attitudes_in_hill(R_HN, at["q_BN"]))
     arrays |= {code: pack_bytes(at[code]) for code in ("mode", "phase") if code in at}
+    if "rho_estimate_H" in at:
+        arrays["estimate_offset_H"] = pack_rounded(at["rho_estimate_H"] - at["rho_H"])
     desired = np.asarray(history.get("rho_desired_H", np.zeros(0)), dtype=np.float64)
     if "rho_desired_H" in at:
         arrays["rho_desired_H"] = pack_rounded(at["rho_desired_H"])

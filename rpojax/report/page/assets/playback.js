@@ -52,7 +52,7 @@ const Playback = (() => {
 
   function read(data) {
     const run = {
-      ...data, time: unpack(data.time_s), tick: data.tick_s, scene: unpackAll(data.scene), triangles: Scene.triangles(data.target),
+      ...data, modes: data.modes.map((mode) => mode.replace(/^pointing /, "")), time: unpack(data.time_s), tick: data.tick_s, scene: unpackAll(data.scene), triangles: Scene.triangles(data.target),
       servicers: data.servicers.map((one, index) => ({ ...one, arrays: unpackAll(one.arrays), tone: tones[index % tones.length] })),
     };
     run.last = run.time.numbers[run.time.count - 1];
@@ -105,7 +105,7 @@ const Playback = (() => {
     if (one.mode !== null) lines.push(["Pointing", run.modes[one.mode], one.flag.burning ? "alert" : ""]);
     lines.push(["Navigation", one.flag.nav_confident ? "confident" : "not confident", one.flag.nav_confident ? "good" : "alert"]);
     lines.push(["Light on the target", ...lightWords(state)]);
-    lines.push(["Camera", one.flag.observable ? "light is usable" : "light is not usable", one.flag.observable ? "good" : "open"]);
+    lines.push(["Light for the camera", one.flag.observable ? "usable" : "not usable", one.flag.observable ? "good" : "open"]);
     lines.push(["Box", ...boxWords(one.flag)]);
     for (const [name, title, unit] of [
       ["formation_error_m", "Formation error", "m"], ["nav_relative_error_m", "Navigation error", "m"],

@@ -3,10 +3,13 @@
   "use strict";
   const { dot } = Scene;
   const NEAREST_M = 0.1;
-  const DARKEST = 0.06;
+  // Of the shade, in the Earth's shadow and what sunlight adds to it, so that the outline can be made out.
+  const [DARKEST, SCATTERED] = [0.05, 0.1];
   const tones = { outline: "#e8edf3", accepted: "#2fd6a3", rejected: "#ff8a3d", false: "#ff6fae", expected: "#6cb8ff" };
   const places = { frame: document.getElementById("play-frame"), close: document.getElementById("play-close") };
   if (!places.frame) return;
+
+  const unit = (v) => v.map((one) => one / Math.hypot(...v));
 
   // Triangles that face the camera, in pixels, the farthest first.
   function projected(run, seen, one) {
@@ -23,7 +26,8 @@
       const lit = seen.light * Math.max(0, seen.sun ? dot(out, seen.sun) : 0.7);
       found.push({
         points: inCamera.map(([x, y, depth]) => [0.5 * width + (focal * x) / depth, 0.5 * height + (focal * y) / depth]),
-        depth: inCamera[0][2] + inCamera[1][2] + inCamera[2][2], shade: DARKEST + (1 - DARKEST) * lit,
+        depth: inCamera[0][2] + inCamera[1][2] + inCamera[2][2],
+        shade: DARKEST + SCATTERED * seen.light * (0.4 - 0.6 * dot(out, unit(lines[0]))) + (1 - DARKEST - SCATTERED) * lit,
       });
     }
     return found.sort((a, b) => b.depth - a.depth);
@@ -47,14 +51,30 @@
     return boxes;
   }
 
-  // Close-up: a square around the outline, the measured or the expected box, whichever is there first.
-  function closeWindow(one) {
-    const boxes = boxesOf(one);
-    const around = ["true", "accepted", "rejected", "expected"].map((text) => boxes.find((each) => each.text === text)).find(Boolean);
-    if (!around) return { left: 0, top: 0, side: Math.max(one.camera.width, one.camera.height) };
-    const [x, y, width, height] = around.box;
-    const side = Math.max(2.2 * Math.max(width, height), 8);
-    return { left: x + width / 2 - side / 2, top: y + height / 2 - side / 2, side };
+  // Left, top, right and bottom of the projected target.
+  function extent(faces) {
+    const points = faces.flatMap((face) => face.points);
+    return points.reduce(([left, top, right, low], [x, y]) => [Math.min(left, x), Math.min(top, y), Math.max(right, x), Math.max(low, y)], [Infinity, Infinity, -Infinity, -Infinity]);
+  }
+
+  // Close-up: a square around the target, or else around the expected or the measured box.
+  function closeWindow(one, faces) {
+    let [left, top, right, low] = extent(faces);
+    if (!faces.length) {
+      const around = boxesOf(one).reverse().find(({ text }) => text !== "gate");
+      if (!around) return { left: 0, top: 0, side: Math.max(one.camera.width, one.camera.height) };
+      [left, top, right, low] = [around.box[0], around.box[1], around.box[0] + around.box[2], around.box[1] + around.box[3]];
+    }
+    const side = Math.max(1.8 * Math.max(right - left, low - top), 8);
+    return { left: (left + right - side) / 2, top: (top + low - side) / 2, side };
+  }
+
+  function whereabouts(one, faces) {
+    if (!one.body) return "no attitudes were recorded";
+    if (!faces.length) return "the target is behind the camera";
+    const [left, top, right, low] = extent(faces);
+    if (right < 0 || low < 0 || left > one.camera.width || top > one.camera.height) return "outside of the frame";
+    return "";
   }
 
   function draw(canvas, one, faces, window_, shape, close) {
@@ -85,7 +105,9 @@
     pen.strokeRect(frameLeft, frameTop, one.camera.width * scale, one.camera.height * scale);
     boxesOf(one).forEach((each, index) => drawBox(pen, each, to, scale, close, index, width));
     pen.fillStyle = "#aeb8c6";
-    if (!faces.length) pen.fillText(one.body ? "the target is behind the camera" : "no attitudes were recorded", 8, height - 8);
+    pen.textAlign = "center";
+    pen.fillText(whereabouts(one, faces), width / 2, height - 12);
+    pen.textAlign = "left";
     if (close) drawPixels(pen, scale, width, height);
   }
 
@@ -136,7 +158,7 @@
     const { width, height } = one.camera;
     const margin = 0.02 * width;
     draw(places.frame, one, faces, { left: -margin, top: -margin, side: width + 2 * margin }, (width + 2 * margin) / (height + 2 * margin), false);
-    draw(places.close, one, faces, closeWindow(one), 1, true);
+    draw(places.close, one, faces, closeWindow(one, faces), 1, true);
   }
 
   const again = () => { if (latest) paint(...latest); };

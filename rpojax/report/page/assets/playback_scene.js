@@ -72,12 +72,13 @@
     bodies.sort((a, b) => a.depth - b.depth).forEach((one) => one.draw());
     drawWays(picture, run, seen, (depth) => depth >= 0);
     for (const one of seen.servicers) {
+      drawEstimate(picture, one);
       const desired = one.row("rho_desired_H") || one.desired;
       if (desired) Scene.mark(pen, project(desired), named("--green"), seen.servicers.length === 1 ? "desired" : "");
     }
     drawSun(picture, seen);
     Scene.drawScale(pen, scale, height, named);
-    note(larger);
+    note(larger, seen.servicers.length);
   }
 
   // Zones that are in force for any servicer, each once.
@@ -141,7 +142,21 @@
     });
   }
 
-  const magnified = ({ scale }, run) => Math.max(1, Math.min(LEAST_TARGET_PX / (run.radius * scale), 1e4));
+  // Where the flight software believes to be, once that is apart from the truth in this picture.
+  function drawEstimate({ pen, project, named }, one) {
+    const offset = one.row("estimate_offset_H");
+    if (!offset) return;
+    const [[x, y], [a, b]] = [project(one.place), project(plus(one.place, offset))];
+    if (!(Math.hypot(a - x, b - y) > 5)) return;
+    pen.strokeStyle = named(one.tone);
+    pen.fillStyle = named("--muted");
+    pen.lineWidth = 1.4;
+    stroke(pen, [[a, b - 6], [a + 6, b], [a, b + 6], [a - 6, b], [a, b - 6]]);
+    Scene.label(pen, "estimate", a + 9, b + 4);
+  }
+
+  // Never so large that the target would fill its keep-out zone.
+  const magnified = ({ scale }, run) => Math.max(1, Math.min(LEAST_TARGET_PX / (run.radius * scale), (0.6 * (run.keep_out || Infinity)) / run.radius));
 
   function drawTarget({ pen, project, eye, named }, run, seen, larger) {
     if (!run.triangles.length) return Scene.mark(pen, project([0, 0, 0]), named("--ink"), "target");
@@ -151,7 +166,9 @@
       const out = Playback.turned(seen.target, normal);
       if (dot(out, eye.forward) <= 0) continue;
       const placed = corners.map((corner) => project(Playback.turned(seen.target, corner).map((one) => larger * one)));
-      facing.push({ placed, depth: placed[0][2] + placed[1][2] + placed[2][2], shade: AMBIENT + (1 - AMBIENT) * seen.light * Math.max(0, dot(out, sun)) });
+      // Faces in the shade are told apart by a faint light from where the viewer stands.
+      const faint = AMBIENT * (0.45 + 0.55 * dot(out, eye.forward));
+      facing.push({ placed, depth: placed[0][2] + placed[1][2] + placed[2][2], shade: faint + (1 - AMBIENT) * seen.light * Math.max(0, dot(out, sun)) });
     }
     facing.sort((a, b) => a.depth - b.depth);
     for (const { placed, shade } of facing) fillFace(pen, placed, `hsl(42 ${Math.round(28 + 14 * seen.light)}% ${Math.round(8 + 62 * shade)}%)`);
@@ -252,7 +269,7 @@
     if (!seen.sun) return;
     const [across, up, ahead] = [dot(eye.right, seen.sun), dot(eye.up, seen.sun), dot(eye.forward, seen.sun)];
     const size = Math.hypot(across, up) || 1;
-    const away = Math.min((0.5 * width - 30) / Math.max(1e-6, Math.abs(across / size)), (0.5 * height - 34) / Math.max(1e-6, Math.abs(up / size)));
+    const away = 1 / Math.hypot(across / size / (0.5 * width - 40), up / size / (0.5 * height - 44));
     const [x, y] = [width / 2 + (away * across) / size, height / 2 - (away * up) / size];
     pen.strokeStyle = named("--orange");
     pen.fillStyle = named("--orange");
@@ -267,13 +284,12 @@
     }
     const where = Math.abs(ahead) < 0.5 ? "" : ahead > 0 ? ", towards you" : ", away from you";
     const text = seen.light > 0.01 ? `Sun${where}` : "Sun behind the Earth";
-    const wide = pen.measureText(text).width;
-    pen.fillText(text, Math.min(width - wide - 6, Math.max(6, x - wide / 2)), y + (y > height - 30 ? -18 : 26));
+    Scene.label(pen, text, x - pen.measureText(text).width / 2, y + 27);
   }
 
-  function note(larger) {
-    const parts = [["target", larger.target], ["servicers", larger.servicer]].filter(([, factor]) => factor > 1.05);
-    const text = parts.map(([name, factor]) => `${name} ${Charts.number(factor, 2)} times as large`).join(", ");
+  function note(larger, servicers) {
+    const parts = [["target", larger.target], [servicers > 1 ? "servicers" : "servicer", larger.servicer]].filter(([, factor]) => factor > 1.05);
+    const text = parts.map(([name, factor]) => `${name} ${Charts.number(factor, 2)} times`).join(", ");
     document.getElementById("play-scale").textContent = text ? `Drawn larger to be seen: ${text}.` : "All to scale.";
   }
 

@@ -110,8 +110,13 @@ const Scene = (() => {
       pen.moveTo(a[0], a[1]);
       pen.lineTo(b[0], b[1]);
       pen.stroke();
-      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 14) pen.fillText(name, b[0] + 4, b[1] - 4);
+      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 14) label(pen, name, b[0] + 4, b[1] - 4);
     }
+  }
+
+  // Text that ends inside of the picture.
+  function label(pen, text, x, y) {
+    pen.fillText(text, Math.max(4, Math.min(x, pen.canvas.clientWidth - pen.measureText(text).width - 4)), Math.max(12, y));
   }
 
   // Ellipsoid along the axes: its outline, which is an ellipse in every view, and its three principal ellipses.
@@ -144,7 +149,7 @@ const Scene = (() => {
     }
     pen.globalAlpha = 1;
     const size = [...new Set(radii)].join(" × ");
-    if (short * scale > 30) pen.fillText(`keep-out ${size} m`, x + 0.72 * radii[1] * scale, y - 0.72 * radii[0] * scale - 3);
+    if (short * scale > 30) label(pen, `keep-out ${size} m`, x + 0.72 * short * scale, y - 0.72 * short * scale - 3);
   }
 
   function drawTarget(pen, project, target, view, named) {
@@ -241,5 +246,5 @@ const Scene = (() => {
     });
   }
 
-  return { start, views, camera, dot, triangles, drawAxes, drawZone, drawScale, mark, drag };
+  return { start, views, camera, dot, triangles, drawAxes, drawZone, drawScale, label, mark, drag };
 })();
