@@ -62,7 +62,7 @@ def find_burns(history: Mapping[str, np.ndarray]) -> list[Burn]:
 
 
 def burn_rows(burns: Sequence[Burn]) -> list[tuple[float, list[str]]]:
-    """Begin [s], and cells: number, begin, duration, velocity change in mm/s, range and formation error at the begin."""
+    """Begin [s], and cells: number, begin, duration, velocity change in mm/s, range and formation error then."""
     return [
         (
             burn.begin_s,

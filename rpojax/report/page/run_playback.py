@@ -155,12 +155,13 @@ def _boxes(at: Mapping[str, np.ndarray], width_px: int) -> dict[str, Packed]:
     """Boxes, true outlines, expected boxes and gates [px], undefined where there are none or far off the frame."""
     found: dict[str, Packed] = {}
     reach = _SHOWN_FRAMES * width_px
-    for name, present in (("box_px", at.get("box_present")), ("outline_px", None), ("expected_px", None)):
+    for name in ("box_px", "outline_px", "expected_px"):
         if name not in at:
             continue
         rows = np.asarray(at[name], dtype=np.float64)
-        shown = (np.abs(rows) <= reach).all(axis=1) & (rows[:, 2:] > 0.0).all(axis=1)
-        shown &= True if present is None else np.asarray(present, dtype=bool)
+        shown = np.all(np.abs(rows) <= reach, axis=1) & np.all(rows[:, 2:] > 0.0, axis=1)
+        if name == "box_px" and "box_present" in at:
+            shown &= np.asarray(at["box_present"], dtype=bool)
         found[name] = pack_rounded(np.where(shown[:, None], rows, np.nan))
     if "gate_px" in at:
         found["gate_px"] = pack_rounded(np.minimum(np.asarray(at["gate_px"], dtype=np.float64), reach))

@@ -151,11 +151,12 @@ const Playback = (() => {
       showWords(run, seen, state.chosen);
       for (const paint of listeners) paint(run, seen, state.chosen);
     }
-    const ask = () => { if (!waiting) { waiting = true; requestAnimationFrame(show); } };
+    // Once for all charts that are drawn in a row.
+    const ask = () => { if (!waiting) { waiting = true; setTimeout(show, 0); } };
 
     function seek(time) {
       state.time = Math.min(run.last, Math.max(run.time.numbers[0], time));
-      ask();
+      show();
     }
 
     function advance(stamp) {
