@@ -1,8 +1,7 @@
 """What stays the same during a run that is played back: camera, thruster, bodies, zones of each phase, and the Sun."""
 
-import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -38,15 +37,19 @@ class Optics:
     R_KB: np.ndarray
 
 
-def drawn_tables(campaign: CampaignResults, run_id: int, number: int) -> dict[str, Any] | None:
-    """Scenario of one servicer with the values drawn for a run; None if the recorded one cannot be read."""
+def drawn_tables(campaign: CampaignResults, run_id: int) -> Sequence[dict[str, Any] | None]:
+    """Scenario of each servicer with the values drawn for a run; None if the recorded one cannot be read."""
+    names = list(campaign.servicer_names) or [""]
     try:
-        file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
-        tables = copy.deepcopy(member_files(file)[number].model_dump())
+        members = member_files(scenario_loader.validate_recorded(campaign.info.get("scenario", {})))
     except (RpojaxError, KeyError, TypeError):
-        return None
-    [row] = np.flatnonzero(campaign.run_ids == run_id)
-    name = campaign.servicer_names[number] if campaign.servicer_names else ""
+        return [None] * len(names)
+    row = int(np.flatnonzero(campaign.run_ids == run_id)[0])
+    return [_with_drawn(each.model_dump(), campaign, row, name) for each, name in zip(members, names, strict=True)]
+
+
+def _with_drawn(tables: dict[str, Any], campaign: CampaignResults, row: int, name: str) -> dict[str, Any]:
+    """Tables of a servicer with the values drawn in a row of the campaign."""
     for key, values in campaign.drawn.items():
         path, _, servicer = key.partition("/")
         section, _, leaf = path.partition(".")

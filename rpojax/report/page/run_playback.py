@@ -39,7 +39,7 @@ def playback(campaign: CampaignResults, run_id: int | None) -> dict[str, Any] | 
     ticks = shown_ticks(histories)
     if len(ticks) < 2:
         return None
-    tables = [playback_geometry.drawn_tables(campaign, run_id, number) for number in range(len(names))]
+    tables = playback_geometry.drawn_tables(campaign, run_id)
     first = {} if tables[0] is None else tables[0]
     R_HN = _hill_axes(histories[0], ticks)
     scenario = campaign.info.get("scenario", {})
