@@ -306,6 +306,7 @@ const Charts = (() => {
     Object.assign(shown.get(place), { root, panels });
     overlay(place);
     if (!shown.get(place).options.silent) listen(root, place, panels, layout);
+    place.dispatchEvent(new CustomEvent("drawn", { bubbles: true }));
   }
 
   // The plots of a figure: one, or two side by side that share the vertical axis.
@@ -502,5 +503,11 @@ const Charts = (() => {
     for (const place of shown.keys()) overlay(place);
   }
 
-  return { draw, resize, reveal, onMark, remark, number };
+
+  // Calls `act` with place, picture and plots of every chart that is drawn.
+  function each(act) {
+    for (const [place, { root, panels }] of shown) if (root) act(place, root, panels);
+  }
+
+  return { draw, resize, reveal, onMark, remark, number, nearest, filled, node, color, each };
 })();

@@ -101,7 +101,7 @@ const Scene = (() => {
     const project = (p) => [
       width / 2 + scale * (dot(view.right, p) - across), height / 2 - scale * (dot(view.up, p) - high), dot(view.forward, p)];
     drawAxes(pen, project, length / state.zoom, named);
-    for (const radius of data.spheres_m) drawSphere(pen, project, radius, scale, named);
+    for (const radius of data.spheres_m) if (radius) drawZone(pen, project, view, [radius, radius, radius], scale, named);
     for (const path of data.paths.filter((one) => one.kind === "other")) drawPath(pen, project, path, named);
     drawTarget(pen, project, target, view, named);
     for (const path of data.paths.filter((one) => one.kind !== "other")) drawPath(pen, project, path, named);
@@ -141,19 +141,28 @@ const Scene = (() => {
       pen.moveTo(a[0], a[1]);
       pen.lineTo(b[0], b[1]);
       pen.stroke();
-      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 24) pen.fillText(name, b[0] + 4, b[1] - 4);
+      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 24) label(pen, name, b[0] + 4, b[1] - 4);
     }
   }
 
-  function drawSphere(pen, project, radius, scale, named) {
-    if (!radius) return;
+  // Text that ends inside of the picture.
+  function label(pen, text, x, y) {
+    pen.fillText(text, Math.max(4, Math.min(x, pen.canvas.clientWidth - pen.measureText(text).width - 4)), Math.max(12, y));
+  }
+
+  // Ellipsoid along the axes: its outline, which is an ellipse in every view, and its three principal ellipses.
+  function drawZone(pen, project, view, radii, scale, named) {
     const [x, y] = project([0, 0, 0]);
+    const spread = (a, b) => radii.reduce((sum, radius, k) => sum + radius * radius * a[k] * b[k], 0);
+    const [across, mixed, high] = [spread(view.right, view.right), spread(view.right, view.up), spread(view.up, view.up)];
+    const [middle, half] = [0.5 * (across + high), Math.hypot(0.5 * (across - high), mixed)];
+    const [long, short] = [Math.sqrt(middle + half), Math.sqrt(Math.max(0, middle - half))];
     pen.strokeStyle = named("--alert");
     pen.fillStyle = named("--alert");
     pen.lineWidth = 1;
     pen.globalAlpha = 0.1;
     pen.beginPath();
-    pen.arc(x, y, radius * scale, 0, 2 * Math.PI);
+    pen.ellipse(x, y, long * scale, short * scale, -0.5 * Math.atan2(2 * mixed, across - high), 0, 2 * Math.PI);
     pen.fill();
     pen.globalAlpha = 0.8;
     pen.stroke();
@@ -162,15 +171,16 @@ const Scene = (() => {
       pen.beginPath();
       for (let step = 0; step <= 48; step += 1) {
         const p = [0, 0, 0];
-        p[i] = radius * Math.cos((step * Math.PI) / 24);
-        p[j] = radius * Math.sin((step * Math.PI) / 24);
+        p[i] = radii[i] * Math.cos((step * Math.PI) / 24);
+        p[j] = radii[j] * Math.sin((step * Math.PI) / 24);
         const [px, py] = project(p);
         if (step) pen.lineTo(px, py); else pen.moveTo(px, py);
       }
       pen.stroke();
     }
     pen.globalAlpha = 1;
-    if (radius * scale > 30) pen.fillText(`keep-out ${radius} m`, x + 0.72 * radius * scale, y - 0.72 * radius * scale - 3);
+    const size = [...new Set(radii)].join(" × ");
+    if (short * scale > 30) label(pen, `keep-out ${size} m`, x + 0.72 * short * scale, y - 0.72 * short * scale - 3);
   }
 
   function drawTarget(pen, project, target, view, named) {
@@ -267,5 +277,5 @@ const Scene = (() => {
     });
   }
 
-  return { start, markRun: (run) => markRun(run) };
+  return { start, markRun: (run) => markRun(run), views, camera, dot, triangles, drawAxes, drawZone, drawScale, label, mark, drag };
 })();
