@@ -8,7 +8,7 @@ from pathlib import Path
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.page.html_report import write_report
 
-_VOID = {"meta", "img", "br", "wbr", "link"}
+_VOID = {"meta", "img", "br", "wbr", "link", "source", "input"}
 
 
 class ReportPage(HTMLParser):

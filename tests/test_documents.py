@@ -369,18 +369,18 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
     } - {"running"}
 
 
-def test_the_folder_page_lists_the_further_channels_of_images_and_coverage() -> None:
+def test_the_folder_page_lists_the_further_channels_of_images() -> None:
     static, params, state = initialise_run(scenario_loader.load("inspection"))
 
     def channels(model: str) -> set[str]:
-        seen = replace(static, camera_model=model, records_poses=model == "rendered")
+        seen = replace(static, camera_model=model)
 
         def observe() -> Channels:
             return compute_channels(seen, params, step(static, params, state, Stages())[1])
 
         return set(jax.eval_shape(observe))
 
-    assert names_listed("Of images and coverage") == channels("rendered") - channels("geometric")
+    assert names_listed("Of images") == channels("rendered") - channels("geometric")
 
 
 def names_listed(heading: str) -> set[str]:

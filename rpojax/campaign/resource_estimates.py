@@ -12,12 +12,12 @@ from rpojax.scenario.schema import ScenarioFile
 RECORD_BYTES_PER_TICK = 164
 """Memory per run and tick for the channels that metrics and free drifts need [B]."""
 POSE_BYTES_PER_TICK = 44
-"""Memory per run and tick for the poses that coverage needs, and in histories [B]."""
+"""Memory per run and tick for the poses that coverage needs [B]."""
 MISSION_BYTES_PER_TICK = 16
 """Memory per run and tick for the channels of phases, and in histories [B]."""
 EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are evaluated [B]."""
-HISTORY_BYTES_PER_TICK = 332
+HISTORY_BYTES_PER_TICK = 376
 """Memory and disk per tick of a full history [B]."""
 HISTORY_MEMORY_BYTES = 1_000_000_000
 """Memory for the channels that only histories of a batch need [B]; a batch with more of them keeps them in a file."""

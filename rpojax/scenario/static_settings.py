@@ -9,8 +9,6 @@ from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.mission_from_phases import mission_settings
-from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.plugins.custom_metrics import POSE_CHANNELS
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_files
 from rpojax.scenario.team.team_options import team_settings
@@ -40,7 +38,6 @@ class Scenario:
         mission: static settings of its phases
         chamber_pressure: whether the thruster's chamber pressure is measured
         additional_sensors: names and classes of the additional sensors
-        records_poses: whether the poses of camera and target are channels
         team: static settings of a team of servicers, None for a servicer alone
         thrusters: number of those of the reaction control system
     """
@@ -60,7 +57,6 @@ class Scenario:
     mission: MissionSettings
     chamber_pressure: bool = False
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
-    records_poses: bool = False
     team: TeamSettings | None = None
     thrusters: int = 0
 
@@ -133,11 +129,6 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
         chamber_pressure=file.chamber_pressure.enabled,
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
-        records_poses=file.coverage.enabled or file.camera.model == "rendered" or _metrics_need_poses(file),
         mission=mission_settings(file),
         thrusters=len(file.thrusters),
     )
-
-
-def _metrics_need_poses(file: ScenarioFile) -> bool:
-    return any(POSE_CHANNELS & set(metric.inputs) for metric in plugin_registry.metrics_of(file).values())

@@ -103,7 +103,7 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
 
     Measurements of additional sensors are channels too.
     """
-    functions = {**CHANNELS, **(POSE_CHANNELS if scenario.records_poses else {})}
+    functions = {**CHANNELS}
     if scenario.camera_model == "rendered":
         functions |= IMAGE_CHANNELS
     if scenario.mission.is_managed:
@@ -289,8 +289,15 @@ _VEHICLE: Final[ChannelFunctions] = {
     "mass_kg": lambda tick: tick.truth.mass,
     "propellant_used_kg": lambda tick: propellant_used(tick.params.plant, tick.truth),
 }
+POSE_CHANNELS: Final[ChannelFunctions] = {
+    "r_TN_N": lambda tick: tick.truth.r_TN_N,
+    "q_TN": lambda tick: tick.truth.q_TN,
+    "q_BN": lambda tick: tick.truth.q_BN,
+}
+"""Poses of both spacecraft: for playback, for images that are rendered again and for the target's coverage."""
 CHANNELS: Final[ChannelFunctions] = {
     **_RELATIVE_POSITION,
+    **POSE_CHANNELS,
     **_NAVIGATION,
     **_CAMERA,
     **_VEHICLE,
@@ -298,12 +305,6 @@ CHANNELS: Final[ChannelFunctions] = {
 """Channels by name, as functions of a tick."""
 IMAGE_CHANNELS: Final[ChannelFunctions] = {"window_px": lambda tick: tick.telemetry.frame.window}
 """Window of the image of a tick, from which with the poses it can be rendered again."""
-POSE_CHANNELS: Final[ChannelFunctions] = {
-    "r_TN_N": lambda tick: tick.truth.r_TN_N,
-    "q_TN": lambda tick: tick.truth.q_TN,
-    "q_BN": lambda tick: tick.truth.q_BN,
-}
-"""Poses of camera and target, for images that are rendered again and for the coverage of the target's surface."""
 MISSION_CHANNELS: Final[ChannelFunctions] = {
     "rho_desired_H": lambda tick: tick.telemetry.rho_desired_H,
     "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),

@@ -13,6 +13,7 @@ from isolated_plugins import forgotten_plugins
 import rpojax
 from rpojax.cli import main
 from rpojax.metrics.metric_catalogue import UNITS
+from rpojax.report.labels import metric_label
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins.plugin import Plugin
 from rpojax.scenario.plugins.plugin_registry import metrics_of
@@ -225,3 +226,28 @@ def test_metrics_that_plugins_define_differently_are_named_and_not_compared(
             not is_compared
         )
         assert ("histogram-score_m" in (tmp_path / page).read_text()) is is_compared
+
+
+def test_a_team_is_not_paired_with_a_servicer_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    alone = written(tmp_path / "alone", BEFORE)
+    team = written_campaign(tmp_path / "team", scenario_loader.load("cooperative_inspection"), BEFORE)
+    assert main.main(["compare", str(alone), str(team)]) != 0
+    [line] = capsys.readouterr().err.strip().splitlines()
+    assert "found the servicers first, second, third, expected any of " in line
+    assert "(one without a name): run n of the one is not run n of the other" in line
+
+
+def test_every_row_of_the_table_is_one_line_of_100_columns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = written(tmp_path / "a", 1234.5 * BEFORE), written(tmp_path / "b", 617.25 * BEFORE, failed=(3,))
+    monkeypatch.setenv("COLUMNS", "100")
+    assert main.main(["compare", str(first), str(second)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    [row] = [line for line in lines if line.strip().startswith("Delta-v ")]
+    assert row.split()[-1] == "better"
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in line[26:] for line in lines), "no number is cut"
+    titles = {title for name in UNITS if len(title := metric_label(name).title) < 26}
+    missing = [title for title in titles if sum(line.strip().startswith(f"{title} ") for line in lines) < 1]
+    assert missing == []

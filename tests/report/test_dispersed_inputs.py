@@ -16,7 +16,7 @@ def test_categorical_inputs_are_not_ranked(build):
         codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity_section.content(campaign)
     )
     assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in failure_section.content(campaign))
-    explorer = scatter_explorer(campaign)
+    explorer = scatter_explorer(campaign, np.arange(len(campaign.run_ids)))
     assert explorer is not None
     assert all(codes.isdisjoint(one["rank"]) for one in explorer["metrics"].values())
     assert codes <= set(explorer["inputs"])

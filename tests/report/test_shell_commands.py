@@ -41,7 +41,7 @@ def called(command: str) -> dict[str, Any]:
 def test_every_command_of_a_page_is_understood_and_names_the_campaign(tmp_path: Path, plugin: str | None) -> None:
     campaign = synthetic_campaign(tmp_path / "Anna's runs (2)", runs=12, failed=(4,))
     campaign.info["scenario"] |= {"requirements": REQUIREMENTS} | ({} if plugin is None else {"plugin": plugin})
-    commands = shown_commands(write_report(campaign))
+    commands = [*shown_commands(write_report(campaign)), shell_commands.more_runs_command(campaign, 300, 2)]
     verbs = {shlex.split(each)[1] for each in commands}
     assert {"rerun", "campaign", "probability"} <= verbs
     for command in [*commands, shell_commands.resume_command(campaign), shell_commands.film_command(campaign, 2)]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpojax.analysis.statistics.paired_comparison import (
+    MedianChange,
     PairedComparison,
     PairedEvents,
     RunMetrics,
@@ -118,9 +119,7 @@ class CampaignComparison(Summarised):
     def _metrics(self) -> Iterator[tuple[str, str]]:
         """Medians that differ, key metrics and then the largest relative change first."""
         found = [each for each in self.runs.metrics if each.is_changed and "/" not in each.metric]
-        scale = {each.metric: abs(each.first) + abs(each.second) or 1.0 for each in found}
-        change = {each.metric: abs(each.second - each.first) / scale[each.metric] for each in found}
-        found.sort(key=lambda each: (each.metric not in _KEY_METRICS, -change[each.metric]))
+        found.sort(key=lambda each: (each.metric not in _KEY_METRICS, -relative_change(each)))
         for each in found[:_SHOWN_ROWS]:
             low, high = each.difference.interval_95 or (None, None)
             unit = _unit(each.metric)
@@ -164,6 +163,12 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
     changed = changed_keys(first.info["scenario"], second.info["scenario"])
     warnings = comparison_warnings(first, second)
     return CampaignComparison(first.directory, second.directory, changed, independent, warnings, compared)
+
+
+def relative_change(change: MedianChange) -> float:
+    """Size of the change of a median over the sum of the sizes of both medians: 0 for none, 1 for a change of sign."""
+    size = abs(change.first) + abs(change.second)
+    return abs(change.second - change.first) / size if size > 0.0 else 0.0
 
 
 def comparison_warnings(first: Campaign, second: Campaign) -> tuple[str, ...]:
@@ -224,6 +229,13 @@ def _check_paired(first: Campaign, second: Campaign) -> None:
     found, expected = second.info["seed"], first.info["seed"]
     if found != expected:
         raise ResultError(f"{second.directory}: found seed {found}, expected {expected}, that of {first.directory}")
+    teams = [sorted(each.servicer_names) for each in (first, second)]
+    if teams[0] != teams[1] and not set(teams[0]) & set(teams[1]):
+        there, here = (", ".join(team) or "one without a name" for team in teams)
+        raise ResultError(
+            f"{second.directory}: found the servicers {here}, expected any of {first.directory} ({there}): "
+            "run n of the one is not run n of the other"
+        )
     _, in_first, in_second = np.intersect1d(first.run_ids, second.run_ids, return_indices=True)
     drawn = first.drawn, second.drawn
     for key in drawn[0].keys() & drawn[1].keys():

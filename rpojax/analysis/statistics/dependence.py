@@ -13,6 +13,7 @@ strong input behind a weak one. So there are two, and a flag where their leading
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.stats import ks_2samp, mannwhitneyu, rankdata
@@ -77,7 +78,7 @@ def normalised_hsic(
 
     P-values are corrected for k tests; there are enough permutations for the smallest one to fall below `level`.
     """
-    factors = [kernel_factor(column, _KERNEL_TOLERANCE).astype(np.float32) for column in inputs.T]
+    factors = [_single_factor(np.asarray(column, dtype=np.float64).tobytes()) for column in inputs.T]
     target = kernel_factor(metric, _KERNEL_TOLERANCE).astype(np.float32)
     sums = np.array([np.sum(np.square(factor.T @ target)) for factor in factors])
     sizes = np.array([np.linalg.norm(factor.T @ factor) for factor in factors])
@@ -110,6 +111,14 @@ def kernel_factor(values: np.ndarray, tolerance: float = 1e-12) -> np.ndarray:
         left = np.maximum(left - np.square(column), 0.0)
     factor = np.stack(columns, axis=1)
     return factor - factor.mean(axis=0)
+
+
+@lru_cache(maxsize=256)
+def _single_factor(values: bytes) -> np.ndarray:
+    """Factor of float64 values in single precision; the inputs are the same for every metric."""
+    factor = kernel_factor(np.frombuffer(values), _KERNEL_TOLERANCE).astype(np.float32)
+    factor.flags.writeable = False
+    return factor
 
 
 def _in_range(values: np.ndarray) -> np.ndarray:

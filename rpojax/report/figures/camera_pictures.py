@@ -17,6 +17,7 @@ from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.optional_packages import require_package
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.colours import FILM_AMBER, FILM_BLUE, FILM_GREEN, FILM_GROUND, FILM_INK, FILM_MUTED
+from rpojax.report.figures.exposure import developed
 
 History = Mapping[str, np.ndarray]
 CameraFrame = tuple[np.ndarray, History]
@@ -205,8 +206,8 @@ def select_stills(history: History, ticks: int) -> list[int]:
 
 
 def contact_sheet(frames: Iterable[CameraFrame | TeamFrame]) -> Image.Image:
-    """Annotated images in rows of four, or a row for each tick of a team, with a legend below."""
-    shown = list(frames)
+    """Annotated images in rows of four, or a row for each tick of a team, with a legend below; dark ones brightened."""
+    shown = [_developed(frame) for frame in frames]
     tiles = [annotated_image(frame) for frame in shown]
     cameras = max(len(frame.cameras) if isinstance(frame, TeamFrame) else 1 for frame in shown)
     columns = min(max(1, _COLUMNS // cameras), len(tiles))
@@ -216,6 +217,12 @@ def contact_sheet(frames: Iterable[CameraFrame | TeamFrame]) -> Image.Image:
     for index, tile in enumerate(tiles):
         sheet.paste(tile, (index % columns * width, index // columns * height))
     return with_legend(sheet)
+
+
+def _developed(frame: CameraFrame | TeamFrame) -> CameraFrame | TeamFrame:
+    if isinstance(frame, TeamFrame):
+        return TeamFrame({name: (developed(image), telemetry) for name, (image, telemetry) in frame.cameras.items()})
+    return developed(frame[0]), frame[1]
 
 
 def png_bytes(sheet: Image.Image) -> bytes:

@@ -15,6 +15,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
 from rpojax.errors import RpojaxError
 from rpojax.metrics import metric_catalogue
 from rpojax.report.campaign_results import dispersed_scalars, nominal_keep_out_radii
+from rpojax.report.figures.axis_scale import axis_ends
 from rpojax.report.figures.colours import BLUE, GREEN, GRID, INK, MUTED, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from rpojax.report.figures.requirement_limits import Limit, limits_of_channels, limits_of_metrics
 from rpojax.report.labels import CHANNEL_LABELS, FURTHER_CHANNEL_LABELS, ChannelLabel, heading, metric_label
@@ -26,10 +27,6 @@ from rpojax.simulation.metrics.decimated_traces import TRACE_UNITS
 _SIZE_INCHES: Final = (8.0, 4.6)
 _DOTS_PER_INCH: Final = 110
 _MAX_FAILED_LINES, _MAX_PATHS, _MAX_NAMES = 20, 8, 12
-_FAR: Final = 4.0
-"""Spans of the middle 90 % of values beyond which the scale of an axis does not follow a few of them."""
-_MOST_BEYOND: Final = 0.05
-"""Largest share of values that the scale of an axis leaves out."""
 _TEAM_COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE)
 _CHANNELS: Final = {label.name: label for label in (*CHANNEL_LABELS, *FURTHER_CHANNEL_LABELS)}
 
@@ -85,7 +82,7 @@ def histogram(campaign: Campaign, metric: str) -> Figure:
     figure, axes = _new(campaign, label.title)
     limits = limits_of_metrics(_requirements(campaign)).get(metric, [])
     defined = values[np.isfinite(values)].astype(float)
-    low, high = _scale(defined, _limit_values(limits))
+    low, high = axis_ends(defined, _limit_values(limits))
     inside = defined[(defined >= low) & (defined <= high)]
     bins = int(np.clip(np.sqrt(len(inside)) * 2, 8, 50))
     if low == high:
@@ -247,24 +244,10 @@ def _style(axes: Axes) -> None:
     axes.spines[["left", "bottom"]].set_color(MUTED)
 
 
-def _scale(values: np.ndarray, limits: Sequence[float]) -> tuple[float, float]:
-    """Ends of an axis: of all values and limits, or without the few that are far beyond the others."""
-    finite = values[np.isfinite(values)]
-    if not len(finite):
-        return (min(limits), max(limits)) if limits else (0.0, 1.0)
-    low, high = np.percentile(finite, (5.0, 95.0))
-    reach = _FAR * (high - low)
-    shown = finite[(finite >= low - reach) & (finite <= high + reach)] if reach > 0.0 else finite
-    if len(shown) < (1.0 - _MOST_BEYOND) * len(finite):
-        shown = finite
-    ends = np.concatenate([shown, limits])
-    return float(ends.min()), float(ends.max())
-
-
 def _clip(axes: Axes, values: np.ndarray, side: str, limits: Sequence[float]) -> None:
     """Sets the scale of an axis so that a few runs far away do not flatten the others, and says how many are beyond."""
     finite = np.isfinite(values)
-    low, high = _scale(values[finite], limits)
+    low, high = axis_ends(values[finite], limits)
     margin = 0.05 * (high - low) or 0.5
     (axes.set_ylim if side == "y" else axes.set_xlim)(low - margin, high + margin)
     beyond = finite & ((values < low) | (values > high))

@@ -21,3 +21,8 @@ FILM_MUTED = "#a9b3bf"
 FILM_GREEN = "#2fd6a3"
 FILM_AMBER = "#ff8a33"
 FILM_BLUE = "#56B4E9"
+
+# Of the page's dark scheme, for pictures that are drawn twice.
+DARK_GROUND = "#11161d"
+DARK_INK = "#e6eaf0"
+DARK_MUTED = "#9aa6b5"

@@ -10,9 +10,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from rpojax.report.figures.axis_scale import axis_ends, spans_decades
 from rpojax.report.figures.colours import BLUE, FAINT, FONT, GRID, INK, MUTED, VERMILLION
 from rpojax.report.figures.requirement_limits import Limit
-from rpojax.report.labels import ChannelLabel, MetricLabel
+from rpojax.report.labels import ChannelLabel, MetricLabel, format_number
 
 Chart = dict[str, Any]
 """Plotly figure: `data` (traces) and `layout`."""
@@ -20,7 +21,7 @@ EMPTY_TITLE = {"text": ""}
 MAX_POINTS = 800
 """Most points of a line, so that the page stays small."""
 _MAX_BINS = 36
-_FARTHEST_SPANS: Final = 12.0
+_FARTHEST_SPANS: Final = 3.0
 """Spans of the values beyond which a limit is marked at the edge of the chart, so that the values stay visible."""
 
 
@@ -106,8 +107,14 @@ def hover_template(channel: ChannelLabel, name: str) -> str:
     return f"{name}: %{{y:.4g}} {channel.unit}<extra></extra>"
 
 
-def time_layout(channel: ChannelLabel, traces: list[dict[str, Any]]) -> dict[str, Any]:
-    """Layout for a channel over time; logarithmic where the channel is and its values span more than a factor of 5."""
+def time_layout(
+    channel: ChannelLabel, traces: list[dict[str, Any]], values: np.ndarray | None = None, limits: Sequence[float] = ()
+) -> dict[str, Any]:
+    """Layout for a channel over time; logarithmic where the channel is and its values span more than a factor of 5.
+
+    Of the `values` (runs, m) of a channel that is not, a few runs far beyond the others do not stretch the axis, which
+    includes the `limits`; where many are, it is logarithmic.
+    """
     layout = chart_layout("", f"[{channel.unit}]" if channel.unit else "[-]")
     layout["xaxis"]["ticksuffix"] = " s"
     layout["hovermode"] = "x unified"
@@ -117,7 +124,25 @@ def time_layout(channel: ChannelLabel, traces: list[dict[str, Any]]) -> dict[str
         layout["yaxis"].update(type="log", tickformat="~g", dtick=_log_tick_step(traces), minor=minor)
     elif not channel.logarithmic:
         layout["yaxis"]["rangemode"] = "tozero"
+        _fit_far_values(layout, np.zeros(0) if values is None else values, limits)
     return layout
+
+
+def _fit_far_values(layout: dict[str, Any], values: np.ndarray, limits: Sequence[float]) -> None:
+    """Clips the vertical axis, with the count of runs beyond in a note, or makes it logarithmic, where it must be."""
+    defined = values[np.isfinite(values).any(axis=1)] if values.size else values
+    if not defined.size:
+        return
+    maxima = np.nanmax(np.where(np.isfinite(defined), defined, np.nan), axis=1)
+    _, high = axis_ends(maxima, limits)
+    if high < float(maxima.max()):
+        count = int(np.sum(maxima > high))
+        layout["yaxis"]["range"] = [min(0.0, float(np.nanmin(defined))), 1.05 * high]
+        text = f"{count} {'run' if count == 1 else 'runs'} beyond, to {format_number(float(maxima.max()), 3)}"
+        place = {"xref": "paper", "yref": "paper", "x": 1, "y": 1, "showarrow": False}
+        layout["annotations"] = [{"text": text, **place}]
+    elif spans_decades(defined):
+        layout["yaxis"].update(type="log", rangemode="normal")
 
 
 def _spans_decades(traces: list[dict[str, Any]]) -> bool:
@@ -136,8 +161,11 @@ def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Lim
     """Histogram of `values` (n,), all finite; median solid, p99 (p1 where low is bad) dotted, limits dashed and named.
 
     Bars beyond a limit have another colour. A limit lies at the edge, with an arrow, where it is far from all values.
+    A few values far beyond the others are counted at the edge; where many are, the axis is logarithmic.
     """
-    counts, edges = histogram_bins(values)
+    low, high = axis_ends(values)
+    is_log = low == values.min() and high == values.max() and spans_decades(values)
+    counts, edges = _decade_bins(values) if is_log else histogram_bins(values[(values >= low) & (values <= high)])
     tail = 1 if label.low_is_bad else 99
     middles = (edges[:-1] + edges[1:]) / 2.0
     beyond = np.zeros(len(counts), dtype=bool)
@@ -153,13 +181,30 @@ def histogram_chart(label: MetricLabel, values: np.ndarray, limits: Sequence[Lim
     }
     layout = chart_layout(label.unit, "runs")
     layout["bargap"] = 0
+    layout["xaxis"].update({"type": "log"} if is_log else {})
+    statistics = (("solid", "median", np.percentile(values, 50)), ("dot", f"p{tail}", np.percentile(values, tail)))
     layout["shapes"] = [
-        _vertical_line(float(np.percentile(values, 50)), "solid", "median"),
-        _vertical_line(float(np.percentile(values, tail)), "dot", f"p{tail}"),
+        *(_vertical_line(float(x), dash, name) for dash, name, x in statistics if low <= x <= high),
         *(_limit_shape(limit, float(edges[0]), float(edges[-1])) for limit in limits),
+        *_counts_beyond(values, low, high, float(edges[0]), float(edges[-1])),
     ]
     layout["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
     return {"data": [bars], "layout": layout}
+
+
+def _counts_beyond(values: np.ndarray, low: float, high: float, left: float, right: float) -> list[dict[str, Any]]:
+    """Lines at the edges of an axis, with the number of values beyond."""
+    below, above = int(np.sum(values < low)), int(np.sum(values > high))
+    found = []
+    for count, place, text in (
+        (below, left, f"\N{LEFTWARDS ARROW} {below} below"),
+        (above, right, f"{above} beyond \N{RIGHTWARDS ARROW}"),
+    ):
+        if count:
+            line = {"color": MUTED, "width": 1.2, "dash": "dashdot"}
+            ends = {"xref": "x", "yref": "paper", "x0": place, "x1": place, "y0": 0, "y1": 1}
+            found.append({"type": "line", "name": "beyond", "line": line, "label": {"text": text}, **ends})
+    return found
 
 
 def histogram_bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -172,6 +217,14 @@ def histogram_bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     margin = 1e-6 * max(abs(low), abs(high))
     wide = high - low > margin
     return np.histogram(values, bins=bins, range=(low, high) if wide else (low - margin, high + margin))
+
+
+def _decade_bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Counts (k,) and bin edges (k + 1,) of positive `values` (n,), of equal width on a logarithmic axis."""
+    counts, exponents = np.histogram(np.log(values), bins=int(np.clip(np.ceil(np.sqrt(len(values))), 6, _MAX_BINS)))
+    edges = np.exp(exponents)
+    edges[0], edges[-1] = values.min(), values.max()
+    return counts, edges
 
 
 def _limit_shape(limit: Limit, low: float, high: float) -> dict[str, Any]:

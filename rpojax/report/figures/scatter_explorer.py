@@ -13,21 +13,21 @@ from rpojax.report.campaign_results import (
     rankable_scalars,
     runs_are_independent,
 )
+from rpojax.report.figures.axis_scale import axis_ends
 from rpojax.report.figures.plotly_charts import rounded_values
 from rpojax.report.figures.requirement_limits import limits_of_metrics
 from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
 
-_MAX_POINTS = 1000
-
 
 def scatter_explorer(
-    campaign: CampaignResults, requirements: Sequence[Mapping[str, Any]] = ()
+    campaign: CampaignResults, rows: np.ndarray, requirements: Sequence[Mapping[str, Any]] = ()
 ) -> dict[str, Any] | None:
     """Data for scatter plots of each metric against each dispersed scalar; None with too few runs or nothing dispersed.
 
-    Contains the values of the first 1000 runs, the rank correlation of each pair over all runs (not for categorical
-    inputs), and `independence_limit`, below which the correlation of independent quantities lies in 95 % of the cases;
-    None if runs are not independent; and `limits`, value and text of those of the `requirements` of report.json.
+    Contains the drawn values of the runs in `rows`, the ends of an axis of each metric that a few runs far away do not
+    stretch, the rank correlation of each pair over all runs (not for categorical inputs), and `independence_limit`,
+    below which the correlation of independent quantities lies in 95 % of the cases; None if runs are not independent;
+    and `limits`, value and text of those of the `requirements` of report.json.
     """
     limits = limits_of_metrics(requirements)
     inputs = {key: values for key, values in dispersed_scalars(campaign).items() if np.ptp(values) > 0.0}
@@ -41,19 +41,18 @@ def scatter_explorer(
     if not inputs or not metrics:
         return None
     return {
-        "runs": campaign.run_ids[:_MAX_POINTS].tolist(),
         "metrics": {
             name: {
                 "title": metric_label(name).title,
                 "unit": metric_label(name).unit,
-                "values": rounded_values(values[:_MAX_POINTS]),
+                "ends": axis_ends(values, [limit.value for limit in limits.get(name, [])]),
                 "limits": [{"value": limit.value, "text": limit.text} for limit in limits.get(name, [])],
                 "rank": _rank_correlations(values, ranked),
                 "independence_limit": _independence_limit(values) if independent else None,
             }
             for name, values in metrics.items()
         },
-        "inputs": {key: rounded_values(values[:_MAX_POINTS]) for key, values in inputs.items()},
+        "inputs": {key: rounded_values(values[rows]) for key, values in inputs.items()},
     }
 
 

@@ -7,7 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, defined_differently, without
+from rpojax.analysis.statistics.campaign_comparison import (
+    CampaignComparison,
+    defined_differently,
+    relative_change,
+    without,
+)
 from rpojax.analysis.statistics.intervals import percentiles_over_runs
 from rpojax.analysis.statistics.paired_comparison import IntervalEstimate, MedianChange
 from rpojax.campaign.storage.atomic_outputs import write_atomically
@@ -55,11 +60,23 @@ _FILLS: Final = (
 _MAX_POINTS: Final = 300
 MAX_CAMPAIGNS: Final = len(COLOURS)
 _LETTERS: Final = "ABCDEF"
+_NEITHER: Final = ("nees", "innovation", "lag1", "log_likelihood", "final_range")
+"""Parts of the names of metrics of which neither high nor low values are better in themselves."""
+_SHOWN_FIRST: Final = 6
+"""Changed metrics on the first screen."""
+_CHANNELS: Final = {
+    "formation_error": "formation_error_m",
+    "nav_relative": "nav_relative_error_m",
+    "range_m": "range_m",
+    "delta_v": "delta_v_m_s",
+    "nees": "nees",
+}
+"""Channel over time that a metric is made of, by a part of its name."""
 
 
 @dataclass(frozen=True)
 class ChangeRow:
-    """A metric: its title and unit, cells (medians, difference, its interval, ratio), and whether it changed."""
+    """A metric: title, unit, cells (medians, difference, its interval, ratio), whether, how and for good it changed."""
 
     name: str
     title: str
@@ -67,13 +84,31 @@ class ChangeRow:
     cells: list[str]
     is_changed: bool
     direction: str
+    tone: str
 
 
 def change_rows(found: CampaignComparison) -> list[ChangeRow]:
-    """Metrics in display order, those that changed first; of a team the metrics of all servicers together."""
+    """Metrics that changed, the largest effect first, and then the others; of a team those of all servicers."""
+    return [_change_row(change) for change in ranked_changes(found)]
+
+
+def ranked_changes(found: CampaignComparison) -> list[MedianChange]:
+    """Changed metrics by their relative change, then the others in display order."""
     by_name = {change.metric: change for change in found.runs.metrics}
-    rows = [_change_row(by_name[name]) for name in of_all_servicers(in_display_order(by_name))]
-    return sorted(rows, key=lambda row: not row.is_changed)
+    shown = [by_name[name] for name in of_all_servicers(in_display_order(by_name))]
+    return sorted(shown, key=lambda change: -relative_change(change) if change.is_changed else 1.0)
+
+
+def change_words(change: MedianChange) -> tuple[str, str]:
+    """How a metric changed, and `good` or `alert`; of figures that should be near a value, only the direction."""
+    difference = change.difference.value
+    if not change.is_changed or difference is None:
+        return "", ""
+    direction = "higher" if difference > 0.0 else "lower"
+    if any(part in change.metric for part in _NEITHER):
+        return direction, ""
+    is_better = (difference > 0.0) == metric_label(change.metric).low_is_bad
+    return ("better", "good") if is_better else ("worse", "alert")
 
 
 def event_rows(found: CampaignComparison) -> list[list[str]]:
@@ -135,17 +170,16 @@ def requirement_table(campaigns: Sequence[CampaignResults]) -> list[tuple[str, l
 
 def _change_row(change: MedianChange) -> ChangeRow:
     label = metric_label(change.metric)
-    difference = change.difference.value
-    direction = "" if not change.is_changed or difference is None else "higher" if difference > 0.0 else "lower"
+    direction, tone = change_words(change)
     cells = [
         format_number(change.first),
         format_number(change.second),
-        signed(difference),
+        signed(change.difference.value),
         interval_text(change.difference),
         format_number(change.ratio.value, 3),
         str(change.pairs),
     ]
-    return ChangeRow(change.metric, label.title, label.unit, cells, change.is_changed, direction)
+    return ChangeRow(change.metric, label.title, label.unit, cells, change.is_changed, direction, tone)
 
 
 def signed(value: float | None, digits: int = 3) -> str:
@@ -249,10 +283,28 @@ def _write(campaigns: Sequence[CampaignResults], comparisons: Sequence[CampaignC
         "names": names,
         "folders": [_identity(campaign) for campaign in campaigns],
         "requirements": requirement_table(campaigns),
+        "leading": _leading(comparisons[0], charts),
         "parts": [_part(found, names[0], names[number]) for number, found in enumerate(comparisons, start=1)],
     }
     page = page_templates.render("comparison.html", {"charts": charts}, values)
     return write_atomically(path, page.encode("utf-8", "backslashreplace"))
+
+
+def _leading(found: CampaignComparison, charts: dict[str, Chart]) -> list[tuple[str, str]]:
+    """Names and titles of the charts of the first screen: the largest effects over time and over the runs."""
+    names = [change.metric for change in ranked_changes(found)]
+    over_time = [(f"envelope-{channel}", name) for name in names for part, channel in _CHANNELS.items() if part in name]
+    histograms = [(f"histogram-{name}", name) for name in names]
+    leading = []
+    for candidates in (over_time, histograms):
+        for chart, name in candidates:
+            if chart in charts:
+                charts[f"first-{chart}"] = charts[chart]
+                over = ", over time" if chart.startswith("envelope") else ", share of runs"
+                label = metric_label(name)
+                leading.append((f"first-{chart}", f"{label.title}{over}{f' [{label.unit}]' if label.unit else ''}"))
+                break
+    return leading
 
 
 def check_count(campaigns: int) -> None:
@@ -273,7 +325,8 @@ def _part(found: CampaignComparison, first: str, second: str) -> dict[str, Any]:
         "sentence": comparison_sentence(found),
         "warnings": found.warnings,
         "changed": [(change.key, _short(change.first), _short(change.second)) for change in found.changed],
-        "rows": change_rows(found),
+        "rows": (rows := change_rows(found)),
+        "shown": [row for row in rows if row.is_changed][:_SHOWN_FIRST],
         "events": event_rows(found),
         "independent": found.independent,
     }

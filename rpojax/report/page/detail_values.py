@@ -14,6 +14,8 @@ from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.report.page.run_series import path_scene, run_series, series_channels
 from rpojax.report.page.run_timeline import time_marks, timeline
 
+_FAR_PATH = 2.5
+"""Times the middle of the farthest distances beyond which a path does not set the scale of the view."""
 _SELECTION_METRIC = "formation_error_rms_m"
 
 
@@ -82,11 +84,18 @@ class DetailValues:
     template_values: dict[str, Any]
 
 
-def detail_values(campaign: CampaignResults, content: Mapping[str, Any], median_run: int | None) -> DetailValues:
-    """Series and timelines of the median run and of the worst one of each requirement; of a team its first servicer."""
+def detail_values(
+    campaign: CampaignResults, content: Mapping[str, Any], median_run: int | None, others: int = 0
+) -> DetailValues:
+    """Series and timelines of the median run, of the worst one of each requirement, and of some others.
+
+    Of a team they are those of its first servicer; there are at most `others` further runs.
+    """
     worst = [] if median_run is None else worst_runs(campaign, content, median_run)
     choices = _choices(worst)
     shown = [] if median_run is None else list(dict.fromkeys([median_run, *(run for run, _ in choices)]))
+    further = [] if median_run is None else _further_runs(campaign, content, shown)[:others]
+    shown += [run for run, _ in further]
     # Of a team the path needs all servicers, the charts the first one.
     histories = {run: campaign.history(run, 0) for run in shown}
     series = {run: run_series(history) for run, history in histories.items()}
@@ -101,16 +110,45 @@ def detail_values(campaign: CampaignResults, content: Mapping[str, Any], median_
     ]
     duration = _duration(campaign, histories)
     scene = path_scene(campaign, median_run, [run for run, _ in choices], campaign.history)
+    if scene is not None:
+        scene |= _view_reach(scene["paths"])
     detail = None if median_run is None else {"runs": series, "channels": channels, "median": median_run}
     values = {
         "worst_shown": worst,
         "worst_choices": choices,
+        "other_choices": further,
+        "kept_runs": sorted(campaign.history_ids),
         "detail_channels": channels,
         "timelines": {run: timeline(campaign, run, history, duration) for run, history in histories.items()},
         "marks": time_marks(duration),
         "has_scene": scene is not None,
     }
     return DetailValues(detail, scene, values)
+
+
+def _further_runs(campaign: CampaignResults, content: Mapping[str, Any], shown: Sequence[int]) -> list[tuple[int, str]]:
+    """Other runs with a history, failed ones first, and how they ended."""
+    failed = {failure["run_id"]: str(failure["reason"]) for failure in content["failures"]}
+    kept = [run for run in sorted(campaign.history_ids) if run not in shown]
+    return [(run, failed.get(run, "not failed")) for run in sorted(kept, key=lambda run: (run not in failed, run))]
+
+
+def _view_reach(paths: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Distance [m] that the 3-D view shows where a few paths lead far away, and a note on them; nothing otherwise."""
+    farthest = np.array([_farthest(path["points"]) for path in paths])
+    middle = float(np.median(farthest))
+    beyond = farthest > _FAR_PATH * middle
+    if not beyond.any():
+        return {}
+    reach = float(farthest[~beyond].max())
+    count = int(beyond.sum())
+    note = f"{count} {'path leads' if count == 1 else 'paths lead'} out of the view, to {float(farthest.max()):.3g} m"
+    return {"reach_m": reach, "beyond": note}
+
+
+def _farthest(points: Sequence[float]) -> float:
+    """Largest distance from the target of a path's coordinates in a row."""
+    return float(np.linalg.norm(np.reshape(points, (-1, 3)), axis=1).max(initial=0.0))
 
 
 def _choices(worst: list[WorstRun]) -> list[tuple[int, str]]:

@@ -21,6 +21,7 @@ from rpojax.report.page import page_templates
 from rpojax.report.page.detail_values import DetailValues, choose_run, detail_values
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_page import is_single_run, render_run_page
+from rpojax.report.page.section_findings import section_findings
 from rpojax.report.page.template_values import (
     PageFigures,
     RunDetail,
@@ -36,12 +37,15 @@ from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_d
 from rpojax.runtime.progress import stage
 from rpojax.scenario.plugins import plugin_registry
 
+_READ_ONCE: Final = ("info", "run_ids", "metrics", "completed", "failed", "outcomes", "drawn", "traces", "trace_time_s")
+_FURTHER_RUNS: Final = 16
+"""Most runs with a history beside the median one and the worst ones that the page shows over time."""
 KEPT_BYTES: Final = 400_000_000
 """Memory beyond which the history that was not used for longest is read again."""
 
 
-class KeptHistories(ChangedResults):
-    """Results of a campaign, with a memory of its histories.
+class KeptResults(ChangedResults):
+    """Results of a campaign, with a memory of what was read: every part of the report asks for them again.
 
     Args:
         campaign: results
@@ -62,6 +66,19 @@ class KeptHistories(ChangedResults):
         self._kept.move_to_end(run_id)
         whole = self._kept[run_id]
         return whole if servicer is None or not self._campaign.servicer_names else of_servicer(whole, servicer)
+
+
+def _remembered(name: str) -> property:
+    def read(results: KeptResults) -> Any:
+        if name not in results._changes:
+            results._changes[name] = getattr(results._campaign, name)
+        return results._changes[name]
+
+    return property(read)
+
+
+for _name in _READ_ONCE:
+    setattr(KeptResults, _name, _remembered(_name))
 
 
 def _bytes(history: Mapping[str, np.ndarray]) -> int:
@@ -86,7 +103,7 @@ def write_report(
     """
     own = plugin_registry.recorded_metrics(campaign.info)
     with stage("writing the report", quiet=not progress, announce=False), metric_catalogue.metrics_of_scenario(own):
-        kept: Any = KeptHistories(campaign)
+        kept: Any = KeptResults(campaign)
         return _write(kept, run_id, film)
 
 
@@ -100,7 +117,11 @@ def _write(campaign: CampaignResults, run_id: int | None, film: bool) -> Path:
     detail = notes.derived("The run in detail", lambda: _run_detail(campaign, shown_run, film), no_detail)
     pictures = notes.derived(
         "Pictures",
-        lambda: PageFigures(coverage_section.write_figure(campaign), team_section.write_figure(campaign, shown_run)),
+        lambda: PageFigures(
+            coverage_section.write_figure(campaign),
+            team_section.write_figure(campaign, shown_run),
+            coverage_section.dark_picture(campaign),
+        ),
         PageFigures(None, None),
     )
 
@@ -151,10 +172,16 @@ def _render_page(
     charts = page_charts(campaign, content, notes)
     runs: DetailValues = notes.derived(
         "Runs in detail",
-        lambda: detail_values(campaign, content, detail.run_id),
+        lambda: detail_values(campaign, content, detail.run_id, _FURTHER_RUNS),
         detail_values(campaign, content, None),
     )
-    data = {"charts": charts.charts, "explorer": charts.explorer, "detail": runs.detail, "scene": runs.scene}
+    data = {
+        "charts": charts.charts,
+        "explorer": charts.explorer,
+        "detail": runs.detail,
+        "scene": runs.scene,
+        "runs": charts.runs,
+    }
     values = {
         "name": campaign.info.get("name", "campaign"),
         "description": campaign.info.get("description", ""),
@@ -174,4 +201,5 @@ def _render_page(
         **runs.template_values,
         **figure_values(pictures),
     }
+    values["findings"] = section_findings(content, values)
     return page_templates.render("campaign.html", data, values)

@@ -45,6 +45,7 @@ def _environment() -> jinja2.Environment:
     environment.filters["number"] = format_number
     environment.filters["breakable"] = _with_break_opportunities
     environment.filters["p_value"] = format_p_value
+    environment.filters["with_runs"] = _with_runs
     environment.filters["css_text"] = _css_text
     return environment
 
@@ -52,6 +53,12 @@ def _environment() -> jinja2.Environment:
 def _with_break_opportunities(text: str) -> Markup:
     """A name that may break into lines after its underscores and dots only."""
     return Markup(re.sub(r"([_.])", r"\1<wbr>", str(escape(text))))
+
+
+def _with_runs(text: str) -> Markup:
+    """A text in which the number after "run" is a button that marks the run in every chart."""
+    button = r'run <button type="button" class="run" data-pick="\1">\1</button>'
+    return Markup(re.sub(r"\brun (\d+)\b", button, str(escape(text))))
 
 
 def _css_text(text: str) -> Markup:

@@ -1,6 +1,8 @@
 """Content of report.json, which the page shows."""
 
+import json
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -34,11 +36,18 @@ from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
 
 def known_before(campaign: CampaignResults) -> list[str]:
     """Warnings about a campaign's scenario, none if this version does not accept it."""
+    stages = tuple(str(each) for each in campaign.info.get("stages") or ())
+    return list(_warnings(json.dumps(campaign.info.get("scenario", {}), default=str), stages))
+
+
+@lru_cache(maxsize=4)
+def _warnings(scenario: str, stages: tuple[str, ...]) -> tuple[str, ...]:
+    """Warnings about a scenario in JSON: a report asks for them after the table in the terminal has."""
     try:
-        file = scenario_loader.validate_recorded(campaign.info.get("scenario", {}))
+        file = scenario_loader.validate_recorded(json.loads(scenario))
     except ScenarioError:
-        return []
-    return scenario_warnings.scenario_warnings(file, campaign.info.get("stages") or ())
+        return ()
+    return tuple(scenario_warnings.scenario_warnings(file, stages))
 
 
 def summarise(campaign: CampaignResults) -> dict[str, Any]:

@@ -11,10 +11,10 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.figures.requirement_limits import limits_of_channels
 from rpojax.report.labels import format_number, metric_label, with_unit
-from rpojax.report.page import page_templates, run_timeline
+from rpojax.report.page import page_templates, run_playback, run_timeline
 from rpojax.report.page.first_screen import VerdictTile, passive_safety_count
 from rpojax.report.page.run_charts import camera_charts, run_charts
-from rpojax.report.page.run_series import formation_error, path_scene
+from rpojax.report.page.run_series import formation_error
 from rpojax.report.page.template_values import RunDetail, run_detail_values
 from rpojax.report.sections import cause_section, identity_section
 from rpojax.report.sections.requirement_verdict_section import limit_text
@@ -61,17 +61,20 @@ def find_burns(history: Mapping[str, np.ndarray]) -> list[Burn]:
     ]
 
 
-def burn_rows(burns: Sequence[Burn]) -> list[list[str]]:
-    """Cells of the table: number, begin, duration, velocity change in mm/s, range and formation error at the begin."""
+def burn_rows(burns: Sequence[Burn]) -> list[tuple[float, list[str]]]:
+    """Begin [s], and cells: number, begin, duration, velocity change in mm/s, range and formation error then."""
     return [
-        [
-            str(number),
-            format_number(burn.begin_s),
-            format_number(burn.end_s - burn.begin_s),
-            format_number(1e3 * burn.delta_v_m_s, 3),
-            format_number(burn.range_m, 3),
-            format_number(burn.formation_error_m, 3),
-        ]
+        (
+            burn.begin_s,
+            [
+                str(number),
+                format_number(burn.begin_s),
+                format_number(burn.end_s - burn.begin_s),
+                format_number(1e3 * burn.delta_v_m_s, 3),
+                format_number(burn.range_m, 3),
+                format_number(burn.formation_error_m, 3),
+            ],
+        )
         for number, burn in enumerate(burns, start=1)
     ]
 
@@ -150,9 +153,9 @@ def drawn_rows(campaign: CampaignResults) -> list[tuple[str, str]]:
     return rows
 
 
-def event_rows(events: Sequence[tuple[float, str]]) -> list[tuple[str, str]]:
-    """Time in seconds as text, and what happened."""
-    return [(format_number(at_s), text) for at_s, text in sorted(events)]
+def event_rows(events: Sequence[tuple[float, str]]) -> list[tuple[float, str, str]]:
+    """Time [s] as a number and as text, and what happened."""
+    return [(at_s, format_number(at_s), text) for at_s, text in sorted(events)]
 
 
 def _tile(entry: Mapping[str, Any]) -> VerdictTile:
@@ -187,7 +190,7 @@ def render_run_page(campaign: CampaignResults, content: Mapping[str, Any], detai
         _servicer_part(campaign, content, int(run_id or 0), number, history, charts)
         for number, history in enumerate(histories)
     ]
-    scene = path_scene(campaign, run_id, [])
+    played = run_playback.playback(campaign, run_id)
     rerun_of = campaign.info.get("rerun_of")
     values = {
         "name": campaign.info.get("name", "campaign"),
@@ -203,7 +206,7 @@ def render_run_page(campaign: CampaignResults, content: Mapping[str, Any], detai
         "verdict_tiles": run_tiles(content),
         "parts": parts,
         "marks": run_timeline.time_marks(float(campaign.info.get("scenario", {}).get("duration_s", 1.0))),
-        "has_scene": scene is not None,
+        **_playback_values(campaign, played),
         "drawn": drawn_rows(campaign),
         "safety": safety_rows(content["safety"]),
         "scenario": identity_section.scenario_lines(campaign),
@@ -211,7 +214,19 @@ def render_run_page(campaign: CampaignResults, content: Mapping[str, Any], detai
         "identity": identity_section.identity_lines(campaign, content),
         **run_detail_values(campaign, content, detail),
     }
-    return page_templates.render("run.html", {"charts": charts, "scene": scene}, values)
+    return page_templates.render("run.html", {"charts": charts, "playback": played}, values)
+
+
+def _playback_values(campaign: CampaignResults, played: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Whether there is a playback, whose cameras it shows, and how much longer the run was meant to be."""
+    if played is None:
+        return {"has_playback": False}
+    return {
+        "has_playback": True,
+        "has_camera": all(each["camera"] is not None for each in played["servicers"]),
+        "servicer_names": campaign.servicer_names,
+        "strip_stretch": played["duration_s"] / max(played["end_s"], played["tick_s"]),
+    }
 
 
 def _servicer_part(

@@ -5,10 +5,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.errors import RpojaxError
 from rpojax.report.campaign_results import CampaignResults, nominal_keep_out_radii
 from rpojax.report.figures.plotly_charts import rounded_values
 from rpojax.report.labels import ChannelLabel
+from rpojax.report.page.shown_mesh import shown_mesh
 
 History = Mapping[str, np.ndarray]
 MAX_SAMPLES: Final = 400
@@ -16,7 +16,6 @@ MAX_SAMPLES: Final = 400
 _MAX_POINTS: Final = 240
 """Most points of a path."""
 _MAX_RUNS: Final = 24
-_ANY_FACET_SIZE_M: Final = 1e3
 HistoryReader = Callable[[int], Mapping[str, np.ndarray]]
 """Reads the history of a run."""
 
@@ -133,7 +132,7 @@ def path_scene(
     scenario = campaign.info.get("scenario", {})
     return {
         "paths": paths,
-        "target": _mesh(scenario),
+        "target": shown_mesh(scenario),
         "keep_out_m": max(radii := nominal_keep_out_radii(campaign), default=None),
         "spheres_m": radii,
         "desired": _desired(campaign, history_of(shown[0])),
@@ -174,21 +173,3 @@ def _desired(campaign: CampaignResults, history: Mapping[str, np.ndarray]) -> li
     if campaign.servicer_names and desired.shape == (len(campaign.servicer_names), 3):
         return desired.round(3).tolist()
     return [desired.round(3).tolist()] if desired.shape == (3,) else []
-
-
-def _mesh(scenario: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Corners and triangles of the target in its body axes [m]; of its hull if there is no mesh; None if neither is."""
-    # Imported here because meshes need packages that other pages do without.
-    from rpojax.scenario.trained.coverage_surface import HULL, surface_triangles
-
-    # The size of facets matters to coverage alone; a large one is never refused.
-    coverage = {"surface": HULL, **scenario.get("coverage", {}), "facet_size_m": _ANY_FACET_SIZE_M}
-    for surface in dict.fromkeys((coverage["surface"], HULL)):
-        tables = {**scenario, "coverage": {**coverage, "surface": surface}}
-        try:
-            triangles = surface_triangles(tables)
-        except (RpojaxError, KeyError):
-            continue
-        corners, numbers = np.unique(triangles.reshape(-1, 3).round(3), axis=0, return_inverse=True)
-        return {"corners": corners.ravel().tolist(), "triangles": np.asarray(numbers).ravel().tolist()}
-    return None

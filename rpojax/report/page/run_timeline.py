@@ -17,6 +17,8 @@ _MODES: Final = {
     Mode.TURN_BACK: ("turn back", "turn"),
     Mode.SEARCH: ("search", "search"),
 }
+MODE_WORDS: Final = {int(mode): words for mode, (words, _) in _MODES.items()}
+"""Pointing mode in words by its code in a history."""
 _PHASE_CLASSES: Final = 6
 _MARKS: Final = 7
 _MIN_SHARE: Final = 1.0 / 800.0

@@ -1,22 +1,22 @@
 """Values for the page's template: charts, tables and the run shown in detail."""
 
 import base64
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-from PIL import Image
 
 from rpojax.report import rare_failures, shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.camera_pictures import CameraSheet
 from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.figures.scatter_explorer import scatter_explorer
-from rpojax.report.labels import format_number
 from rpojax.report.left_out_parts import Notes
-from rpojax.report.page.first_screen import leading_figures, next_steps, outcome_sentence, verdict_tiles
+from rpojax.report.page.first_screen import leading_figures, verdict_tiles
+from rpojax.report.page.headline import headline, headline_notes
+from rpojax.report.page.marked_runs import run_marks, shown_rows
+from rpojax.report.page.metric_groups import histogram_groups
+from rpojax.report.page.next_steps import next_steps
 from rpojax.report.sections import (
     cause_section,
     consistency_section,
@@ -33,10 +33,10 @@ from rpojax.report.sections import (
     requirement_verdict_section,
     safety_section,
     sensitivity_section,
+    simulation_section,
     team_section,
 )
 
-_PALETTE_COLOURS = 64
 _CAPTIONS = {
     "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
     "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it rejected, triangles at an "
@@ -67,24 +67,33 @@ class RunDetail:
 
 @dataclass(frozen=True)
 class PageFigures:
-    """Pictures of single sections, None if there are none: the target's coverage, the relative orbits of a team."""
+    """Pictures of single sections, None if there are none: the target's coverage, the relative orbits of a team.
+
+    `dark_coverage` is that of the coverage for the dark scheme, the bytes of a PNG file.
+    """
 
     coverage: Path | None
     team: Path | None
+    dark_coverage: bytes | None = None
 
 
 def figure_values(figures: PageFigures) -> dict[str, Any]:
     """Pictures of single sections, empty if there are none."""
     named = {"coverage_figure": figures.coverage, "team_figure": figures.team}
-    return {name: "" if path is None else _data_url(path) for name, path in named.items()}
+    dark = figures.dark_coverage
+    return {
+        **{name: "" if path is None else _data_url(path) for name, path in named.items()},
+        "dark_coverage_figure": "" if dark is None else _encoded(dark, "png"),
+    }
 
 
 @dataclass(frozen=True)
 class PageCharts:
-    """Charts by name, data of the interactive scatter plot, and the template values that place them."""
+    """Charts by name, data of the scatter plot and of the runs, and the template values that place them."""
 
     charts: dict[str, Chart]
     explorer: dict[str, Any] | None
+    runs: dict[str, Any] | None
     template_values: dict[str, Any]
 
 
@@ -98,7 +107,9 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     convergence = (
         {} if progress is None else notes.derived("Convergence", lambda: convergence_section.charts(progress), {})
     )
-    explorer = notes.derived("The scatter plot", lambda: scatter_explorer(campaign, required), None)
+    rows = shown_rows(campaign)
+    explorer = notes.derived("The scatter plot", lambda: scatter_explorer(campaign, rows, required), None)
+    runs = notes.derived("Single runs", lambda: run_marks(campaign, content, list(envelopes)), None)
     charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in envelopes.items()}
     charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
     charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in histograms if entry["chart"] is not None}
@@ -110,33 +121,26 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     template_values = {
         "envelopes": [channel for channel, _ in envelopes.values()],
         "averages": [channel for channel, _ in averages.values()],
-        "histograms": histograms,
+        "histogram_groups": histogram_groups(histograms, {str(each.get("of", each["metric"])) for each in required}),
         "constants": [entry for entry in histograms if entry["chart"] is None and entry["defined"]],
         "undefined": [entry["metric"].title for entry in histograms if not entry["defined"]],
         "convergence": [(name, title) for name, (title, _) in convergence.items()],
         "explorer": explorer is not None,
     }
-    return PageCharts(charts, explorer, template_values)
-
-
-def simulated_text(info: Mapping[str, Any], runs: int) -> str:
-    """Number of runs, their duration and seed, as far as recorded."""
-    duration = info.get("scenario", {}).get("duration_s")
-    parts = [
-        f"{runs} run" if runs == 1 else f"{runs} runs",
-        f"{format_number(float(duration))} s each" if duration is not None else "",
-        f"seed {info['seed']}" if "seed" in info else "",
-    ]
-    return ", ".join(part for part in parts if part)
+    return PageCharts(charts, explorer, runs, template_values)
 
 
 def first_screen_values(campaign: CampaignResults, content: Mapping[str, Any], charts: PageCharts) -> dict[str, Any]:
-    """What was simulated, sentence of outcome, verdicts, leading figures and next steps."""
+    """Headline, what was simulated, cards, leading figures, and what to change."""
+    requested, tiles = content["runs"]["requested"], verdict_tiles(content)
     return {
-        "simulated": simulated_text(campaign.info, content["runs"]["requested"]),
-        "outcome": outcome_sentence(content),
+        "simulated": simulation_section.simulated_text(campaign.info, requested),
+        "simulation": simulation_section.rows(campaign, requested),
+        "headline": headline(content),
+        "headline_colour": tiles[0].css_class if tiles else "open",
+        "headline_notes": headline_notes(content),
         "why": content["why_failed"],
-        "verdict_tiles": verdict_tiles(content),
+        "verdict_tiles": tiles,
         "leading": leading_figures(content, charts.charts),
         "next_steps": next_steps(campaign, content),
     }
@@ -219,10 +223,10 @@ def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], det
 
 
 def _data_url(path: Path) -> str:
-    """Picture as a data URL; PNG files, which have few colours, get a palette of 64."""
-    if path.suffix == ".jpg":
-        return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
-    buffer = io.BytesIO()
-    with Image.open(path) as picture:
-        picture.convert("RGB").quantize(_PALETTE_COLOURS).save(buffer, format="png", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    """Picture as a data URL."""
+    kind = "jpeg" if path.suffix == ".jpg" else "png"
+    return _encoded(path.read_bytes(), kind)
+
+
+def _encoded(content: bytes, kind: str) -> str:
+    return f"data:image/{kind};base64," + base64.b64encode(content).decode()

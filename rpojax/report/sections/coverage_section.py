@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.metrics.surface_coverage import SEEN_FRACTION, TIME_TO_90_PERCENT
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.figures.colours import INK, MUTED, SHADE
+from rpojax.report.figures.colours import DARK_GROUND, DARK_INK, DARK_MUTED, INK, MUTED, SHADE
 from rpojax.report.figures.png_export import png_bytes
 from rpojax.report.labels import format_number
 
@@ -35,7 +35,7 @@ _LEAST_SEEN: Final = 10
 
 
 def surface_picture(
-    surface: Mapping[str, np.ndarray], values: np.ndarray, highest: float, label: str, title: str
+    surface: Mapping[str, np.ndarray], values: np.ndarray, highest: float, label: str, title: str, dark: bool = False
 ) -> Figure:
     """Target in parallel projection along the axes of T.
 
@@ -45,26 +45,33 @@ def surface_picture(
         highest: value at the end of the colour scale
         label: what the values are
         title: of the figure
+        dark: light letters on dark ground
     """
+    ground, ink, muted = (DARK_GROUND, DARK_INK, DARK_MUTED) if dark else ("white", INK, MUTED)
     spans = np.ptp(surface["pieces"].reshape(-1, 3), axis=0)
     widths = [float(np.abs(right) @ spans) for right, _ in list(_VIEWS.values())[:3]]
     height = max(float(np.abs(up) @ spans) for _, up in _VIEWS.values())
     inch_per_m = _WIDTH_INCHES / sum(widths)
     figure = Figure(
-        figsize=(_WIDTH_INCHES + 2.5, 2.0 * inch_per_m * height + 1.8), layout="constrained", facecolor="white"
+        figsize=(_WIDTH_INCHES + 2.5, 2.0 * inch_per_m * height + 1.8), layout="constrained", facecolor=ground
     )
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK, parse_math=False)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=ink, parse_math=False)
     scale = ScalarMappable(Normalize(0.0, highest), matplotlib.colormaps[_COLOURS].with_extremes(bad=SHADE))
     colours = scale.to_rgba(np.ma.masked_invalid(values))[surface["piece_facets"]]
     rows = figure.subplots(2, 3, width_ratios=widths)
     for axes, (side, (right, up)) in zip(rows.flat, _VIEWS.items(), strict=True):
-        _draw_view(axes, surface["pieces"], colours, np.array(right), np.array(up))
-        axes.set_title(f"from {side}", fontsize=9, color=INK)
-    figure.colorbar(scale, ax=rows, shrink=0.9, label=f"{label}\n(grey: never lit)").ax.tick_params(labelsize=8)
+        axes.set_facecolor(ground)
+        _draw_view(axes, surface["pieces"], colours, np.array(right), np.array(up), muted)
+        axes.set_title(f"from {side}", fontsize=9, color=ink)
+    bar = figure.colorbar(scale, ax=rows, shrink=0.9)
+    bar.set_label(f"{label}\n(grey: never lit)", color=ink)
+    bar.ax.tick_params(labelsize=8, colors=muted)
     return figure
 
 
-def _draw_view(axes: Axes, pieces: np.ndarray, colours: np.ndarray, right: np.ndarray, up: np.ndarray) -> None:
+def _draw_view(
+    axes: Axes, pieces: np.ndarray, colours: np.ndarray, right: np.ndarray, up: np.ndarray, muted: str
+) -> None:
     """Draws the pieces that face the viewer, the farthest first."""
     towards = np.cross(right, up)
     normals = np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
@@ -77,12 +84,12 @@ def _draw_view(axes: Axes, pieces: np.ndarray, colours: np.ndarray, right: np.nd
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
-    axes.tick_params(labelsize=7, colors=MUTED)
+    axes.tick_params(labelsize=7, colors=muted)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(MUTED)
+    axes.spines[["left", "bottom"]].set_color(muted)
     for set_label, axis in ((axes.set_xlabel, right), (axes.set_ylabel, up)):
         letter = "xyz"[int(np.argmax(np.abs(axis)))]
-        set_label(f"{'-' if axis.sum() < 0.0 else ''}{letter} [m]", fontsize=8, color=MUTED)
+        set_label(f"{'-' if axis.sum() < 0.0 else ''}{letter} [m]", fontsize=8, color=muted)
 
 
 def content(campaign: CampaignResults) -> dict[str, Any] | None:
@@ -139,6 +146,15 @@ def write_figure(campaign: CampaignResults) -> Path | None:
     """Writes the picture of the target into the campaign's folder; None without coverage."""
     if not campaign.coverage:
         return None
+    return write_atomically(campaign.directory / "figures" / FIGURE_NAME, png_bytes(_picture(campaign)))
+
+
+def dark_picture(campaign: CampaignResults) -> bytes | None:
+    """The same picture for a page in the dark scheme, as a PNG file; None without coverage."""
+    return png_bytes(_picture(campaign, dark=True)) if campaign.coverage else None
+
+
+def _picture(campaign: CampaignResults, dark: bool = False) -> Figure:
     title = f"Inspection coverage: {campaign.info.get('name', 'campaign')}"
     runs = len(campaign.run_ids)
     lit, seen = _runs_with(campaign, "lit_samples"), _runs_with(campaign, "seen_samples")
@@ -148,8 +164,8 @@ def write_figure(campaign: CampaignResults) -> Path | None:
     else:
         label = "seen in this share of the runs with light on it"
         values = np.where(lit > 0, seen / np.maximum(lit, 1), np.nan)
-    figure = surface_picture(campaign.surface, values, 1.0 if runs > 1 else max(float(np.max(seen)), 1.0), label, title)
-    return write_atomically(campaign.directory / "figures" / FIGURE_NAME, png_bytes(figure))
+    highest = 1.0 if runs > 1 else max(float(np.max(seen)), 1.0)
+    return surface_picture(campaign.surface, values, highest, label, title, dark)
 
 
 def _runs_with(campaign: CampaignResults, name: str) -> np.ndarray:

@@ -52,12 +52,13 @@ def envelope_chart(
     ended: np.ndarray,
     bound: np.ndarray | None = None,
     run_ids: np.ndarray | None = None,
+    limits: Sequence[float] = (),
 ) -> Chart | None:
     """Chart of `values` (runs, m) over time [s]: median, bands, worst run, median of `bound` (runs, m); None if empty.
 
     At each instant the percentiles are over the runs that have not been frozen yet. A band is drawn if there are enough
     runs to resolve it; with fewer, the outer band extends from the smallest to the largest run. `run_ids` (runs,) are
-    by default 0, 1, 2, ...
+    by default 0, 1, 2, ...; the axis includes the `limits`.
     """
     shown = np.flatnonzero(np.isfinite(values).any(axis=0))
     if len(shown) == 0:
@@ -74,7 +75,7 @@ def envelope_chart(
     if bound is not None:
         middle = percentiles_over_runs(bound[:, shown], (50.0,))[0]
         traces.append(channel_line(channel, time, middle, "3 sigma of the filter, median", GREEN, 1.8, "dash"))
-    return {"data": traces, "layout": time_layout(channel, traces)}
+    return {"data": traces, "layout": time_layout(channel, traces, thinned, limits)}
 
 
 def _percentile_bands(channel: ChannelLabel, time: list[float | None], values: np.ndarray) -> list[dict[str, Any]]:
@@ -107,6 +108,7 @@ def envelope_charts(
     `requirements` are the entries of report.json. Channels beyond the usual ones are drawn if one limits them.
     """
     limits = limits_of_channels(requirements)
+    references = _reference_levels(campaign)
     charts: dict[str, tuple[ChannelLabel, Chart]] = {}
     for channel in (*CHANNEL_LABELS, *(label for label in FURTHER_CHANNEL_LABELS if label.name in limits)):
         values = campaign.traces.get(channel.name)
@@ -114,10 +116,14 @@ def envelope_charts(
             continue
         bound = campaign.traces.get("nav_relative_sigma3_m") if channel.name == "nav_relative_error_m" else None
         ended = np.asarray(campaign.reached_end, dtype=bool)
-        chart = envelope_chart(channel, campaign.trace_time_s, values, ended, bound, campaign.run_ids)
+        levels = [
+            *(limit.value for limit in limits.get(channel.name, [])),
+            *(level for level, _ in references.get(channel.name, [])),
+        ]
+        chart = envelope_chart(channel, campaign.trace_time_s, values, ended, bound, campaign.run_ids, levels)
         if chart is not None:
             charts[channel.name] = (channel, _with_limits(chart, limits.get(channel.name, [])))
-    for name, levels in _reference_levels(campaign).items():
+    for name, levels in references.items():
         if name in charts:
             channel, chart = charts[name]
             add_reference_lines(chart, channel.unit, levels)

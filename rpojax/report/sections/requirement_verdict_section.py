@@ -27,8 +27,9 @@ _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict
 class RequirementRow:
     """Row of the table of requirements, which is also a tile.
 
-    `cells` are pairs of a text and a smaller one below it: worst value; value compared with the limit, and its rank;
-    margin; violations, and those allowed; success fraction, and its bounds; consumer's risk, and that reached.
+    `cells` are pairs of a text and a smaller one below it: worst value; percentile of the sample; tolerance bound,
+    which is compared with the limit, and its rank; margin; violations, and those allowed; success fraction, and its
+    bounds; consumer's risk, and that reached.
     """
 
     title: str
@@ -125,6 +126,9 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "margin": found.margin,
         "without_value": found.without_value,
         "worst": found.worst,
+        "sample_percentile": _sample_percentile(
+            requirement, values if counted is None else values[counted], found.rank
+        ),
         "success": found.success_fraction,
         "risk_reached": found.risk_reached,
         "success_interval": None if found.success_interval is None else list(found.success_interval),
@@ -132,6 +136,15 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         **({} if requirement.is_of_all_runs else {"of": requirement.metric_name, "not_counted": found.not_counted}),
         **({} if reached is None else _reached_entry(requirement, reached, of_outcome)),
     }
+
+
+def _sample_percentile(requirement: RequirementSection, values: np.ndarray, rank: int | None) -> float | None:
+    """Percentile of the runs with a value that the demanded share names, which is no bound; None without a rank."""
+    defined = values[np.isfinite(values)]
+    if not len(defined) or rank is None:
+        return None
+    share = requirement.probability if requirement.bound == "at most" else 1.0 - requirement.probability
+    return float(np.percentile(defined, 100.0 * share))
 
 
 def _reached_entry(requirement: RequirementSection, reached: np.ndarray, of_outcome: np.ndarray) -> dict[str, Any]:
@@ -168,6 +181,7 @@ def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
     with_value = entry["runs"] - entry["without_value"]
     return [
         (format_number(entry["worst"]), f"of {with_value} runs with a value" if with_value < entry["runs"] else ""),
+        (sample_percentile_text(entry) or format_number(None), ""),
         (_order_statistic_text(entry), "" if entry["rank"] is None else f"rank {entry['rank']} of {entry['runs']}"),
         (_signed(entry["margin"]), ""),
         (f"{entry['violations']} of {entry['runs']}", no_verdict if interval is None else allowed),
@@ -180,13 +194,25 @@ def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _compared(entry: Mapping[str, Any], unit: str) -> str:
-    """Addition of the value that is compared with the limit, and its margin; empty without a margin."""
-    if entry["margin"] is None:
+    """Addition of the tolerance bound that is compared with the limit, its margin, and the percentile of the sample."""
+    text = ""
+    if entry["margin"] is not None:
+        value, margin = (
+            with_unit(text, unit) for text in (_rounded(entry["order_statistic"]), _signed(entry["margin"], 3))
+        )
+        text = f"; tolerance bound {value} at {100.0 * entry['consumer_risk']:g} % risk: margin {margin}"
+    sample = sample_percentile_text(entry)
+    return text + (f"; sample {sample}" if sample else "")
+
+
+def sample_percentile_text(entry: Mapping[str, Any]) -> str:
+    """Name and value of the percentile of the sample that the demanded share names, such as `p99 1.23 m`."""
+    value = entry.get("sample_percentile")
+    if value is None:
         return ""
-    value, margin = (
-        with_unit(text, unit) for text in (_rounded(entry["order_statistic"]), _signed(entry["margin"], 3))
-    )
-    return f"; {100.0 * entry['probability']:g} % keep {value}: margin {margin}"
+    percent = 100.0 * entry["probability"] if entry["bound"] == "at most" else 100.0 - 100.0 * entry["probability"]
+    unit = metric_label(entry.get("of", entry["metric"])).unit
+    return f"p{percent:.4g} {with_unit(_rounded(value), unit)}"
 
 
 def violation_kinds(entry: Mapping[str, Any]) -> str:

@@ -23,9 +23,6 @@ MetricFunction = Callable[..., Any]
 """From channels by name to a number."""
 Function = TypeVar("Function", bound=MetricFunction)
 
-POSE_CHANNELS: Final = frozenset({"r_TN_N", "q_TN", "q_BN"})
-"""Channels of poses, which scenarios without coverage or images have only if a metric needs them."""
-
 _MARK: Final = "__rpojax_metric__"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,59}")
 _SMALLEST_BATCH: Final = 1024

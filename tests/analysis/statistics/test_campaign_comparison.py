@@ -11,9 +11,10 @@ from rpojax.analysis.statistics.campaign_comparison import (
     KeyChange,
     changed_keys,
     defined_differently,
+    relative_change,
     servicer_warnings,
 )
-from rpojax.analysis.statistics.paired_comparison import RunMetrics, compare_paired_runs
+from rpojax.analysis.statistics.paired_comparison import IntervalEstimate, MedianChange, RunMetrics, compare_paired_runs
 
 
 def test_changed_keys_are_found_at_any_depth_and_on_either_side() -> None:
@@ -61,8 +62,15 @@ def test_servicers_of_one_campaign_alone_are_named() -> None:
     assert servicer_warnings(["range_m"], ["range_m", "delta_v_m_s"]) == []
     (line,) = servicer_warnings(team, ["range_m", "range_m/first", "range_m/other"])
     assert line.startswith("servicers differ, first, second against first, other: ")
-    (line,) = servicer_warnings(team, ["range_m"])
-    assert line.startswith("servicers differ, first, second against one without a name: ")
+
+
+def test_effects_are_ranked_by_their_share_of_both_medians() -> None:
+    none = IntervalEstimate(None, None, None)
+
+    def of(first: float, second: float) -> float:
+        return relative_change(MedianChange("range_m", 40, first, second, none, none))
+
+    assert [of(1.0, 1.0), of(1.0, 3.0), of(3.0, 1.0), of(-1.0, 1.0), of(0.0, 0.0)] == [0.0, 0.5, 0.5, 1.0, 0.0]
 
 
 def test_the_summary_has_what_changed_and_what_came_of_it() -> None:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
-from rpojax.report.figures import campaign_figures
+from rpojax.report.figures.axis_scale import axis_ends
 from rpojax.scenario.loading import scenario_loader
 
 
@@ -83,9 +83,9 @@ def test_an_unknown_name_is_one_line(campaign: Campaign, draw: Callable[..., Fig
 
 def test_a_few_runs_far_away_do_not_set_the_scale() -> None:
     values = np.concatenate([np.linspace(0.0, 1.0, 97), [500.0, 600.0, np.nan]])
-    assert campaign_figures._scale(values, [2.0]) == (0.0, 2.0)
+    assert axis_ends(values, [2.0]) == (0.0, 2.0)
     halves = np.concatenate([np.linspace(0.0, 1.0, 50), np.linspace(500.0, 501.0, 50)])
-    assert campaign_figures._scale(halves, []) == (0.0, 501.0)
+    assert axis_ends(halves, []) == (0.0, 501.0)
 
 
 def test_the_summary_says_how_the_runs_ended_and_where_they_are(campaign: Campaign) -> None:

@@ -6,7 +6,7 @@ import re
 import plotly.graph_objects
 from report_page_parser import page_text, rendered_page
 
-_SECTIONS = ["outcome", "timeline", "path", "camera", "estimation", "burns", "safety", "metrics", "drawn", "limits"]
+_SECTIONS = ["outcome", "playback", "timeline", "camera", "estimation", "burns", "safety", "metrics", "drawn", "limits"]
 REQUIREMENTS = [
     {"metric": "delta_v_m_s", "bound": "at most", "limit": 0.5, "probability": 0.99, "consumer_risk": 0.1},
     {"metric": "min_range_m", "bound": "at least", "limit": 50.0, "probability": 0.99, "consumer_risk": 0.1},

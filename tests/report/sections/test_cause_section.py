@@ -46,10 +46,12 @@ def test_the_sentence_has_runs_evidence_and_what_mends_it(missing: SyntheticCamp
 
 def test_first_screen_failed_runs_and_next_steps_tell_it(missing: SyntheticCampaign) -> None:
     words = page_text(rendered_page(missing))
-    assert WORDS in words
-    assert "3 of 3 failed runs: boxes are missing. To change: a detector that finds it" in words
+    evidence = "the detector misses the target in 90 % of the frames that show it (10 % believed)"
+    assert "3 of 12 runs failed: lost the target. The cause in all 3: boxes are missing." in words
+    mended = "a detector that finds it in 90 % of them repeat run 2 rpojax rerun"
+    assert f"All 3 failed runs boxes are missing: {evidence} {mended}" in words
     assert "3 lost the target; boxes are missing" in words
-    assert words.count("the detector misses the target in 90 % of the frames") >= 5  # sentence, table, three runs
+    assert words.count("the detector misses the target in 90 % of the frames") >= 5  # headline, two tables, three runs
 
 
 def test_failures_of_the_summary_have_their_cause_and_the_terminal_a_line(

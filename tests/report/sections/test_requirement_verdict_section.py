@@ -121,7 +121,7 @@ def test_no_verdict_with_missing_runs(build, limit):
     silent = ("more_runs", "allowed", "rank", "order_statistic", "margin", "success_interval", "risk_reached")
     assert {found[key] for key in silent} == {None}
     row = requirement_verdict_section.rows([found])[0]
-    assert (row.verdict, row.css_class, row.cells[3][1]) == ("unfinished: no verdict", "open", "unfinished")
+    assert (row.verdict, row.css_class, row.cells[4][1]) == ("unfinished: no verdict", "open", "unfinished")
     assert "no verdict before all have ended" in write_report(campaign).read_text()
 
 
@@ -151,8 +151,8 @@ def test_probabilities_are_not_rounded_up_to_the_required_one():
     }
     cells = requirement_verdict_section.rows([entry])[0].cells
     assert cells[0] == ("2", "of 99999 runs with a value")
-    assert cells[4] == ("0.9899", "0.9895 to 0.9904")
-    assert cells[2] == ("\N{MINUS SIGN}0.1000", "")
+    assert cells[5] == ("0.9899", "0.9895 to 0.9904")
+    assert cells[3] == ("\N{MINUS SIGN}0.1000", "")
 
 
 def test_unknown_metric_and_invalid_requirement_are_errors(build):

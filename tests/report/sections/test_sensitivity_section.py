@@ -38,7 +38,7 @@ def test_inputs_are_ranked_by_size_without_independent_runs(build):
         assert entry["disagree"] is None
         assert entry["sentence"].startswith(f"Greatest by rank correlation: {entry['by_spearman'][0]}, ")
     assert found["delta_v_m_s"]["by_hsic"][0] == "servicer.mass_kg"
-    explorer = scatter_explorer(campaign)
+    explorer = scatter_explorer(campaign, np.arange(len(campaign.run_ids)))
     assert explorer is not None
     assert {one["independence_limit"] for one in explorer["metrics"].values()} == {None}
     assert "dotted lines" not in write_report(campaign).read_text()

@@ -81,7 +81,7 @@ def test_links_and_consistency_are_told(pair: SyntheticCampaign) -> None:
 
 def test_metrics_of_each_servicer_have_a_table_of_their_own(pair: SyntheticCampaign) -> None:
     page = page_text(rendered_page(pair, run_id=3))
-    table = page[page.index("Metrics One value per run") : page.index("What each metric means")]
+    table = page[page.index("metrics: statistics, intervals, meaning") : page.index("What each metric means")]
     assert "Formation error" in table
     assert "near" not in table
     assert "Run 3, servicer near is the median one" in page

@@ -23,7 +23,6 @@ from rpojax.scenario.plugins.plugin import described_plugin
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
-from rpojax.simulation import channels
 from rpojax.simulation.metrics import recorded_metrics
 
 ROOT = Path(__file__).parents[3]
@@ -260,12 +259,3 @@ def test_a_description_reads_results_and_refuses_to_simulate(example: Path) -> N
 @pytest.mark.parametrize("record", [{}, {"metrics": 3, "sensors": []}, {"metrics": {"a": 1}}])
 def test_a_spoilt_description_is_that_of_nothing(record: dict) -> None:
     assert described_plugin(record).definitions == {}
-
-
-def test_metrics_of_poses_have_their_channels_recorded() -> None:
-    def spin_deg(q_BN):
-        return q_BN[0, 0]
-
-    file = rpojax.load("inspection", plugin=rpojax.Plugin({"spin_deg": spin_deg}))
-    assert static_settings(file).records_poses
-    assert set(channels.POSE_CHANNELS) == custom_metrics.POSE_CHANNELS

@@ -1,22 +1,24 @@
 """The command `rpojax compare`: what changed between campaigns of the same runs."""
 
 import sys
-from collections.abc import Sequence
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from rpojax.analysis.statistics import campaign_comparison
-from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
-from rpojax.analysis.statistics.paired_comparison import PairedComparison
+from rpojax.analysis.statistics.campaign_comparison import CampaignComparison
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import output_paths
 from rpojax.cli.options.analysis import CompareCommand
 from rpojax.cli.standard_streams import print_json
-from rpojax.report.labels import format_number, in_display_order, metric_label, of_all_servicers
+from rpojax.report.labels import format_number, metric_label
 from rpojax.report.page import comparison_page
 from rpojax.report.page.comparison_page import interval_text, signed
 from rpojax.runtime.progress import stage
+
+_TITLE_WIDTH = 26
+"""Longest title of a metric in the table, so that a row is a line of 100 columns."""
 
 
 def compare(asked: CompareCommand) -> int:
@@ -46,32 +48,34 @@ def _show_comparison(found: CampaignComparison, named: bool) -> None:
         print(f"{found.first} -> {found.second}")
     for warning in found.warnings:
         print(f"rpojax: warning: {warning}", file=sys.stderr)
-    _show(found.runs, found.changed, found.independent)
+    _show(found)
 
 
-def _show(found: PairedComparison, changed: Sequence[KeyChange], independent: bool) -> None:
+def _show(compared: CampaignComparison) -> None:
+    found, changed, independent = compared.runs, compared.changed, compared.independent
     console = Console(highlight=False)
     for each in changed:
         console.print(f"{each.key}: {each.first!r} -> {each.second!r}", markup=False, soft_wrap=True)
-    table = Table(title=f"{found.pairs} pairs of runs, {found.unpaired} without a partner")
-    for heading in ("metric", "unit"):
-        table.add_column(heading)
-    for heading in ("median, first", "second", "difference", "95 % interval", "ratio"):
-        table.add_column(heading, justify="right")
-    by_name = {change.metric: change for change in found.metrics}
-    for name in of_all_servicers(in_display_order(by_name)):
-        change, shown = by_name[name], metric_label(name)
+    title = f"{found.pairs} pairs of runs, {found.unpaired} without a partner"
+    table = Table(title=title, box=None, padding=(0, 1, 0, 0), title_justify="left")
+    table.add_column("metric", no_wrap=True, max_width=_TITLE_WIDTH)
+    table.add_column("unit", no_wrap=True)
+    for heading in ("first", "second", "difference", "95 % interval"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("change", no_wrap=True)
+    for change in comparison_page.ranked_changes(compared):
+        shown, (words, tone) = metric_label(change.metric), comparison_page.change_words(change)
         cells = (
-            format_number(change.first),
-            format_number(change.second),
-            signed(change.difference.value) + (" *" if change.is_changed else ""),
+            format_number(change.first, 3),
+            format_number(change.second, 3),
+            signed(change.difference.value),
             interval_text(change.difference),
-            format_number(change.ratio.value, 3),
+            Text(words, style={"good": "green", "alert": "red"}.get(tone, "")),
         )
         table.add_row(shown.title, shown.unit, *cells)
     console.print(table)
     if any(change.is_changed for change in found.metrics):
-        console.print("* the 95 % interval excludes no change, by chance for one in twenty metrics without a change")
+        console.print("change: the 95 % interval excludes none; so it does by chance for 1 in 20 metrics without one")
     events = Table(title="pairs by outcome")
     events.add_column("event")
     for heading in ("both", "first alone", "second alone", "neither", "p (McNemar)"):

@@ -81,7 +81,7 @@ const Charts = (() => {
     let [low, high] = axis.range ? axis.range.map((value) => (log ? 10 ** value : value)) : usable.reduce(
       ([least, most], value) => [Math.min(least, value), Math.max(most, value)], [Infinity, -Infinity]);
     if (!axis.range && !(low <= high)) [low, high] = log ? [1, 10] : [0, 1];
-    if (!axis.range && axis.rangemode === "tozero") [low, high] = [Math.min(0, low), Math.max(0, high)];
+    if (!axis.range && !log && axis.rangemode === "tozero") [low, high] = [Math.min(0, low), Math.max(0, high)];
     if (low === high) [low, high] = log ? [low / 2, high * 2] : [low - (Math.abs(low) * 0.1 || 1), high + (Math.abs(high) * 0.1 || 1)];
     if (!axis.range && axis.pad) {
       const room = axis.pad * (log ? Math.log(high / low) : high - low);
@@ -159,7 +159,7 @@ const Charts = (() => {
       if (!x.names) node(grid, "line", { x1: place, x2: place, y1: top, y2: bottom });
       // The last text ends at the edge of the picture at the latest.
       const half = 3.4 * x.text(value).length;
-      node(root, "text", { x: Math.min(place, right + 10 - half), y: bottom + 15, "text-anchor": "middle", class: "tick" }, x.text(value));
+      node(root, "text", { x: Math.min(place, right + 10 - half), y: bottom + 16, "text-anchor": "middle", class: "tick" }, x.text(value));
     }
     for (const value of y.ticks) {
       const place = y.to(value).toFixed(1);
@@ -168,7 +168,9 @@ const Charts = (() => {
     }
     node(root, "path", { d: `M${left} ${top}V${bottom}H${right}`, class: "axis" });
     const title = xAxis.title && xAxis.title.text;
-    if (title) node(root, "text", { x: (left + right) / 2, y: bottom + 33, "text-anchor": "middle", class: "axis-title" }, title);
+    // A title that is wider than its plot is cut to its first word.
+    const fitting = title && 6.4 * title.length > right - left ? title.split(/[ ,]/)[0] : title;
+    if (title) node(root, "text", { x: (left + right) / 2, y: bottom + 33, "text-anchor": "middle", class: "axis-title" }, fitting);
   }
 
   function drawTrace(root, trace, before, x, y) {
@@ -237,11 +239,19 @@ const Charts = (() => {
       const text = shape.label && shape.label.text;
       if (!text) continue;
       const atEnd = upright && place > (box.left + box.right) / 2;
-      node(root, "text", {
-        x: upright ? place + (atEnd ? -4 : 4) : box.right - 4, y: upright ? box.top + 10 : place - 4,
-        "text-anchor": upright && !atEnd ? "start" : "end", class: "mark", fill: color(shape.line.color),
-      }, text);
+      const [left, top] = [upright ? place + (atEnd ? -4 : 4) : box.right - 4, upright ? box.top + 10 : place - 4];
+      label(root, text, left, top, upright && !atEnd ? "start" : "end", color(shape.line.color));
     }
+  }
+
+  // A label, below those that stand where it would.
+  function label(root, text, x, y, anchor, fill) {
+    const width = 6.6 * text.length;
+    const left = anchor === "end" ? x - width : x;
+    const others = [...root.querySelectorAll("text.mark")].map((one) => one.label);
+    let at = y;
+    while (others.some((one) => Math.abs(one.y - at) < 12 && one.left < left + width && left < one.left + one.width)) at += 1;
+    node(root, "text", { x, y: at, "text-anchor": anchor, class: "mark", fill }, text).label = { left, width, y: at };
   }
 
   function drawLegend(place, traces, layout) {
@@ -276,7 +286,9 @@ const Charts = (() => {
     render(place, options.width);
   }
 
+  // A place in a folded section is drawn when it is opened.
   function render(place, forced) {
+    if (!forced && !(place.checkVisibility ? place.checkVisibility() : place.clientWidth)) return;
     const { figure, view } = shown.get(place);
     const layout = layoutOf(figure, view);
     const width = Math.max(160, Math.round(forced || place.clientWidth || 600));
@@ -291,7 +303,10 @@ const Charts = (() => {
     if (old) old.replaceWith(root); else place.prepend(root);
     place.dataset.drawn = "yes";
     drawLegend(place, traces, layout);
+    Object.assign(shown.get(place), { root, panels });
+    overlay(place);
     if (!shown.get(place).options.silent) listen(root, place, panels, layout);
+    place.dispatchEvent(new CustomEvent("drawn", { bubbles: true }));
   }
 
   // The plots of a figure: one, or two side by side that share the vertical axis.
@@ -334,6 +349,9 @@ const Charts = (() => {
     drawShapes(inside, panel.first ? (layout.shapes || []).filter((shape) => shape.type === "rect") : [], x, y, box);
     panel.traces.forEach((trace, index) => drawTrace(inside, trace, panel.traces[index - 1], x, y));
     if (panel.first) drawShapes(root, (layout.shapes || []).filter((shape) => shape.type !== "rect"), x, y, box);
+    for (const note of panel.first ? layout.annotations || [] : []) {
+      label(root, note.text, box.right - 4, box.top + 10, "end", "var(--muted)");
+    }
     const title = layout.yaxis.title && layout.yaxis.title.text;
     if (title && panel.first) {
       const middle = (box.top + box.bottom) / 2;
@@ -370,12 +388,12 @@ const Charts = (() => {
     root.addEventListener("pointerleave", () => hide(cursor));
     const [panel] = panels;
     if (place.classList.contains("tall") && !panel.x.names && !panel.y.names) zoom(root, place, panel, across);
-    if (shown.get(place).options.onPick) {
-      root.addEventListener("click", (event) => {
-        const found = hit(panel, ...across(event));
-        if (found) shown.get(place).options.onPick(found.trace, found.index);
-      });
-    }
+    root.addEventListener("click", (event) => {
+      const [left, top] = across(event);
+      if (!shown.get(place).options.onPick) return marks.pick && marks.pick(place, panel, left, top);
+      const found = hit(panel, left, top);
+      return found && shown.get(place).options.onPick(found.trace, found.index);
+    });
   }
 
   function unified(panel, left, layout, cursor) {
@@ -460,5 +478,36 @@ const Charts = (() => {
     for (const place of shown.keys()) render(place, widthOf ? widthOf(place) : undefined);
   }
 
-  return { draw, resize, number };
+  // Draws what was folded when it was to be drawn, and is not any more.
+  function reveal() {
+    for (const [place, { root }] of shown) if (!root) render(place);
+  }
+
+  // What marks the picked run in a chart, and what picks one by a click.
+  const marks = { draw: null, pick: null };
+
+  function onMark(draw, pick) {
+    Object.assign(marks, { draw, pick });
+    remark();
+  }
+
+  function overlay(place) {
+    const { root, panels } = shown.get(place);
+    if (!root || !marks.draw) return;
+    const old = root.querySelector("g.picked");
+    if (old) old.remove();
+    marks.draw(place, node(root, "g", { class: "picked" }), panels[0]);
+  }
+
+  function remark() {
+    for (const place of shown.keys()) overlay(place);
+  }
+
+
+  // Calls `act` with place, picture and plots of every chart that is drawn.
+  function each(act) {
+    for (const [place, { root, panels }] of shown) if (root) act(place, root, panels);
+  }
+
+  return { draw, resize, reveal, onMark, remark, number, nearest, filled, node, color, each };
 })();

@@ -1,3 +1,28 @@
+// Folded sections: opened by links to them, and by what asks for them.
+const Sections = (() => {
+  "use strict";
+
+  function open(id) {
+    const place = document.getElementById(id);
+    if (!place) return;
+    for (let part = place.querySelector(":scope > details.fold") || place; part; part = part.parentElement) {
+      if (part.tagName === "DETAILS") part.open = true;
+    }
+    place.scrollIntoView();
+  }
+
+  function start() {
+    document.addEventListener("click", (event) => {
+      const link = event.target.closest('a[href^="#"]');
+      if (link) open(decodeURIComponent(link.hash.slice(1)));
+    });
+    window.addEventListener("hashchange", () => open(decodeURIComponent(location.hash.slice(1))));
+    if (location.hash) open(decodeURIComponent(location.hash.slice(1)));
+  }
+
+  return { open, start };
+})();
+
 (() => {
   "use strict";
   const data = JSON.parse(document.getElementById("page-data").textContent);
@@ -41,16 +66,23 @@
       document.getElementById("rank-note").textContent = limit === null ? "" : "significance limit \u00b1" + limit.toFixed(3);
     }
 
-    function drawScatter(metric, input) {
+    function drawScatter(name, metric, input) {
+      const values = data.runs.values[name];
+      const [low, high] = metric.ends;
+      const beyond = values.filter((value) => value !== null && (value < low || value > high)).length;
+      const place = document.getElementById("scatter-chart");
+      place.dataset.metric = name;
+      place.inputs = explorer.inputs[input];
       const title = metric.title + (metric.unit ? " [" + metric.unit + "]" : "");
       const limits = metric.limits.map(({ value, text }) => (
         { type: "line", y0: value, y1: value, name: "limit", label: { text }, line: { color: "#D55E00", width: 1.4 } }));
       Charts.draw(document.getElementById("scatter-chart"), {
         data: [{
-          type: "scatter", mode: "markers", x: explorer.inputs[input], y: metric.values, text: explorer.runs.map((run) => "run " + run),
-          marker: { size: 5, color: "#0072B2", opacity: 0.5 }, hovertemplate: "%{text}<br>%{x}, %{y}",
+          type: "scatter", mode: "markers", x: explorer.inputs[input], y: values.map((value) => (value === null ? null : Math.min(Math.max(value, low), high))),
+          text: data.runs.ids.map((run, index) => `run ${run}: ${Charts.number(values[index])}`),
+          marker: { size: 5, color: "#0072B2", opacity: 0.5 }, hovertemplate: "%{text} at %{x}",
         }],
-        layout: { showlegend: false, shapes: limits, xaxis: { pad: 0.03, ...titled(input) }, yaxis: titled(title) },
+        layout: { showlegend: false, shapes: limits, xaxis: { pad: 0.03, ...titled(input) }, yaxis: titled(title), annotations: beyond ? [{ text: `${beyond} beyond, at the edge` }] : [] },
       });
       const rank = metric.rank[input];
       document.getElementById("scatter-note").textContent = rank === undefined ? "" : "rank correlation " + rank.toFixed(3);
@@ -59,7 +91,7 @@
     function draw() {
       const metric = explorer.metrics[metricPick.value];
       drawRanks(metric, inputPick.value);
-      drawScatter(metric, inputPick.value);
+      drawScatter(metricPick.value, metric, inputPick.value);
     }
 
     function chooseStrongest() {
@@ -97,9 +129,11 @@
           traces.push(line(series, `3 sigma of run ${id}`, { ...channel, from: "nav_relative_sigma3_m" }, color, 1.2, "dot"));
         };
         add(detail.median, run ? "median" : "run", "#0072B2");
-        if (run && run !== String(detail.median)) add(run, "worst", "#D55E00");
+        if (run && run !== String(detail.median)) add(run, "beside it", "#D55E00");
         const values = traces.flatMap((trace) => trace.y.filter((value) => value > 0));
-        const log = channel.log && Math.max(...values) > 5 * Math.min(...values);
+        // Of a range that is far greater than the others the axis is logarithmic, too.
+        const wide = Math.max(...values) / Math.min(...values);
+        const log = channel.log ? wide > 5 : channel.name === "range_m" && wide > 50;
         if (log) for (const trace of traces) trace.y = trace.y.map((value) => (value > 0 ? value : null));
         Charts.draw(place, { data: traces, layout: {
           xaxis: { ticksuffix: " s" }, yaxis: { ...(log ? { type: "log" } : { rangemode: "tozero" }), title: { text: channel.unit ? `[${channel.unit}]` : "[-]" } },
@@ -131,6 +165,9 @@
   }
 
   const closed = [];
+
+  // What is folded is drawn when it is opened.
+  document.addEventListener("toggle", () => { Charts.reveal(); hintTables(); }, true);
 
   // The print layout applies only while printing, so charts are drawn anew for the widths of their containers on paper.
   function fitPaper() {
@@ -169,6 +206,8 @@
   if (data.detail) compareRuns(data.detail);
   Scene.start(data.scene);
   hintTables();
-  document.addEventListener("toggle", hintTables, true);
+  Tables.start();
+  Runs.start(data);
+  Sections.start();
   if (contents) followScroll();
 })();

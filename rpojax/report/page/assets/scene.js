@@ -3,7 +3,7 @@ const Scene = (() => {
   "use strict";
   const axes = [["x radial", [1, 0, 0]], ["y along-track", [0, 1, 0]], ["z normal", [0, 0, 1]]];
   const views = { free: [0.6, 0.35], plane: [0, 0], along: [Math.PI / 2, 0] };
-  const tone = { median: "--blue", worst: "--vermillion", other: "--shade" };
+  const tone = { median: "--blue", worst: "--vermillion", other: "--shade", picked: "--purple" };
 
   function start(data) {
     const canvas = document.getElementById("scene");
@@ -13,6 +13,7 @@ const Scene = (() => {
     const target = triangles(data.target);
     const paint = () => draw(canvas, data, target, reach, state);
     drag(canvas, state, paint);
+    pickable(canvas, data, state, paint);
     for (const button of document.querySelectorAll("[data-view]")) {
       button.addEventListener("click", () => {
         const wanted = button.dataset.view;
@@ -29,9 +30,31 @@ const Scene = (() => {
     paint();
   }
 
-  // Largest distance from the target of any path, so that all fit.
+  let markRun = () => {};
+
+  // A click near a path picks its run, which is told by the event "pickrun"; `markRun` shows the picked run.
+  function pickable(canvas, data, state, paint) {
+    let begin = null;
+    canvas.addEventListener("pointerdown", (event) => { begin = [event.clientX, event.clientY]; });
+    canvas.addEventListener("click", (event) => {
+      if (!begin || Math.hypot(event.clientX - begin[0], event.clientY - begin[1]) > 5 || !state.project) return;
+      const bounds = canvas.getBoundingClientRect();
+      const [x, y] = [event.clientX - bounds.left, event.clientY - bounds.top];
+      let best = [12, null];
+      for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) {
+        const [px, py] = state.project(path.points.slice(i, i + 3));
+        const far = Math.hypot(px - x, py - y);
+        if (far < best[0]) best = [far, path.run];
+      }
+      if (best[1] !== null) canvas.dispatchEvent(new CustomEvent("pickrun", { detail: best[1] }));
+    });
+    markRun = (run) => { state.picked = run; paint(); };
+  }
+
+  // Largest distance from the target of any path, so that all fit; `reach_m` where a few of them lead far away.
   function extent(data) {
     let most = data.keep_out_m || 1;
+    if (data.reach_m) return Math.max(most, data.reach_m);
     for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) most = Math.max(most, Math.hypot(path.points[i], path.points[i + 1], path.points[i + 2]));
     return most;
   }
@@ -78,10 +101,14 @@ const Scene = (() => {
     const project = (p) => [
       width / 2 + scale * (dot(view.right, p) - across), height / 2 - scale * (dot(view.up, p) - high), dot(view.forward, p)];
     drawAxes(pen, project, length / state.zoom, named);
-    for (const radius of data.spheres_m) drawSphere(pen, project, radius, scale, named);
+    for (const radius of data.spheres_m) if (radius) drawZone(pen, project, view, [radius, radius, radius], scale, named);
     for (const path of data.paths.filter((one) => one.kind === "other")) drawPath(pen, project, path, named);
     drawTarget(pen, project, target, view, named);
     for (const path of data.paths.filter((one) => one.kind !== "other")) drawPath(pen, project, path, named);
+    for (const path of data.paths.filter((one) => one.run === state.picked)) drawPath(pen, project, { ...path, kind: "picked" }, named);
+    state.project = project;
+    pen.fillStyle = named("--muted");
+    if (data.beyond) pen.fillText(data.beyond, 14, 18);
     for (const place of data.desired) mark(pen, project(place), named("--green"), "desired");
     drawScale(pen, scale, height, named);
   }
@@ -96,7 +123,11 @@ const Scene = (() => {
       high[k] = Math.max(high[k], dot(direction, point));
     });
     for (const [, direction] of axes) include(direction.map((one) => one * length));
-    for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) include(path.points.slice(i, i + 3));
+    const near = (point) => !data.reach_m || Math.hypot(...point) <= data.reach_m;
+    for (const path of data.paths) for (let i = 0; i < path.points.length; i += 3) {
+      const point = path.points.slice(i, i + 3);
+      if (near(point)) include(point);
+    }
     return { width: high[0] - low[0], height: high[1] - low[1], center: [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2] };
   }
 
@@ -110,19 +141,28 @@ const Scene = (() => {
       pen.moveTo(a[0], a[1]);
       pen.lineTo(b[0], b[1]);
       pen.stroke();
-      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 14) pen.fillText(name, b[0] + 4, b[1] - 4);
+      if (Math.hypot(b[0] - a[0], b[1] - a[1]) > 24) label(pen, name, b[0] + 4, b[1] - 4);
     }
   }
 
-  function drawSphere(pen, project, radius, scale, named) {
-    if (!radius) return;
+  // Text that ends inside of the picture.
+  function label(pen, text, x, y) {
+    pen.fillText(text, Math.max(4, Math.min(x, pen.canvas.clientWidth - pen.measureText(text).width - 4)), Math.max(12, y));
+  }
+
+  // Ellipsoid along the axes: its outline, which is an ellipse in every view, and its three principal ellipses.
+  function drawZone(pen, project, view, radii, scale, named) {
     const [x, y] = project([0, 0, 0]);
+    const spread = (a, b) => radii.reduce((sum, radius, k) => sum + radius * radius * a[k] * b[k], 0);
+    const [across, mixed, high] = [spread(view.right, view.right), spread(view.right, view.up), spread(view.up, view.up)];
+    const [middle, half] = [0.5 * (across + high), Math.hypot(0.5 * (across - high), mixed)];
+    const [long, short] = [Math.sqrt(middle + half), Math.sqrt(Math.max(0, middle - half))];
     pen.strokeStyle = named("--alert");
     pen.fillStyle = named("--alert");
     pen.lineWidth = 1;
     pen.globalAlpha = 0.1;
     pen.beginPath();
-    pen.arc(x, y, radius * scale, 0, 2 * Math.PI);
+    pen.ellipse(x, y, long * scale, short * scale, -0.5 * Math.atan2(2 * mixed, across - high), 0, 2 * Math.PI);
     pen.fill();
     pen.globalAlpha = 0.8;
     pen.stroke();
@@ -131,15 +171,16 @@ const Scene = (() => {
       pen.beginPath();
       for (let step = 0; step <= 48; step += 1) {
         const p = [0, 0, 0];
-        p[i] = radius * Math.cos((step * Math.PI) / 24);
-        p[j] = radius * Math.sin((step * Math.PI) / 24);
+        p[i] = radii[i] * Math.cos((step * Math.PI) / 24);
+        p[j] = radii[j] * Math.sin((step * Math.PI) / 24);
         const [px, py] = project(p);
         if (step) pen.lineTo(px, py); else pen.moveTo(px, py);
       }
       pen.stroke();
     }
     pen.globalAlpha = 1;
-    if (radius * scale > 30) pen.fillText(`keep-out ${radius} m`, x + 0.72 * radius * scale, y - 0.72 * radius * scale - 3);
+    const size = [...new Set(radii)].join(" × ");
+    if (short * scale > 30) label(pen, `keep-out ${size} m`, x + 0.72 * short * scale, y - 0.72 * short * scale - 3);
   }
 
   function drawTarget(pen, project, target, view, named) {
@@ -165,7 +206,7 @@ const Scene = (() => {
   function drawPath(pen, project, path, named) {
     pen.strokeStyle = named(tone[path.kind]);
     pen.globalAlpha = path.kind === "other" ? 0.45 : 1;
-    pen.lineWidth = { other: 1, worst: 1.5, median: 2.4 }[path.kind];
+    pen.lineWidth = { other: 1, worst: 1.5, median: 2.4, picked: 3.2 }[path.kind];
     pen.beginPath();
     let end = null;
     for (let i = 0; i < path.points.length; i += 3) {
@@ -236,5 +277,5 @@ const Scene = (() => {
     });
   }
 
-  return { start };
+  return { start, markRun: (run) => markRun(run), views, camera, dot, triangles, drawAxes, drawZone, drawScale, label, mark, drag };
 })();

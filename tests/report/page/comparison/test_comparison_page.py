@@ -11,7 +11,7 @@ from synthetic_campaign_results import synthetic_campaign
 from rpojax.analysis.statistics.campaign_comparison import CampaignComparison, KeyChange
 from rpojax.analysis.statistics.paired_comparison import RunMetrics, compare_paired_runs
 from rpojax.errors import ResultError
-from rpojax.report.page.comparison_page import write_comparison
+from rpojax.report.page.comparison_page import change_rows, write_comparison
 
 
 def compared(campaigns, warnings=()):
@@ -48,6 +48,25 @@ def test_changed_rows_are_marked_and_come_first(three, tmp_path):
     rows = words[words.index("Pairs Changed") :]
     assert rows.index("Delta-v") < rows.index("Formation error")
     assert "the median of 2 of 18 metrics changed (about 1 would seem to by chance)" in words
+
+
+def test_changes_are_ranked_by_effect_in_words_and_colour(three, tmp_path):
+    three[1].metrics["min_range_m"] = three[1].metrics["min_range_m"] + 1.0
+    three[1].metrics["nees_mean"] = three[1].metrics["nees_mean"] + 4.0
+    [found] = compared(three[:2])
+    rows = [row for row in change_rows(found) if row.is_changed]
+    told = {row.name: (row.direction, row.tone) for row in rows}
+    assert told["delta_v_m_s"] == ("worse", "alert")
+    assert told["min_range_m"] == ("better", "good")
+    assert told["nees_mean"] == ("higher", "")
+    names = [row.name for row in rows]
+    assert names.index("delta_v_m_s") < names.index("nees_mean") < names.index("min_range_m")
+    page = ReportPage(write_comparison(three[:2], [found], tmp_path / "c.html").read_text())
+    placed = [str(attributes["data-chart"]) for _, attributes in page.tags if "data-chart" in attributes]
+    assert placed[:2] == ["first-envelope-delta_v_m_s", "first-histogram-gps_innovation_lag1"]
+    words = page_text(page)
+    first_screen = words[words.index("Largest effects") : words.index("Changed key")]
+    assert first_screen.index("worse") < first_screen.index("better")
 
 
 def test_signed_figures_have_differences_and_no_ratio(three):

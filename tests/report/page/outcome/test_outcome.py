@@ -1,4 +1,4 @@
-"""The first screen: sentence, verdicts, figures and next steps, from entries of report.json written by hand."""
+"""The first screen: headline, cards, figures and what to change, from entries of report.json written by hand."""
 
 import copy
 
@@ -8,14 +8,9 @@ from report_page_parser import page_text, rendered_page
 
 from rpojax.report.labels import format_number
 from rpojax.report.page import report_json
-from rpojax.report.page.first_screen import (
-    entry_margin,
-    leading_figures,
-    next_steps,
-    outcome_sentence,
-    verdict_tiles,
-    weakest_requirement,
-)
+from rpojax.report.page.first_screen import leading_figures, verdict_tiles
+from rpojax.report.page.headline import entry_margin, headline, headline_notes, weakest_requirement
+from rpojax.report.page.next_steps import next_steps
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
@@ -81,11 +76,59 @@ CONTENT = {
 }
 
 
-def test_sentence_has_verdicts_runs_weakest_margin_and_passive_safety():
-    assert outcome_sentence(CONTENT) == (
-        "3 of 3 requirements verified in 500 runs, each for 99 % of the runs at 10 % risk; weakest margin 0.150 m "
-        "(relative navigation error); passive safety fails: 194 of 500; no run failed."
+def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
+    assert headline(CONTENT) == [
+        "None of 500 runs failed, and its 3 requirements are verified.",
+        "After a loss of thrust 194 of 500 runs could drift into the keep-out sphere within 24 h.",
+    ]
+    safe = copy.deepcopy(CONTENT)
+    safe["safety"]["free_drift"][1]["below_keep_out"]["count"] = 0
+    assert (
+        headline(safe)[1]
+        == "The smallest margin is 0.150 m, of Relative navigation error \N{LESS-THAN OR EQUAL TO} 1.5 m."
     )
+    safe["requirements"][0] |= {"verdict": "needs more runs", "more_runs": 30}
+    assert headline(safe) == [
+        "None of 500 runs failed, and of 3 requirements 2 are verified and 1 needs more runs.",
+        "1 requirement needs more runs: no run violates too much, but 500 are too few to tell.",
+    ]
+    safe["requirements"][1] |= {"verdict": "not verified", "violations": 9}
+    every = "None of 500 runs failed, and of 3 requirements 1 is verified, 1 is not verified and 1 needs more runs."
+    assert headline(safe)[0] == every
+    assert headline(safe)[1] == "9 of 500 runs violate Minimum range \N{GREATER-THAN OR EQUAL TO} 15 m."
+
+
+@pytest.mark.parametrize(
+    ("verdict", "words"),
+    [
+        ("verified", "its requirement is verified."),
+        ("not verified", "its requirement is not verified."),
+        ("needs more runs", "its requirement needs more runs."),
+        ("unfinished: no verdict", "its requirement has no verdict."),
+    ],
+)
+def test_what_is_open_is_told_apart_from_what_is_refuted(verdict, words):
+    stated = {**CONTENT, "requirements": [requirement("delta_v_m_s", "at most", 1.0, verdict, None, 0.5)]}
+    assert headline(stated)[0] == f"None of 500 runs failed, and {words}"
+
+
+def test_headline_of_failures_is_how_many_and_the_main_cause():
+    failed = ended(478, lost=15, off_station=7)
+    cause = {"name": "wheels", "title": "wheels are saturated", "text": "a wheel reaches its greatest speed (100 %)"}
+    cause |= {"mend": "larger wheels", "runs": 20, "run_ids": list(range(20)), "at_s": 1.0}
+    failed["why_failed"] |= {"failed": 22, "causes": [cause], "without": 2}
+    assert headline(failed) == [
+        "22 of 500 runs failed: 15 lost the target, 7 off station.",
+        "The main cause, in 20 of these: wheels are saturated.",
+    ]
+    failed["why_failed"]["causes"][0]["runs"] = 22
+    assert headline(failed)[1] == "The cause in all 22: wheels are saturated."
+    everything = ended(0, lost=500)
+    assert headline(everything) == [
+        "All 500 runs failed: lost the target.",
+        "No cause was found: repeat one of them to look at it.",
+    ]
+    assert headline({**everything, "runs": everything["runs"] | {"missing": 500}}) == ["No run has ended yet."]
 
 
 def ended(completed, **outcomes):
@@ -99,12 +142,12 @@ def ended(completed, **outcomes):
     return found
 
 
-def test_the_first_screen_says_first_that_the_goal_was_missed():
+def test_the_headline_says_where_unfinished_runs_stayed():
     missed = ended(140, unfinished=360)
-    assert outcome_sentence(missed).startswith(
-        "The goal of the mission was not reached in 360 of 500 runs: stayed in near: range_sigma_m not met; 3 of 3 "
-    )
-    assert outcome_sentence(missed).endswith("; 360 of 500 runs failed.")
+    assert headline(missed) == [
+        "360 of 500 runs failed: the goal of the mission was not reached.",
+        "No cause was found; stayed in near: range_sigma_m not met.",
+    ]
     [tile] = [tile for tile in verdict_tiles(missed) if tile.title == "Failed runs"]
     assert (tile.value, tile.note, tile.css_class) == (
         "360 of 500",
@@ -116,17 +159,27 @@ def test_the_first_screen_says_first_that_the_goal_was_missed():
 @pytest.mark.parametrize(
     ("completed", "not_judged", "words"),
     [
-        (0, 500, "no run is judged, as all end before limits.arrive_by_s."),
-        (490, 10, "10 of 500 runs are not judged, as they end before limits.arrive_by_s."),
+        (0, 500, "No run is judged, as all end before limits.arrive_by_s, and its 3 requirements are verified."),
+        (490, 10, "10 of 500 runs are not judged, as they end before limits.arrive_by_s, and its 3 requirements are "),
     ],
 )
 def test_runs_that_are_not_judged_are_no_success_on_the_first_screen(completed, not_judged, words):
     content = ended(completed, not_judged=not_judged)
-    assert outcome_sentence(content).endswith(f"; {words}")
-    assert "no run failed" not in outcome_sentence(content)
+    assert headline(content)[0].startswith(words)
+    assert not any("failed" in sentence for sentence in headline(content))
     tiles = {tile.title: (tile.value, tile.css_class) for tile in verdict_tiles(content)}
     assert tiles["Failed runs"] == ("0 of 500", "open")
     assert tiles["Runs not judged"] == (f"{not_judged} of 500", "open")
+
+
+def test_what_qualifies_the_headline_stands_below_it():
+    found = ended(480, lost=10, not_judged=10) | {"provenance": {"sealed": False, "requirement_changes": [{}, {}]}}
+    assert headline_notes(found) == [
+        "10 of 500 runs are not judged, as they end before limits.arrive_by_s.",
+        "The folder is unsealed, so there are figures and no verdicts.",
+        "Requirements were changed after the campaign (2 times, see limits of use).",
+    ]
+    assert headline_notes(CONTENT) == []
 
 
 def test_weakest_requirement_is_by_the_margin_relative_to_its_limit():
@@ -153,6 +206,26 @@ def test_passive_safety_is_a_red_tile_before_all_others_and_turns_green():
     assert (passive.value, passive.css_class) == ("holds: 500 of 500", "good")
 
 
+def test_a_requirement_that_is_passive_safety_is_one_card():
+    stated = copy.deepcopy(CONTENT)
+    stated["safety"]["keep_out_m"] = 10.0
+    drift = requirement("passive_range_24_h_m", "at least", 10.0, "not verified", -9.5, 0.5, violations=194)
+    stated["requirements"].append(drift)
+    titles = [tile.title for tile in verdict_tiles(stated)]
+    assert titles[0] == "Passive safety: passive range, 24 h \N{GREATER-THAN OR EQUAL TO} 10 m"
+    assert sum("assive" in title for title in titles) == 1
+    # Another limit is another fact.
+    drift["limit"] = 25.0
+    assert sum("assive" in tile.title for tile in verdict_tiles(stated)) == 2
+
+
+def test_a_tolerance_bound_is_told_apart_from_a_percentile_of_the_sample():
+    stated = copy.deepcopy(CONTENT)
+    stated["requirements"][0] |= {"order_statistic": 1.26, "sample_percentile": 1.056}
+    [tile] = [tile for tile in verdict_tiles(stated) if tile.title.startswith("Formation")]
+    assert "; tolerance bound 1.26 m at 10 % risk: margin +0.900 m; sample p99 1.06 m" in tile.note
+
+
 def test_leading_figures_are_range_weakest_channel_and_weakest_histogram():
     charts = {"envelope-range_m", "envelope-nav_relative_error_m", "envelope-delta_v_m_s"}
     charts |= {"histogram-nav_relative_position_error_rms_m", "histogram-min_range_m"}
@@ -170,29 +243,62 @@ def test_leading_figures_are_range_weakest_channel_and_weakest_histogram():
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "what", "words"),
     [
-        ({"verdict": "not verified", "violations": 9, "violating_ids": [3]}, "Not verified: formation_error_rms_m"),
-        ({"verdict": "needs more runs", "more_runs": 30}, "simulate at least 530 as a new campaign with another seed"),
+        (
+            {"verdict": "not verified", "violations": 9, "violating_ids": [3]},
+            "Not verified: Formation error \N{LESS-THAN OR EQUAL TO} 2 m",
+            "9 of 500 runs violate it",
+        ),
+        (
+            {"verdict": "needs more runs", "more_runs": 30},
+            "1 requirement needs more runs",
+            "simulate at least 530 as a new campaign with another seed",
+        ),
     ],
 )
-def test_next_steps_follow_from_what_was_found(campaign, change, words):
+def test_rows_on_what_to_change_follow_from_what_was_found(campaign, change, what, words):
     content = copy.deepcopy(CONTENT)
     content["requirements"][0] |= change
     steps = next_steps(campaign, content)
-    assert steps[0].text.startswith("After a loss of thrust 194 of 500 runs could drift into the keep-out sphere")
-    assert steps[1].text.startswith("After a burn that did not end 12 of 500 runs could")
-    assert any(words in step.text for step in steps)
-    assert all(step.command.startswith("rpojax ") for step in steps[:2])
+    assert (steps[0].what, steps[0].run_id) == ("194 of 500 runs are not passively safe", 7)
+    assert "run 7" in steps[0].why
+    assert steps[1].what == "12 of 500 runs are not safe from a burn that does not end"
+    [step] = [step for step in steps if step.what == what]
+    assert words in step.text
+    assert all(step.command.startswith("rpojax ") for step in steps)
+
+
+def test_more_runs_are_no_advice_where_runs_fail_or_there_is_one(campaign):
+    content = ended(499, lost=1)
+    content["requirements"][0] |= {"verdict": "needs more runs", "more_runs": 30}
+    content["failures"] = [{"run_id": 3, "detail": ""}]
+    assert not any("more runs" in step.what for step in next_steps(campaign, content))
+    one = copy.deepcopy(CONTENT)
+    one["runs"] |= {"requested": 1, "completed": 1}
+    one["requirements"][0] |= {"verdict": "needs more runs", "more_runs": 229}
+    assert not any("more runs" in step.what for step in next_steps(campaign, one))
+
+
+def test_a_requirement_that_only_failed_runs_violate_has_no_row_of_its_own(campaign):
+    content = ended(497, lost=3)
+    content["failures"] = [{"run_id": run, "detail": ""} for run in (3, 4, 5)]
+    violated = {"verdict": "not verified", "violations": 3, "violating_ids": [3, 4, 5]}
+    content["requirements"][0] |= violated
+    steps = next_steps(campaign, content)
+    assert steps[0].what == "All 3 failed runs"
+    assert not any(step.what.startswith("Not verified") for step in steps)
+    content["requirements"][0] |= {"violations": 4, "violating_ids": [3, 4, 5, 6]}
+    assert any(step.run_id == 6 for step in next_steps(campaign, content))
 
 
 def test_the_run_to_look_at_is_one_beyond_the_limit_and_not_one_that_failed(campaign):
     content = copy.deepcopy(CONTENT)
     violated = {"verdict": "not verified", "violations": 3, "violating_ids": [3, 7, 12], "without_value": 2}
     content["requirements"][0] |= {**violated, "beyond_limit": 1}
-    assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.text)
+    assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
     content["requirements"][0] |= {"violating_ids": [3, 7], "violations": 2, "beyond_limit": 0}
-    assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.text)
+    assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
 
 
 def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(build):
@@ -208,7 +314,10 @@ def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(bui
     entry = report_json.report_content(campaign, [])["requirements"][0]
     assert entry["order_statistic"] == keeps[entry["rank"] - 1]
     sign = "+" if entry["order_statistic"] <= 1.0 else "\N{MINUS SIGN}"
-    assert f"90 % keep {format_number(entry['order_statistic'], 3)} m/s: margin {sign}" in words
+    bound = format_number(entry["order_statistic"], 3)
+    assert f"tolerance bound {bound} m/s at 10 % risk: margin {sign}" in words
+    sample = np.nanpercentile(campaign.metrics["delta_v_m_s"], 90.0)
+    assert f"sample p90 {format_number(sample, 3)} m/s" in words
     duration = campaign.info["scenario"]["duration_s"]
     assert f": 60 runs, {duration:g} s each, seed 1" in words
     assert "\N{DAGGER} of the runs with a value alone" in words

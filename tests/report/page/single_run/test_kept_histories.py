@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rpojax.report.page.html_report import KeptHistories
+from rpojax.report.page.html_report import KeptResults
 
 
 class Recorded:
@@ -30,7 +30,7 @@ class Recorded:
 @pytest.mark.parametrize(("most_bytes", "read"), [(1000, [1, 2, 3]), (330, [1, 2, 3, 2]), (0, [1, 2, 1, 3, 2])])
 def test_the_latest_histories_are_kept(most_bytes: int, read: list[int]) -> None:
     recorded: Any = Recorded()
-    kept = KeptHistories(recorded, most_bytes)
+    kept = KeptResults(recorded, most_bytes)
     for run in (1, 1, 2, 1, 3, 2):
         np.testing.assert_array_equal(kept.history(run)["value"], run)
     assert recorded.read == read
@@ -39,7 +39,7 @@ def test_the_latest_histories_are_kept(most_bytes: int, read: list[int]) -> None
 
 def test_a_servicer_of_a_team_has_its_part_of_what_was_read() -> None:
     recorded: Any = Recorded("a", "b")
-    kept = KeptHistories(recorded)
+    kept = KeptResults(recorded)
     assert kept.history(7)["value"].shape == (10, 2)
     np.testing.assert_array_equal(kept.history(7, 1)["value"], 1007.0)
     np.testing.assert_array_equal(kept.history(7, 0)["time_s"], np.arange(10.0))

@@ -1,0 +1,130 @@
+"""What stays the same during a run that is played back: camera, thruster, bodies, zones of each phase, and the Sun."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from rpojax.core.orbits import eclipse, sun_moon_ephemeris
+from rpojax.errors import RpojaxError
+from rpojax.physics.thruster import Thruster
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.numbers.section_records import record_of
+from rpojax.scenario.team.members import member_files
+from rpojax.sensors import camera_pose
+from rpojax.sensors.camera import Camera
+from rpojax.value_types import epoch_seconds
+
+_CHORD_S: Final = 60.0
+"""Time to both sides of an instant over which the plane of the orbit is taken from positions in single precision."""
+_LONGEST_CHORD: Final = 0.7
+"""Longest angle of that chord [rad], so that thinned histories of low orbits still have a plane."""
+
+
+@dataclass(frozen=True)
+class Optics:
+    """True camera of a servicer: frame [px], focal length [px], and `R_KB`."""
+
+    width_px: int
+    height_px: int
+    focal_px: float
+    R_KB: np.ndarray
+
+
+def drawn_tables(campaign: CampaignResults, run_id: int) -> Sequence[dict[str, Any] | None]:
+    """Scenario of each servicer with the values drawn for a run; None if the recorded one cannot be read."""
+    names = list(campaign.servicer_names) or [""]
+    try:
+        members = member_files(scenario_loader.validate_recorded(campaign.info.get("scenario", {})))
+    except (RpojaxError, KeyError, TypeError):
+        return [None] * len(names)
+    row = int(np.flatnonzero(campaign.run_ids == run_id)[0])
+    return [_with_drawn(each.model_dump(), campaign, row, name) for each, name in zip(members, names, strict=True)]
+
+
+def _with_drawn(tables: dict[str, Any], campaign: CampaignResults, row: int, name: str) -> dict[str, Any]:
+    """Tables of a servicer with the values drawn in a row of the campaign."""
+    for key, values in campaign.drawn.items():
+        path, _, servicer = key.partition("/")
+        section, _, leaf = path.partition(".")
+        if servicer in ("", name) and leaf in tables.get(section, {}):
+            tables[section][leaf] = np.asarray(values[row]).tolist()
+    return tables
+
+
+def optics(tables: Mapping[str, Any]) -> Optics:
+    """The true camera of a servicer's scenario."""
+    camera, table = record_of(Camera, tables, "camera"), tables["camera"]
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
+    q_KB = np.asarray(camera_pose.camera_attitude(camera, identity))
+    focal = 0.5 * table["width_px"] / math.tan(0.5 * math.radians(table["field_of_view_deg"]))
+    return Optics(int(table["width_px"]), int(table["height_px"]), focal, attitude_matrices(q_KB[None])[0])
+
+
+def thrust_direction(tables: Mapping[str, Any]) -> np.ndarray:
+    """Unit vector (3,) of the force on the servicer in B, with the run's misalignment."""
+    thruster = record_of(Thruster, tables, "thruster")
+    turned = Rotation.from_rotvec(np.array(thruster.misalignment)).apply(np.array(thruster.direction))
+    return turned / np.linalg.norm(turned)
+
+
+def body_side(tables: Mapping[str, Any]) -> float:
+    """Side of the cube that stands for the servicer [m]: that of its mean cross-section."""
+    return float(np.sqrt(tables["servicer_surface"]["area_m2"]))
+
+
+def zones(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Semi-axes of the keep-out zone [m] and the corridor of each phase, in order; of the whole run without phases."""
+    sphere = [float(tables["limits"]["keep_out_m"])] * 3
+    phases = tables.get("phases") or [{}]
+    return [
+        {"keep_out": list(phase.get("keep_out_m") or sphere), "corridor": _corridor(phase.get("corridor"))}
+        for phase in phases
+    ]
+
+
+def _corridor(table: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if table is None:
+        return None
+    axis = np.asarray(table["axis"], dtype=np.float64)
+    slope = math.tan(math.radians(table["half_angle_deg"]))
+    return {"axis": (axis / np.linalg.norm(axis)).tolist(), "slope": slope, "width": float(table["width_m"])}
+
+
+def attitude_matrices(q: np.ndarray) -> np.ndarray:
+    """Direction cosine matrices (n, 3, 3) of scalar-first quaternions (n, 4)."""
+    return Rotation.from_quat(np.roll(np.asarray(q, dtype=np.float64), -1, axis=-1)).as_matrix()
+
+
+def hill_axes(time_s: np.ndarray, r_TN_N: np.ndarray) -> np.ndarray:
+    """`R_HN` (n, 3, 3) of positions (n, 3) along an orbit [m], whose plane is that of positions a minute apart."""
+    r = np.asarray(r_TN_N, dtype=np.float64)
+    radial = r / np.linalg.norm(r, axis=1)[:, None]
+    step = float(np.median(np.diff(time_s)))
+    turned = math.acos(min(1.0, float(radial[0] @ radial[1])))
+    reach = min(_CHORD_S / step, _LONGEST_CHORD / max(turned, 1e-12))
+    reach = min(max(1, round(reach)), len(r) - 1)
+    ticks = np.arange(len(r))
+    plane = np.cross(r[np.maximum(ticks - reach, 0)], r[np.minimum(ticks + reach, len(r) - 1)])
+    normal = plane - np.sum(plane * radial, axis=1)[:, None] * radial
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    return np.stack([radial, np.cross(normal, radial), normal], axis=1)
+
+
+def sunlight(epoch_utc: str, time_s: np.ndarray, r_TN_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (n, 3) in N from the target to the Sun, and visible fraction (n,) of its disc."""
+    epoch = sun_moon_ephemeris.epoch_at(epoch_seconds(epoch_utc))
+
+    def of_instant(time: jax.Array, r_N: jax.Array) -> tuple[jax.Array, jax.Array]:
+        sun_N = sun_moon_ephemeris.sun_position(time, epoch)
+        return sun_N - r_N, eclipse.illumination(r_N, sun_N)
+
+    instants = jnp.asarray(time_s, dtype=jnp.float64), jnp.asarray(r_TN_N, dtype=jnp.float64)
+    towards, visible = map(np.asarray, jax.jit(jax.vmap(of_instant))(*instants))
+    return towards / np.linalg.norm(towards, axis=1)[:, None], visible

@@ -1,0 +1,121 @@
+"""What was simulated, in a few lines: runs, vehicle, orbit, camera, target and phases, as the scenario states them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from rpojax.report.campaign_results import CampaignResults, design_phrase, runs_are_independent
+from rpojax.report.labels import format_number
+
+_EARTH_RADIUS_M: Final = 6378137.0
+_MODELS: Final = {
+    "geometric": "boxes by an error model, no images",
+    "rendered": "rendered images and a detector",
+    "statistical": "boxes by a model fitted to a detector",
+}
+_MOST_PHASES: Final = 6
+
+
+def rows(campaign: CampaignResults, requested: int) -> list[tuple[str, str]]:
+    """Title and text of each line; lines of which the scenario says nothing are left out."""
+    scenario = campaign.info.get("scenario", {})
+    found = [
+        ("Runs", _runs(campaign, scenario, requested)),
+        ("Vehicle", _vehicle(scenario, campaign.servicer_names)),
+        ("Orbit", _orbit(scenario.get("orbit", {}))),
+        ("Camera", _camera(scenario)),
+        ("Target", _target(scenario.get("target", {}))),
+        ("Phases", _phases(scenario)),
+        ("Keep-out", _keep_out(scenario)),
+    ]
+    return [(title, text) for title, text in found if text]
+
+
+def simulated_text(info: Mapping[str, Any], runs: int) -> str:
+    """Number of runs, their duration and seed, as far as recorded."""
+    duration = info.get("scenario", {}).get("duration_s")
+    parts = [
+        f"{runs} run" if runs == 1 else f"{runs} runs",
+        f"{format_number(float(duration))} s each" if duration is not None else "",
+        f"seed {info['seed']}" if "seed" in info else "",
+    ]
+    return ", ".join(part for part in parts if part)
+
+
+def _runs(campaign: CampaignResults, scenario: Mapping[str, Any], requested: int) -> str:
+    drawn = "each drawn by itself" if runs_are_independent(campaign) else f"drawn as {design_phrase(campaign)}"
+    count = len(campaign.drawn)
+    dispersed = f"; {count} quantities dispersed" if count > 1 else "; 1 quantity dispersed" if count else ""
+    return simulated_text(campaign.info, requested) + (f"; {drawn}{dispersed}" if scenario else "")
+
+
+def _vehicle(scenario: Mapping[str, Any], names: Sequence[str]) -> str:
+    mass, force = scenario.get("servicer", {}).get("mass_kg"), scenario.get("thruster", {}).get("force_n")
+    wheels = scenario.get("wheels", {})
+    parts = [] if mass is None else [f"{mass:g} kg"]
+    parts += [] if force is None else [f"thruster of {force:g} N"]
+    if {"inertia_kg_m2", "speed_limit_rad_s"} <= wheels.keys():
+        momenta = np.multiply(wheels["inertia_kg_m2"], wheels["speed_limit_rad_s"])
+        low, high = (f"{value:.3g}" for value in (np.min(momenta), np.max(momenta)))
+        parts.append(f"{len(momenta)} wheels of {low if low == high else f'{low} to {high}'} N m s")
+    team = f"{len(names)} servicers ({', '.join(names)}), " + ("each " if parts else "") if names else ""
+    return team + ", ".join(parts)
+
+
+def _orbit(orbit: Mapping[str, Any]) -> str:
+    if "semi_major_axis_m" not in orbit:
+        return ""
+    altitude = (float(orbit["semi_major_axis_m"]) - _EARTH_RADIUS_M) / 1e3
+    parts = [f"{altitude:.0f} km above the equator's radius"]
+    for key, text in (("inclination_deg", "inclined by {:g} deg"), ("eccentricity", "eccentricity {:g}")):
+        parts += [text.format(orbit[key])] if key in orbit else []
+    return ", ".join(parts)
+
+
+def _camera(scenario: Mapping[str, Any]) -> str:
+    camera = scenario.get("camera", {})
+    if "field_of_view_deg" not in camera:
+        return ""
+    size = f", {camera['width_px']} \N{MULTIPLICATION SIGN} {camera['height_px']} px" if "width_px" in camera else ""
+    rate = scenario.get("rates", {}).get("camera_hz")
+    model = _MODELS.get(str(camera.get("model")), "")
+    parts = [f"lens of {camera['field_of_view_deg']:g} deg{size}", f"{rate:g} Hz" if rate is not None else "", model]
+    return ", ".join(part for part in parts if part)
+
+
+def _target(target: Mapping[str, Any]) -> str:
+    parts = []
+    if target.get("hull_m"):
+        spans = np.ptp(np.asarray(target["hull_m"], dtype=float), axis=0) * float(target.get("scale", 1.0))
+        parts.append(" \N{MULTIPLICATION SIGN} ".join(f"{span:.3g}" for span in spans) + " m")
+    parts += [f"{target['mass_kg']:g} kg"] if "mass_kg" in target else []
+    parts += [f"tumbles at {target['tumble_rate_deg_s']:g} deg/s"] if "tumble_rate_deg_s" in target else []
+    return ", ".join(parts)
+
+
+def _phases(scenario: Mapping[str, Any]) -> str:
+    names = [str(phase.get("name", "")) for phase in scenario.get("phases") or []]
+    if names:
+        more = f" and {len(names) - _MOST_PHASES} more" if len(names) > _MOST_PHASES else ""
+        return " \N{RIGHTWARDS ARROW} ".join(names[:_MOST_PHASES]) + more
+    start = scenario.get("initial", {}).get("relative_position_m")
+    station = scenario.get("formation", {}).get("desired_position_m")
+    if start is None or station is None:
+        return ""
+    return f"none: from {_place(start)} to the station at {_place(station)}"
+
+
+def _place(position: Sequence[float]) -> str:
+    """A position in the Hill frame in words: what lies along one axis by its direction, else its components."""
+    words = (("above", "below"), ("ahead", "behind"), ("north", "south"))
+    along = [(value, word) for value, word in zip(position, words, strict=True) if value]
+    if len(along) == 1:
+        value, (positive, negative) = along[0]
+        return f"{abs(value):g} m {positive if value > 0.0 else negative}"
+    return f"({', '.join(f'{value:g}' for value in position)}) m"
+
+
+def _keep_out(scenario: Mapping[str, Any]) -> str:
+    radius = scenario.get("limits", {}).get("keep_out_m")
+    return "" if radius is None else f"sphere of {radius:g} m about the target"
