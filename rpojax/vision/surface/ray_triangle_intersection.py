@@ -11,12 +11,10 @@ from typing import Final
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from rpojax.core.pytree import pytree
 
-_AT_ONCE: Final = 8
-"""Triangles of one step of the loop. A choice: fewer read and write the nearest hits more often."""
 _EDGE_ON: Final = 1e-12
 """Distance of the point from the plane of a triangle over that from its corners, below which it stops no ray."""
 
@@ -43,42 +41,50 @@ def nearest_hits(
 
     Either side of a triangle stops a ray; one without area, or seen edge-on, stops none.
     """
-    planes, count = _planes(triangles, origin), directions.shape[0]
-    missing = -triangles.shape[0] % _AT_ONCE
-    # Triangles without area fill the last step.
-    planes = [jnp.concatenate([each, jnp.zeros((missing, *each.shape[1:]), each.dtype)]) for each in planes]
-    steps = [each.reshape(-1, _AT_ONCE, *each.shape[1:]) for each in planes]
+    sides, inverse, height = _planes(triangles, origin)
+    face, found = _nearest_faces(*map(jax.lax.stop_gradient, (sides, inverse, directions)))
+    nearness = jnp.sum(inverse[face] * directions, axis=1)
+    return NearestHits(
+        distance=jnp.where(found, 1.0 / jnp.where(found, nearness, 1.0), jnp.inf),
+        face=face,
+        cosine=jnp.where(found, nearness * height[face], 0.0),
+    )
+
+
+def _nearest_faces(
+    sides: Float[Array, "t 3 3"], inverse: Float[Array, "t 3"], directions: Float[Array, "r 3"]
+) -> tuple[Int[Array, " r"], Bool[Array, " r"]]:
+    """Number of the triangle that each ray meets first, 0 where there is none, and whether there is one.
+
+    The number takes the place of the last bits of one over the distance, so that the largest of these has it with it:
+    a loop with a single result takes a third of the time. Distances that differ in these bits alone count as equal:
+    by a few nanometres, or half a centimetre in single precision.
+    """
+    count, dtype = inverse.shape[0], directions.dtype
+    whole = jnp.int64 if dtype == jnp.float64 else jnp.int32
+    last_bits = (1 << max(count - 1, 1).bit_length()) - 1
     x, y, z = directions[:, 0], directions[:, 1], directions[:, 2]
 
     def along(vector: Float[Array, "3"]) -> Float[Array, " r"]:
         return x * vector[0] + y * vector[1] + z * vector[2]
 
-    def step(best: tuple[Array, Array, Array], inputs: tuple[Array, ...]) -> tuple[tuple[Array, Array, Array], None]:
-        nearness, face, height = best
-        first, sides, inverse, heights = inputs
-        for index in range(_AT_ONCE):
-            side = [along(sides[index, corner]) for corner in range(3)]
-            inside = jnp.minimum(jnp.minimum(side[0], side[1]), side[2]) >= 0.0
-            near = jnp.where(inside, along(inverse[index]), 0.0)
-            is_nearer = near > nearness
-            nearness = jnp.where(is_nearer, near, nearness)
-            face = jnp.where(is_nearer, first + index, face)
-            height = jnp.where(is_nearer, heights[index], height)
-        return (nearness, face, height), None
+    def step(nearest: Array, inputs: tuple[Array, Array, Array]) -> tuple[Array, None]:
+        planes, of_face, number = inputs
+        first, second, third = (along(planes[side]) for side in range(3))
+        bits = jax.lax.bitcast_convert_type(along(of_face), whole)
+        numbered = jax.lax.bitcast_convert_type((bits & ~last_bits) | number, dtype)
+        inside = jnp.minimum(jnp.minimum(first, second), third) >= 0.0
+        return jnp.maximum(nearest, jnp.where(inside, numbered, 0.0)), None
 
-    none = jnp.zeros_like(x)
-    firsts = _AT_ONCE * jnp.arange(steps[0].shape[0], dtype=jnp.int32)
-    start = (none, jnp.zeros(count, dtype=jnp.int32), none)
-    (nearness, face, height), _ = jax.lax.scan(step, start, (firsts, *steps))
-    found = nearness > 0.0
-    return NearestHits(
-        distance=jnp.where(found, 1.0 / jnp.where(found, nearness, 1.0), jnp.inf),
-        face=face,
-        cosine=nearness * height,
-    )
+    numbers = jnp.arange(count, dtype=whole)
+    nearest, _ = jax.lax.scan(step, jnp.zeros_like(x), (sides, inverse, numbers))
+    # A triangle that stops no ray leaves a number that is too small to be one over a distance.
+    found = nearest > jnp.finfo(dtype).tiny
+    face = jax.lax.bitcast_convert_type(nearest, whole) & last_bits
+    return jnp.where(found, face, 0).astype(jnp.int32), found
 
 
-def _planes(triangles: Float[Array, "t 3 3"], origin: Float[Array, "3"]) -> list[Array]:
+def _planes(triangles: Float[Array, "t 3 3"], origin: Float[Array, "3"]) -> tuple[Array, Array, Array]:
     """Of each triangle as seen from the origin: planes (t, 3, 3), plane over distance (t, 3) [1/m], distance (t) [m].
 
     A ray is inside where its products with the planes are positive; its product with the second is one over the
@@ -91,11 +97,11 @@ def _planes(triangles: Float[Array, "t 3 3"], origin: Float[Array, "3"]) -> list
     counts = jnp.abs(height) > _EDGE_ON * area * reach
     sign, safe = jnp.where(counts, jnp.sign(height), 0.0), jnp.where(counts, height, 1.0)
     sides = [[sign * part for part in _cross(first, second)] for first, second in ((a, b), (b, c), (c, a))]
-    return [
+    return (
         jnp.stack([jnp.stack(side, axis=1) for side in sides], axis=1),
         jnp.stack([jnp.where(counts, part / safe, 0.0) for part in normal], axis=1),
         jnp.abs(height) / area,
-    ]
+    )
 
 
 def _safe(square: Array) -> Array:
