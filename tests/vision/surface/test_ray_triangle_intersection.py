@@ -1,4 +1,4 @@
-"""Nearest hits of rays against trimesh's plane intersections and barycentric coordinates, ray by ray and face by face."""
+"""Nearest hits of rays against trimesh's plane intersections and barycentric coordinates, ray by ray."""
 
 import jax
 import jax.numpy as jnp
