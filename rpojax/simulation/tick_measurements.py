@@ -90,7 +90,7 @@ def _measure_additional(
     scene = SensedScene(truth=state.truth, sky=sky, time=time)
     if params.surface is not None:
         cone = sight_cone(params.flight.navigation, flight.orbit, flight.attitude.q_BN)
-        scene = replace(scene, surface=params.surface, scale=params.plant.target.scale, cone=cone)
+        scene = replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
     found: dict[str, Array] = {}
     for name, sensor in scenario.additional_sensors:
         found |= sensor.measure(params.additional_sensors[name], scene, noise.additional[name])

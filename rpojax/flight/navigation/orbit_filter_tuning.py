@@ -102,7 +102,7 @@ class OrbitFilterTuning:
         "axis, over `target_size_m`, 1 sigma; filter states like those of `nearest_surface_sigma`. Used with `lidar`",
         length=4,
         above=0.0,
-        default=[0.022, 0.053, 0.018, 0.033],
+        default=[0.025, 0.055, 0.02, 0.035],
     )
     bearing_bias_sigma: Array = number("constant bearing error per axis, 1 sigma; a state", unit="deg", above=0.0)
     attitude_sigma: Array = number("noise of the estimated camera attitude per axis, 1 sigma", unit="deg", at_least=0.0)

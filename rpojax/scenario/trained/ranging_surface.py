@@ -24,7 +24,9 @@ def surface_for_sensors(tables: Mapping[str, Any]) -> TargetSurface | None:
     found = simplified(triangles)
     known = MATT_REFLECTIVITY if reflectivity is None else reflectivity[found.numbers]
     return TargetSurface(
-        triangles=jnp.asarray(found.triangles), reflectivity=jnp.asarray(np.broadcast_to(known, len(found.triangles)))
+        triangles=jnp.asarray(found.triangles),
+        reflectivity=jnp.asarray(np.broadcast_to(known, len(found.triangles))),
+        scale=jnp.ones(()),
     )
 
 

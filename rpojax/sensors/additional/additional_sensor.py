@@ -26,8 +26,7 @@ class SensedScene:
         truth: state of the plant
         sky: positions of Sun and Moon
         time: () since the start of the run [s]
-        surface: nominal surface of the target, None unless a sensor of the scenario meets it
-        scale: () size of the true target over the nominal one, None likewise
+        surface: of the target, None unless a sensor of the scenario meets it
         cone: directions in which flight software looks for the target, None likewise
     """
 
@@ -35,7 +34,6 @@ class SensedScene:
     sky: "SunMoonPositions"
     time: "jax.Array"
     surface: "TargetSurface | None" = None
-    scale: "jax.Array | None" = None
     cone: "SightCone | None" = None
 
 

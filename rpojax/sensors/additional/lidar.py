@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 RAYS: Final = 64
-_LEAST_RETURNS: Final = 4
-"""Returns below which there is no centroid. A choice: fewer may be of one end of a panel."""
 _TURN_RATE: Final = 2.399963
 """Rate at which the pattern turns [rad/s]: by the golden angle in a second, so that frames meet other places."""
-_SAMPLING: Final = 0.08
-"""Error of the centroid of one return along and across, over the target's size, 1 sigma [-]: a third of what
-independent places on the packaged target would give, as those of the pattern are spread evenly."""
+_SPREAD: Final = 0.35
+"""Distance of a return from the centroid of the surface in sight along an axis across, over the target's size, 1 sigma
+[-]: of the packaged target with its panels in sight. The centroid of evenly spread places is nearer to that of the
+surface than of independent ones: their error falls with the number to the power of -3/4 (Kendall, On the Number of
+Lattice Points inside a Random Oval, 1948)."""
 
 
 class Lidar(AdditionalSensor):
@@ -63,15 +63,16 @@ class Lidar(AdditionalSensor):
 
         cone, field = scene.cone, settings["field_half_angle"]
         assert cone is not None
+        assert scene.surface is not None
         turned = _TURN_RATE * scene.time
         c, s = jnp.cos(turned), jnp.sin(turned)
         x, y = jnp.asarray(surface_ranging.sunflower(RAYS), dtype=c.dtype).T
         pattern = jnp.stack([c * x - s * y, s * x + c * y], axis=1)
         beams = surface_ranging.within_cone(cone.axis_B, jnp.minimum(cone.half_angle, field), pattern)
-        found = surface_ranging.returns(scene, beams, settings["maximum_range"])
+        found = surface_ranging.returns(scene.truth, scene.surface, beams, settings["maximum_range"])
         present = found.present & surface_ranging.is_within(beams, settings["boresight"], field)
         count = jnp.sum(jnp.where(present, 1.0, 0.0), axis=0)
-        hit = count >= _LEAST_RETURNS
+        hit = count > 0.5
         number = jnp.where(hit, count, 1.0)
         distance = jnp.where(present, found.distance, 0.0)
         mean = jnp.sum(beams * distance[:, None], axis=0) / number
@@ -93,7 +94,7 @@ class Lidar(AdditionalSensor):
         from rpojax.core.numerics import gradient_safe
         from rpojax.sensors.additional import surface_ranging
 
-        tuning, present = view.tuning, measured["lidar_returns_count"] >= _LEAST_RETURNS
+        tuning, present = view.tuning, measured["lidar_returns_count"] > 0.5
         forward = jnp.array([1.0, 0.0, 0.0], dtype=view.q_BN.dtype)
         centroid = jnp.where(present, measured["lidar_centroid_m"], forward)
         distance = gradient_safe.norm(centroid)
@@ -107,7 +108,7 @@ class Lidar(AdditionalSensor):
             return place + jnp.stack([-toward, offset[2] + offset[4], offset[3] + offset[5]])
 
         number = jnp.maximum(measured["lidar_returns_count"], 1.0)
-        sampling = (_SAMPLING * tuning.target_size) ** 2 / number
+        sampling = (_SPREAD * tuning.target_size) ** 2 / (number * jnp.sqrt(number))
         along = beliefs["believed_noise"] ** 2 / number + sampling
         across = (beliefs["believed_angle_noise"] * distance) ** 2 + sampling
         values = jnp.sum(axes * centroid[None, :], axis=1)

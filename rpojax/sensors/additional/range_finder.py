@@ -51,12 +51,13 @@ class RangeFinder(AdditionalSensor):
         from rpojax.core.numerics import gradient_safe
         from rpojax.sensors.additional import surface_ranging
 
+        assert scene.surface is not None
         angles = 2.0 * np.pi * np.arange(_RING) / _RING
         ring = _RING_SHARE * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         boresight = gradient_safe.normalize(settings["boresight"])
         pattern = jnp.asarray(np.concatenate([np.zeros((1, 2)), ring]), dtype=boresight.dtype)
         beam = surface_ranging.within_cone(boresight, settings["beam_half_angle"], pattern)
-        found = surface_ranging.returns(scene, beam, settings["maximum_range"])
+        found = surface_ranging.returns(scene.truth, scene.surface, beam, settings["maximum_range"])
         hit = jnp.any(found.present, axis=0)
         distance = jnp.min(jnp.where(found.present, found.distance, jnp.inf), axis=0)
         measured = jnp.where(hit, distance, 0.0) + settings["bias"] + settings["noise"] * normals[0]

@@ -1,7 +1,7 @@
 """Ranges of laser beams to the nearest surface of the target, and which of them come back."""
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,10 +11,8 @@ from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import cross, product
+from rpojax.physics.plant_state import Truth
 from rpojax.vision.surface.ray_triangle_intersection import nearest_hits
-
-if TYPE_CHECKING:
-    from rpojax.sensors.additional.additional_sensor import SensedScene
 
 MOST_TRIANGLES: Final = 600
 """Triangles of a surface for ranges: as many as the loop searches one by one; a larger mesh is simplified."""
@@ -24,15 +22,17 @@ MATT_REFLECTIVITY: Final = 0.3
 
 @pytree
 class TargetSurface:
-    """Nominal surface of the target in T, from its centre of mass.
+    """Surface of the target in T, from its centre of mass.
 
     Attributes:
-        triangles: (t, 3, 3) [m]
-        reflectivity: (t,) of a white, matt surface's [-]
+        triangles: (t, 3, 3) of the nominal target [m]
+        reflectivity: (t,) over that of a white, matt surface [-]
+        scale: () size of the true target over the nominal one [-]
     """
 
     triangles: Array
     reflectivity: Array
+    scale: Array
 
 
 @pytree
@@ -48,7 +48,9 @@ class Returns:
     present: Array
 
 
-def returns(scene: "SensedScene", directions_B: Float[Array, "r 3"], reach: Float[Array, ""]) -> Returns:
+def returns(
+    truth: Truth, surface: TargetSurface, directions_B: Float[Array, "r 3"], reach: Float[Array, ""]
+) -> Returns:
     """Returns of beams along unit vectors from the servicer's centre of mass.
 
     The power that a matt surface wider than the beam sends back falls with the square of the distance, with its
@@ -56,15 +58,12 @@ def returns(scene: "SensedScene", directions_B: Float[Array, "r 3"], reach: Floa
     equation; Richmond and Cain, Direct-Detection LADAR Systems, 2010, chapter 1). `reach` [m] is the distance at which
     a white one seen face-on is just detected.
     """
-    truth, surface = scene.truth, scene.surface
-    assert surface is not None
     R_TB = product(quaternion.to_matrix(truth.q_TN), quaternion.to_matrix(truth.q_BN).T)
     directions_T = product(directions_B, R_TB.T)
-    # The true target is `scale` times the nominal one.
-    origin_T = quaternion.rotate(truth.q_TN, truth.r_ST_N) / scene.scale
+    origin_T = quaternion.rotate(truth.q_TN, truth.r_ST_N) / surface.scale
     hits = nearest_hits(surface.triangles, origin_T, directions_T)
     met = jnp.isfinite(hits.distance)
-    distance = jnp.where(met, hits.distance, 0.0) * scene.scale
+    distance = jnp.where(met, hits.distance, 0.0) * surface.scale
     present = met & (distance**2 <= reach**2 * surface.reflectivity[hits.face] * hits.cosine)
     return Returns(distance=distance, present=present)
 

@@ -38,8 +38,7 @@ def measure(distance: float, cone_deg: float, normals: tuple[float, ...] = (0, 0
     _, params, state = initialise_run(scenario_loader.load("inspection", SECTION))
     truth = replace(state.truth, r_ST_N=jnp.array([-distance, 0.0, 0.0]), q_BN=IDENTITY, q_TN=IDENTITY)
     scene = {
-        "surface": TargetSurface(triangles=jnp.asarray(WALL), reflectivity=jnp.full(2, 0.3)),
-        "scale": jnp.ones(()),
+        "surface": TargetSurface(triangles=jnp.asarray(WALL), reflectivity=jnp.full(2, 0.3), scale=jnp.ones(())),
         "cone": SightCone(axis_B=jnp.array([1.0, 0.0, 0.0]), half_angle=jnp.asarray(np.radians(cone_deg))),
         **changes,
     }
@@ -56,21 +55,21 @@ def test_the_centroid_of_a_wall_is_its_middle_with_bias_and_noise() -> None:
     np.testing.assert_allclose(centroid[1:], 20.0 * np.radians(0.02) * np.array([1.0, -1.0]), atol=0.02)
 
 
-def test_beams_beside_the_target_do_not_count_and_too_few_give_none() -> None:
+def test_beams_beside_the_target_do_not_count_and_without_a_return_there_is_no_centroid() -> None:
     centroid, count = measure(20.0, 8.0)
     # 4 m^2 of the circle of 2.8 m.
     assert count == pytest.approx(64 * 4.0 / (np.pi * (20.0 * np.tan(np.radians(8.0))) ** 2), abs=3)
     np.testing.assert_allclose(centroid, [20.02, 0.0, 0.0], atol=0.15)
-    far, few = measure(40.0, 10.0, surface=TargetSurface(triangles=jnp.asarray(0.5 * WALL), reflectivity=jnp.ones(2)))
-    assert few < 4
-    assert np.isnan(far).all()
+    nothing, none = measure(200.0, 10.0)
+    assert none == 0
+    assert np.isnan(nothing).all()
 
 
 def test_dark_and_glancing_surfaces_return_nothing() -> None:
     def wall(reflectivity: float, turned_deg: float = 0.0) -> TargetSurface:
         c, s = np.cos(np.radians(turned_deg)), np.sin(np.radians(turned_deg))
         turned = WALL @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        return TargetSurface(triangles=jnp.asarray(turned), reflectivity=jnp.full(2, reflectivity))
+        return TargetSurface(triangles=jnp.asarray(turned), reflectivity=jnp.full(2, reflectivity), scale=jnp.ones(()))
 
     # The reach of 100 m falls to 100 sqrt(0.04) = 20 m, or 100 sqrt(0.3 cos 85 deg) = 16 m.
     assert measure(21.0, 2.0, surface=wall(0.04))[1] == 0
@@ -123,6 +122,8 @@ def test_its_rows_are_linear_in_place_and_offsets() -> None:
     np.testing.assert_allclose(rows.jacobian[:, 6:12], signs, atol=1e-12)
     np.testing.assert_allclose(rows.jacobian[0, :3], line, atol=1e-12)
     np.testing.assert_allclose(rows.weight, 1.0)
+    # 16 evenly spread returns: 0.35 of 1.063 m over 16 to the power of 3/4, which is 8.
+    np.testing.assert_allclose(rows.variance[0], 0.05**2 / 16.0 + (0.35 * 1.063 / 8.0) ** 2, rtol=1e-12)
     none = {"lidar_centroid_m": jnp.full(3, jnp.nan), "lidar_returns_count": jnp.asarray(0.0)}
     without = Lidar.rows(params.flight.sensors["lidar"], view, none)
     np.testing.assert_array_equal(without.weight, 0.0)

@@ -46,7 +46,7 @@ def measure(distance: float, off_deg: float, *overrides: str, turned_deg: float 
     )
     sky = SunMoonPositions(sun_N=jnp.ones(3), moon_N=jnp.ones(3))
     scene = SensedScene(
-        truth=truth, sky=sky, time=jnp.zeros(()), surface=params.surface, scale=params.plant.target.scale
+        truth=truth, sky=sky, time=jnp.zeros(()), surface=replace(params.surface, scale=params.plant.target.scale)
     )
     return float(RangeFinder.measure(params.additional_sensors["range_finder"], scene, jnp.ones(1))["range_finder_m"])
 
