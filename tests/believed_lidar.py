@@ -31,15 +31,15 @@ class Lidar(rpojax.AdditionalSensor):
         hit = (ideal[0] < settings["reach"]) & (jnp.max(jnp.abs(ideal[1:])) < settings["cone"])
         hit = hit & (norm.cdf(normals[3]) > settings["miss_probability"])
         found = jnp.where(hit, ideal + noise * normals[:3], jnp.nan)
-        return {"lidar_m": found[0], "lidar_rad": found[1:]}
+        return {"ranger_m": found[0], "ranger_rad": found[1:]}
 
     @staticmethod
     def rows(beliefs, view, measured):
         """The same of the estimate, with the believed noise."""
-        values = jnp.concatenate([measured["lidar_m"][None], measured["lidar_rad"]])
+        values = jnp.concatenate([measured["ranger_m"][None], measured["ranger_rad"]])
         angle = beliefs["believed_angle_noise"]
         variance = jnp.stack([beliefs["believed_noise"], angle, angle]) ** 2
-        present = jnp.isfinite(measured["lidar_m"])
+        present = jnp.isfinite(measured["ranger_m"])
         return view.rows(lambda estimate: _range_and_angles(view.q_BN, estimate.r_TS_N), values, variance, present)
 
 
@@ -50,4 +50,4 @@ def _range_and_angles(q_BN, r_TS_N):
 
 def setup():
     """What the scenario gets."""
-    return rpojax.Plugin(sensors={"lidar": Lidar})
+    return rpojax.Plugin(sensors={"ranger": Lidar})

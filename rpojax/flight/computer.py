@@ -104,7 +104,7 @@ def navigate(
     variance = _attitude_variance(params.vehicle, attitude)
 
     def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
-        view = SensorView(relative=relative, q_BN=attitude.q_BN, time=time)
+        view = SensorView(tuning=params.navigation, relative=relative, q_BN=attitude.q_BN, time=time)
         return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
 
     box = filtered_box(params, memory, variance, measurements.box, sun_N)

@@ -35,8 +35,9 @@ from rpojax.scenario.numbers import key_units
 from rpojax.scenario.numbers.section_records import array, record_of, section_record
 from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.trained import fitted_camera, trained_files
+from rpojax.scenario.trained import fitted_camera, ranging_surface, trained_files
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
+from rpojax.sensors.additional.surface_ranging import TargetSurface
 from rpojax.sensors.camera import Camera
 from rpojax.sensors.chamber_pressure import ChamberPressure
 from rpojax.sensors.gps import Gps, GpsDifferences
@@ -55,7 +56,7 @@ class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
     `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers; `epoch` has no key
-    that can be dispersed.
+    that can be dispersed. `surface` is that of the target, where a sensor meets it.
     """
 
     orbit: KeplerianElements
@@ -79,6 +80,7 @@ class Params:
     epoch: Epoch
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
+    surface: TargetSurface | None = None
 
 
 _HANDOVER = "initial.handover"
@@ -115,6 +117,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         handover=_handover_errors(tables["initial"].get("handover")),
         link=section_record(RadioLink, tables["link"], outage_start=starts, outage_end=ends),
         additional_sensors=_sensor_numbers(tables, believed=False),
+        surface=ranging_surface.surface_for_sensors(tables),
         **rest,
     )
 

@@ -40,8 +40,10 @@ def scenario_digest(file: ScenarioFile) -> str:
     if trained := trained_files.required_digests(content):
         content["trained"] = trained
     if not file.coverage.enabled:
-        content.pop("coverage", None)
-    elif mesh := coverage_surface.mesh_digest(content):
+        coverage = content.pop("coverage", {})
+        if coverage_surface.is_surface_used(content):
+            content["coverage"] = {key: coverage[key] for key in ("surface", "mesh_units") if key in coverage}
+    if mesh := coverage_surface.mesh_digest(content):
         content["mesh"] = mesh
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 

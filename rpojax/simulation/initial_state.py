@@ -67,7 +67,10 @@ def init(
         truth.v_TN_N + truth.v_ST_N + error[3:6],
         -truth.r_ST_N + error[6:9],
         -truth.v_ST_N + error[9:12],
-        VIEW_STATES if _shares(scenario) else SLOW_STATES,
+        relative_filter_state.states_with(
+            [each.name for each in scenario.filter_settings.sensors],
+            VIEW_STATES if _shares(scenario) else SLOW_STATES,
+        ),
     )
     q_BN, omega = target_pointing.look_attitude(params.flight.vehicle, orbit)
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)

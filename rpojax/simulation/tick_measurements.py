@@ -1,11 +1,14 @@
 """Measurements of one tick by all sensors, and propagation of the correlated sensor errors."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.flight.flight_records import Measurements
+from rpojax.flight.guidance.sight_cone import sight_cone
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
@@ -54,7 +57,7 @@ def measure(
         star_tracker_present=health.star_tracker
         & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
         box=box_measurement(scenario, params, frame),
-        additional=_measure_additional(scenario, params, noise, SensedScene(truth=truth, sky=sky, time=time)),
+        additional=_measure_additional(loop, state, noise, sky, time),
         picture=picture if loop.stages.takes_picture else None,
     )
     return measurements, frame
@@ -79,8 +82,15 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
     )
 
 
-def _measure_additional(scenario: Scenario, params: Params, noise: TickNoise, scene: SensedScene) -> dict[str, Array]:
+def _measure_additional(
+    loop: Loop, state: State, noise: TickNoise, sky: SunMoonPositions, time: Scalar
+) -> dict[str, Array]:
     """Measurements of the additional sensors, by name."""
+    scenario, params, flight = loop.scenario, loop.params, state.flight
+    scene = SensedScene(truth=state.truth, sky=sky, time=time)
+    if params.surface is not None:
+        cone = sight_cone(params.flight.navigation, flight.orbit, flight.attitude.q_BN)
+        scene = replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
     found: dict[str, Array] = {}
     for name, sensor in scenario.additional_sensors:
         found |= sensor.measure(params.additional_sensors[name], scene, noise.additional[name])

@@ -18,7 +18,7 @@ from rpojax.simulation.tick import Loop
 
 PLUGIN = Path(__file__).parents[1] / "believed_lidar.py"
 SECTION = """
-[lidar]
+[ranger]
 noise_m = 0.15
 angle_noise_deg = 0.3
 miss_probability = 0.2
@@ -65,8 +65,8 @@ def test_a_replaced_update_that_leaves_the_sensor_out_is_refused(tmp_path: Path)
 
 def test_what_is_believed_and_what_is_true_are_apart(tmp_path: Path) -> None:
     _, params = rpojax.nominal_parameters(load(tmp_path, "inspection"))
-    assert set(params.flight.sensors["lidar"]) == {"believed_noise", "believed_angle_noise"}
-    assert set(params.additional_sensors["lidar"]) == {"noise", "angle_noise", "miss_probability", "reach", "cone"}
+    assert set(params.flight.sensors["ranger"]) == {"believed_noise", "believed_angle_noise"}
+    assert set(params.additional_sensors["ranger"]) == {"noise", "angle_noise", "miss_probability", "reach", "cone"}
 
 
 @pytest.mark.slow
@@ -76,16 +76,16 @@ def test_in_the_dark_the_estimate_stays_as_good_and_consistent(tmp_path: Path) -
         history = campaign.history(run)
         late = np.asarray(history["time_s"]) > 1000.0
         dark = late & ~np.asarray(history["observable"], dtype=bool)
-        assert (dark & np.asarray(history["lidar_accepted"], dtype=bool)).sum() > 0.7 * dark.sum() > 500
+        assert (dark & np.asarray(history["ranger_accepted"], dtype=bool)).sum() > 0.7 * dark.sum() > 500
         error = np.linalg.norm(history["relative_error_H"], axis=1)
         assert np.sqrt(np.mean(error[dark] ** 2)) < 0.1  # 0.3 to 0.7 m without
     write_report(campaign, film=False, progress=False)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     means = {entry["name"]: entry for entry in report["consistency"]["means"]}
     # The noise is believed 1.33 times as large as it is: 3 / 1.33^2.
-    assert means["nis_lidar_mean"]["expected"] == 3.0
-    assert means["nis_lidar_mean"]["mean"] == pytest.approx(3.0 / (4.0 / 3.0) ** 2, rel=0.05)
-    assert "lidar_innovation_lag1" in {entry["name"] for entry in report["consistency"]["whiteness"]}
+    assert means["nis_ranger_mean"]["expected"] == 3.0
+    assert means["nis_ranger_mean"]["mean"] == pytest.approx(3.0 / (4.0 / 3.0) ** 2, rel=0.05)
+    assert "ranger_innovation_lag1" in {entry["name"] for entry in report["consistency"]["whiteness"]}
     assert means["nees_relative_mean"]["mean"] < 12.0
 
 
@@ -94,11 +94,11 @@ def test_in_the_dark_the_estimate_stays_as_good_and_consistent(tmp_path: Path) -
 def test_servicers_that_share_use_it(tmp_path: Path, sharing: str) -> None:
     campaign = fly(tmp_path, 2, "cooperative_inspection", "duration_s=400", f"navigation.sharing={sharing}")
     assert np.all(campaign.metrics["nav_relative_position_error_rms_m"] < 0.1)
-    assert np.all(campaign.metrics["lidar_used_fraction"] > 0.5)
+    assert np.all(campaign.metrics["ranger_used_fraction"] > 0.5)
 
 
 @pytest.mark.slow
 def test_its_belief_is_tuned_towards_the_noise(tmp_path: Path) -> None:
-    file = load(tmp_path, "inspection", "duration_s=300", "lidar.believed_noise_m=0.6")
-    tuned = rpojax.tune(file, ["lidar.believed_noise_m"], runs=2, steps=4, validation_runs=0, progress=False)
-    assert tuned.values["lidar.believed_noise_m"] < 0.5
+    file = load(tmp_path, "inspection", "duration_s=300", "ranger.believed_noise_m=0.6")
+    tuned = rpojax.tune(file, ["ranger.believed_noise_m"], runs=2, steps=4, validation_runs=0, progress=False)
+    assert tuned.values["ranger.believed_noise_m"] < 0.5

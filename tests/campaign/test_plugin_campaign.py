@@ -124,10 +124,10 @@ def test_the_example_goes_through_campaign_report_and_tuning(tmp_path: Path) -> 
         history = found.history(row)
         angle = docking_angle_deg(history["rho_H"].astype(float))
         np.testing.assert_allclose(found.metrics["docking_angle_deg"][row], angle, rtol=1e-12)
-        hits = (history["lidar_m"] > 0.0).mean()
-        np.testing.assert_allclose(found.metrics["lidar_hit_fraction"][row], hits, rtol=1e-12)
-        seen = np.isfinite(history["lidar_m"])
-        assert np.all(np.abs(history["lidar_m"] - history["range_m"])[seen] < 6.0 * 0.1)
+        hits = (history["ranger_m"] > 0.0).mean()
+        np.testing.assert_allclose(found.metrics["ranger_hit_fraction"][row], hits, rtol=1e-12)
+        seen = np.isfinite(history["ranger_m"])
+        assert np.all(np.abs(history["ranger_m"] - history["range_m"])[seen] < 6.0 * 0.1)
     assert set(found.configuration.stages) == {"formation_law"}
     write_report(found)
     content = json.loads((tmp_path / "runs" / "report.json").read_text())
@@ -156,7 +156,7 @@ def test_a_worst_case_of_a_metric_of_the_example_is_found_and_repeated(tmp_path:
     assert found["unit"] == "deg"
     assert found["value_flown"] > 8.0  # the median run has less than 4 deg
     assert found["value_flown"] == pytest.approx(found["value"], rel=1e-6)
-    assert any(entry["name"] == "lidar.noise_m" for entry in found["dispersions"])
+    assert any(entry["name"] == "ranger.noise_m" for entry in found["dispersions"])
     numbers = ("--seed", "0", "--run-id", str(found["run_id"]))
     rpojax_command("run", "worst/worst_case.toml", *numbers, "--out", "again")
     assert Campaign(tmp_path / "again").metrics["docking_angle_deg"][0] == pytest.approx(found["value_flown"], rel=1e-9)

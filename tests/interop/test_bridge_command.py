@@ -123,7 +123,7 @@ def test_a_run_with_a_plugin_has_its_metrics_and_says_what_it_does() -> None:
     found = summary(simulator)
     assert found["outcome"] == "not_judged"  # too short to arrive
     assert 0.0 < found["metrics"]["docking_angle_deg"] < 20.0
-    assert found["metrics"]["lidar_hit_fraction"] == 0.0  # the run begins beyond the reach of 40 m
+    assert found["metrics"]["ranger_hit_fraction"] == 0.0  # the run begins beyond the reach of 40 m
     del listener
 
 

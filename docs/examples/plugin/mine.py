@@ -11,12 +11,12 @@ def docking_angle_deg(rho_H):
     return jnp.rad2deg(jnp.arctan2(jnp.hypot(rho_H[0], rho_H[2]), -rho_H[1]))
 
 
-def lidar_hit_fraction(lidar_m):
-    """Share of the ticks in which the lidar has a measurement; of a whole run, in NumPy."""
-    return (lidar_m > 0.0).mean()
+def ranger_hit_fraction(ranger_m):
+    """Share of the ticks in which the ranger has a measurement; of a whole run, in NumPy."""
+    return (ranger_m > 0.0).mean()
 
 
-class Lidar(rpojax.AdditionalSensor):
+class Ranger(rpojax.AdditionalSensor):
     """Range finder without a beam: it sees the target wherever it is."""
 
     noise_m: float
@@ -28,7 +28,7 @@ class Lidar(rpojax.AdditionalSensor):
         """Range [m]; NaN out of reach."""
         distance = jnp.linalg.norm(scene.truth.r_ST_N)
         measured = distance + settings["noise"] * normals[0]
-        return {"lidar_m": jnp.where(distance < settings["reach"], measured, jnp.nan)}
+        return {"ranger_m": jnp.where(distance < settings["reach"], measured, jnp.nan)}
 
 
 def cautious_law(gain, deviation):
@@ -40,7 +40,7 @@ def cautious_law(gain, deviation):
 def setup():
     """What the scenario gets."""
     return rpojax.Plugin(
-        metrics={"docking_angle_deg": docking_angle_deg, "lidar_hit_fraction": lidar_hit_fraction},
-        sensors={"lidar": Lidar},
+        metrics={"docking_angle_deg": docking_angle_deg, "ranger_hit_fraction": ranger_hit_fraction},
+        sensors={"ranger": Ranger},
         stages=rpojax.Stages(formation_law=cautious_law),
     )

@@ -29,11 +29,13 @@ class SensorView:
     """What flight software knows where it uses a measurement.
 
     Attributes:
+        tuning: of the orbit filter
         relative: estimate of the target before the measurement
         q_BN: (4,) attitude of the servicer by the attitude filter
         time: () since the start of the run [s]
     """
 
+    tuning: OrbitFilterTuning
     relative: RelativeEstimate
     q_BN: Array
     time: Array

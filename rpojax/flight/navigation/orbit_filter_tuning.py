@@ -78,6 +78,32 @@ class OrbitFilterTuning:
         length=2,
         above=0.0,
     )
+    nearest_surface: Array = number(
+        "mean distance of the surface that a range finder meets from the centre of mass, towards the servicer, over "
+        "`target_size_m`. Used with `range_finder`",
+        at_least=0.0,
+        default=0.305,
+    )
+    nearest_surface_sigma: Array = number(
+        "error of that distance over attitude, slow and fast part, over `target_size_m`, 1 sigma; filter states with "
+        "the correlation times of the slow part of the size and of `center_time_constant_s`. Used with `range_finder`",
+        length=2,
+        above=0.0,
+        default=[0.015, 0.048],
+    )
+    centroid: Array = number(
+        "mean distance of the centroid of a LiDAR's returns from the centre of mass, towards the servicer, over "
+        "`target_size_m`. Used with `lidar`",
+        at_least=0.0,
+        default=0.15,
+    )
+    centroid_sigma: Array = number(
+        "error of the centroid over attitude: slow and fast part along the line of sight, and the same across per "
+        "axis, over `target_size_m`, 1 sigma; filter states like those of `nearest_surface_sigma`. Used with `lidar`",
+        length=4,
+        above=0.0,
+        default=[0.025, 0.055, 0.02, 0.035],
+    )
     bearing_bias_sigma: Array = number("constant bearing error per axis, 1 sigma; a state", unit="deg", above=0.0)
     attitude_sigma: Array = number("noise of the estimated camera attitude per axis, 1 sigma", unit="deg", at_least=0.0)
     acceleration_noise: Array = number("unmodelled acceleration of the servicer", unit="m_s2_sqrt_hz", at_least=0.0)

@@ -6,7 +6,7 @@ and process noise, and how it acts on the motion; filter, sharing, linear covari
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -43,6 +43,7 @@ class SlowState:
         acceleration: (3, size) of the target from the servicer by a unit of the state [m/s^2]; None for a state
             without effect on it
         is_lasting: it stays as it was at hand-over, but for a slow walk, and so far as it was declared
+        sensor: additional sensor that shows it and without which there is no such state, None for a state of all
     """
 
     name: str
@@ -53,6 +54,7 @@ class SlowState:
     burn_effect: Callable[[LastingEffects, Vector], Array] | None = None
     acceleration: Callable[[LastingEffects], Array] | None = None
     is_lasting: bool = False
+    sensor: str | None = None
 
     @property
     def acts_on_motion(self) -> bool:
@@ -100,6 +102,57 @@ def _deflected(effects: LastingEffects, delta_v_N: Vector) -> Float[Array, "3 2"
     along, *across = effects.thrust_axes_N
     return jnp.sum(along * delta_v_N, axis=0) * jnp.stack(across, axis=1)
 
+
+def _nearest_surface_variance(tuning: OrbitFilterTuning) -> Float[Array, "2"]:
+    return (tuning.target_size * tuning.nearest_surface_sigma) ** 2 + _by_size(tuning, tuning.nearest_surface, 2)
+
+
+def _centroid_variance(tuning: OrbitFilterTuning) -> Float[Array, "6"]:
+    along_and_across = (tuning.target_size * tuning.centroid_sigma[jnp.array([0, 1, 2, 2, 3, 3])]) ** 2
+    return along_and_across + _by_size(tuning, tuning.centroid, 6)
+
+
+def _by_size(tuning: OrbitFilterTuning, mean: Scalar, count: int) -> Array:
+    """Variances [m^2] of a mean distance by the error of the target's size, which the first part has."""
+    return jnp.pad(((tuning.target_size * mean * tuning.target_size_sigma) ** 2)[None], (0, count - 1))
+
+
+def _surface_process(
+    variance: Callable[[OrbitFilterTuning], Array], slow: tuple[int, ...]
+) -> Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]:
+    """Process of a place on the surface: the `slow` parts change as the line of sight turns, others as it tumbles."""
+
+    def process(tuning: OrbitFilterTuning, errors: ShapeErrors, dt: float | Scalar) -> tuple[Array, Array]:
+        stationary, times = variance(tuning), (errors.center_time_constant, errors.scale_time_constant[0])
+        time_constant = jnp.stack([times[int(part in slow)] for part in range(stationary.shape[0])])
+        decay = jnp.exp(-dt / time_constant)
+        return decay, stationary * (1.0 - decay**2)
+
+    return process
+
+
+RANGING_STATES = (
+    # Of the surface that a range finder meets from where it is on average, towards the servicer; slow and fast part.
+    SlowState(
+        "nearest_surface",
+        2,
+        "m",
+        lambda tuning, r_TS_N: _nearest_surface_variance(tuning),
+        _surface_process(_nearest_surface_variance, slow=(0,)),
+        sensor="range_finder",
+    ),
+    # Of the centroid of a LiDAR's returns from where it is on average: towards the servicer, slow and fast part, and
+    # along two axes across the line of sight, slow and fast part of both.
+    SlowState(
+        "centroid",
+        6,
+        "m",
+        lambda tuning, r_TS_N: _centroid_variance(tuning),
+        _surface_process(_centroid_variance, slow=(0, 2, 3)),
+        sensor="lidar",
+    ),
+)
+"""Slow states that filters have besides where they believe a sensor; they come first, as burns do not show them."""
 
 SLOW_STATES = (
     # Log of the apparent size over its expected value, in a slow and a fast part.
@@ -155,16 +208,26 @@ SLOW_STATES = (
         is_lasting=True,
     ),
 )
-"""Slow states of the filter, in the order of its vector."""
+"""Slow states of every filter, in the order of its vector."""
 
 VIEW_STATES = tuple(state for state in SLOW_STATES if not state.acts_on_motion)
 """Those that a box shows: the states of filters that take the errors of burns as new in each burn."""
 
 
+def states_with(sensors: Collection[str], states: tuple[SlowState, ...] = SLOW_STATES) -> tuple[SlowState, ...]:
+    """These slow states of a filter that believes the additional sensors of these names, and those of the sensors."""
+    return (*(state for state in RANGING_STATES if state.sensor in sensors), *states)
+
+
+def _declared() -> tuple[SlowState, ...]:
+    """All slow states in the order of the vector."""
+    return (*RANGING_STATES, *SLOW_STATES)
+
+
 @cache
 def layout_of(names: frozenset[str]) -> StateLayout:
     """Layout of the motion and the slow states of these names."""
-    return StateLayout((*MOTION.blocks, *((state.name, state.size) for state in SLOW_STATES if state.name in names)))
+    return StateLayout((*MOTION.blocks, *((state.name, state.size) for state in _declared() if state.name in names)))
 
 
 @pytree
@@ -273,7 +336,7 @@ def slow_process(
     The target is at `r_TS_N` [m] from the servicer and moves by `v_TS_N` [m/s].
     """
     errors = _shape_errors(tuning, estimate, r_TS_N, v_TS_N)
-    pairs = [state.process(tuning, errors, dt) for state in SLOW_STATES if state.name in estimate.slow]
+    pairs = [state.process(tuning, errors, dt) for state in _declared() if state.name in estimate.slow]
     return jnp.concatenate([decay for decay, _ in pairs]), jnp.concatenate([variance for _, variance in pairs])
 
 

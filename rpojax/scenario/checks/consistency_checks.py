@@ -6,6 +6,7 @@ from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.listed_design_checks import check_design
 from rpojax.scenario.checks.phase_checks import check_phases
+from rpojax.scenario.checks.ranging_checks import check_ranging
 from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.target_checks import check_target
 from rpojax.scenario.schema import ScenarioFile
@@ -54,6 +55,7 @@ def check_consistency(file: ScenarioFile) -> None:
     mesh_path(file.model_dump())
     check_target(file)
     check_phases(file)
+    check_ranging(file)
     check_dispersions(file)
     check_design(file)
 

@@ -4,6 +4,7 @@ from typing import Final
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.trained.coverage_surface import is_surface_used
 from rpojax.scenario.trained.packaged_hull import is_like_packaged, is_packaged
 from rpojax.scenario.trained.trained_files import PACKAGED
 
@@ -26,7 +27,7 @@ def check_target(file: ScenarioFile) -> None:
         raise ScenarioError("imaging.statistics", PACKAGED, expected)
     if model == "rendered" and not is_like:
         check_field(file)
-    if file.coverage.enabled and file.coverage.surface == PACKAGED and not is_like:
+    if is_surface_used(file.model_dump()) and file.coverage.surface == PACKAGED and not is_like:
         raise ScenarioError("coverage.surface", PACKAGED, f"'hull' or the path of a mesh of this target, {_OTHER}")
 
 

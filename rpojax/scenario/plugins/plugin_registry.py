@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.flight.stages import Stages
+from rpojax.metrics import filter_consistency
 from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Metric
 from rpojax.scenario.plugins import plugin_file
@@ -12,6 +13,7 @@ from rpojax.scenario.plugins.plugin import Plugin, described_plugin
 from rpojax.scenario.schema import ScenarioFile, with_sensors
 from rpojax.sensors.additional import registry
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
+from rpojax.sensors.additional.registry import present_sensors
 
 FROM_PYTHON: Final = "python"
 """Reference of a plugin that was made in Python and comes from no file."""
@@ -93,18 +95,27 @@ def sensors_for(tables: Mapping[str, Any]) -> dict[str, type[AdditionalSensor]]:
 
 
 def metrics_for(tables: Mapping[str, Any]) -> dict[str, Metric]:
-    """Metrics of the plugin of a scenario in tables, by name.
+    """Metrics of the plugin of a scenario in tables, and of the sensors that its filter believes, by name.
 
     Raises:
         ScenarioError: the plugin is not known.
     """
     plugin = _of_tables(tables)
-    return {} if plugin is None else plugin.definitions
+    return _metrics_of_sensors(tables) | ({} if plugin is None else plugin.definitions)
+
+
+def _metrics_of_sensors(tables: Mapping[str, Any]) -> dict[str, Metric]:
+    """Metrics of the package's additional sensors that the filter of a scenario believes, by name."""
+    found: dict[str, Metric] = {}
+    for name, cls in registry.packaged_sensors().items():
+        if cls.is_believed() and tables.get(name) is not None:
+            found |= {each.name: each for each in filter_consistency.sensor_metrics(name, cls.row_count)}
+    return found
 
 
 def recorded_metrics(record: Mapping[str, Any]) -> dict[str, Metric]:
-    """Descriptions of the metrics of a campaign's plugin, by name, from the content of its `campaign.json`."""
-    return described_plugin(record.get("plugin") or {}).definitions
+    """Descriptions of the metrics of a campaign's plugin and sensors, by name, from its `campaign.json`."""
+    return _metrics_of_sensors(record.get("scenario") or {}) | described_plugin(record.get("plugin") or {}).definitions
 
 
 def _of_tables(tables: Mapping[str, Any]) -> Plugin | None:
@@ -125,9 +136,10 @@ def plugin_of(file: ScenarioFile) -> Plugin | None:
 
 
 def metrics_of(file: ScenarioFile) -> dict[str, Metric]:
-    """Metrics of a scenario's plugin by name."""
+    """Metrics of a scenario's plugin, and of the sensors that its filter believes, by name."""
     plugin = plugin_of(file)
-    return {} if plugin is None else plugin.definitions
+    own = _metrics_of_sensors(dict.fromkeys(present_sensors(file), True))
+    return own | ({} if plugin is None else plugin.definitions)
 
 
 def catalogue_of(file: ScenarioFile) -> dict[str, Metric]:

@@ -1,4 +1,4 @@
-"""Surface of the target of which inspection coverage is judged: packaged, hull of the scenario, or a mesh file."""
+"""Surface of the target, for inspection coverage and for ranges: packaged, hull of the scenario, or a mesh file."""
 
 import warnings
 from collections.abc import Mapping
@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from rpojax.errors import RpojaxError, ScenarioError
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.trained.trained_files import PACKAGED, file_digest
 from rpojax.training.synthetic_data.meshes import mesh_files
 from rpojax.training.synthetic_data.meshes.packaged_target import packaged_target
@@ -23,15 +24,25 @@ MAX_FACETS = 20_000
 MAX_TRIANGLES = 20_000
 
 
+def meets_surface(tables: Mapping[str, Any]) -> bool:
+    """Whether a sensor of a scenario measures the target's surface."""
+    return any(each.meets_surface for each in plugin_registry.sensors_for(tables).values())
+
+
+def is_surface_used(tables: Mapping[str, Any]) -> bool:
+    """Whether coverage or a sensor of a scenario needs the target's surface."""
+    return bool(tables.get("coverage", {}).get("enabled")) or meets_surface(tables)
+
+
 def mesh_path(tables: Mapping[str, Any]) -> Path | None:
-    """Path of the mesh file of a scenario, None if it needs none.
+    """Path of the mesh file of a scenario, None if it has none or nothing needs it.
 
     Raises:
         ScenarioError: there is no such file.
     """
     coverage = tables.get("coverage", {})
     name = coverage.get("surface", HULL)
-    if not coverage.get("enabled") or name in SURFACES:
+    if name in SURFACES or not is_surface_used(tables):
         return None
     path = Path(name)
     if not is_regular(path):
@@ -75,13 +86,22 @@ def surface_warnings(tables: Mapping[str, Any]) -> list[str]:
 
 
 def _triangles(tables: Mapping[str, Any]) -> np.ndarray:
+    return reflecting_triangles(tables)[0]
+
+
+def reflecting_triangles(tables: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray | None]:
+    """Triangles (n, 3, 3) of the nominal surface in T [m], and reflectivity (n,) by their colour, None of a hull.
+
+    Raises:
+        RpojaxError: the mesh file cannot be used, or the hull spans no volume.
+    """
     coverage = tables["coverage"]
     if coverage["surface"] == HULL:
-        return _hull_triangles(np.array(tables["target"]["hull_m"]))
-
+        return _hull_triangles(np.array(tables["target"]["hull_m"])), None
     path = mesh_path(tables)
     mesh = packaged_target() if path is None else _mesh(path, coverage["mesh_units"])
-    return np.concatenate([part.vertices[part.faces] for part in mesh.parts])
+    triangles = np.concatenate([part.vertices[part.faces] for part in mesh.parts])
+    return triangles, np.concatenate([np.full(len(part.faces), np.mean(part.material.color)) for part in mesh.parts])
 
 
 def _mesh(path: Path, units: str) -> TargetMesh:

@@ -12,7 +12,7 @@ from typing import Final
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import RelativeOrbitSection, TransferSection
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.trained.coverage_surface import SURFACES
+from rpojax.scenario.trained.coverage_surface import SURFACES, is_surface_used
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.value_types import Section
 
@@ -204,8 +204,6 @@ _CAMERA: Final = (
     Use(("imaging.statistics",), "camera.model = 'statistical'", lambda at: at.file.camera.model == "statistical"),
     Use(
         (
-            "coverage.surface",
-            "coverage.mesh_units",
             "coverage.facet_size_m",
             "coverage.incidence_limit_deg",
             "coverage.sun_incidence_limit_deg",
@@ -216,6 +214,11 @@ _CAMERA: Final = (
         lambda at: at.file.coverage.enabled,
     ),
     Use(
+        ("coverage.surface", "coverage.mesh_units"),
+        "coverage.enabled = true, or a range finder or LiDAR",
+        lambda at: is_surface_used(at.file.model_dump()),
+    ),
+    Use(
         ("coverage.mesh_units",),
         "a mesh file as coverage.surface",
         lambda at: at.file.coverage.surface not in SURFACES,
@@ -223,6 +226,16 @@ _CAMERA: Final = (
 )
 
 _FLIGHT: Final = (
+    Use(
+        ("navigation.nearest_surface", "navigation.nearest_surface_sigma"),
+        "a section range_finder",
+        lambda at: at.file.range_finder is not None,
+    ),
+    Use(
+        ("navigation.centroid", "navigation.centroid_sigma"),
+        "a section lidar",
+        lambda at: at.file.lidar is not None,
+    ),
     Use(
         (
             "chamber_pressure.noise",

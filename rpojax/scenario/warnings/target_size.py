@@ -7,7 +7,7 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.trained.coverage_surface import SURFACES, surface_triangles
+from rpojax.scenario.trained.coverage_surface import SURFACES, is_surface_used, surface_triangles
 from rpojax.scenario.trained.packaged_hull import is_packaged
 from rpojax.scenario.trained.trained_files import PACKAGED, file_path
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
@@ -74,7 +74,7 @@ def packaged_picture_warnings(file: ScenarioFile) -> list[str]:
         key
         for key, is_used in (
             ("imaging.field", file.camera.model == "rendered" and file.imaging.field == PACKAGED),
-            ("coverage.surface", file.coverage.enabled and file.coverage.surface == PACKAGED),
+            ("coverage.surface", is_surface_used(file.model_dump()) and file.coverage.surface == PACKAGED),
         )
         if is_used
     ]
@@ -90,7 +90,7 @@ def other_target_warnings(file: ScenarioFile) -> list[str]:
     if file.camera.model == "rendered" and file.imaging.field != PACKAGED:
         with contextlib.suppress(RpojaxError):
             found.append(("imaging.field", *_field_ends(tables)))
-    if file.coverage.enabled and file.coverage.surface not in SURFACES:
+    if is_surface_used(tables) and file.coverage.surface not in SURFACES:
         with contextlib.suppress(RpojaxError):
             corners = surface_triangles(tables).reshape(-1, 3)
             found.append(("coverage.surface", corners.min(axis=0), corners.max(axis=0)))

@@ -12,8 +12,10 @@ if TYPE_CHECKING:
 
     from rpojax.core.kalman_update import MeasurementRows
     from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
+    from rpojax.flight.guidance.sight_cone import SightCone
     from rpojax.flight.navigation.believed_sensor import SensorView
     from rpojax.physics.plant_state import Truth
+    from rpojax.sensors.additional.surface_ranging import TargetSurface
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,15 @@ class SensedScene:
         truth: state of the plant
         sky: positions of Sun and Moon
         time: () since the start of the run [s]
+        surface: of the target, None unless a sensor of the scenario meets it
+        cone: directions in which flight software looks for the target, None likewise
     """
 
     truth: "Truth"
     sky: "SunMoonPositions"
     time: "jax.Array"
+    surface: "TargetSurface | None" = None
+    cone: "SightCone | None" = None
 
 
 class AdditionalSensor(Section, ABC):
@@ -44,6 +50,8 @@ class AdditionalSensor(Section, ABC):
     """Keys of the section that flight software alone has: what it believes of the sensor."""
     shows_direction: ClassVar[bool] = False
     """A measurement that the filter used means that the target is where the servicer looks for it, as a box does."""
+    meets_surface: ClassVar[bool] = False
+    """It measures the surface of the target."""
     row_count: ClassVar[int] = 0
     """Rows of a measurement in the filter, 0 for a sensor that it does not believe."""
 

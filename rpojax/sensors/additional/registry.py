@@ -9,6 +9,7 @@ from typing import Any, Final
 from pydantic import model_serializer
 
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
+from rpojax.sensors.additional.lidar import Lidar
 from rpojax.sensors.additional.range_finder import RangeFinder
 from rpojax.value_types import Section
 
@@ -20,6 +21,7 @@ class AdditionalSensors(Section):
     """Sections of additional sensors; a scenario without the section does not have the sensor."""
 
     range_finder: RangeFinder | None = None
+    lidar: Lidar | None = None
 
     @model_serializer(mode="wrap")
     def _leave_out_absent(self, serialise: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Measurements of additional sensors in the relative filter: rows, update, gate and recovery."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ import rendezvous_scene
 from believed_lidar import Lidar
 from numpy_reference import random_covariance
 
+from rpojax import nominal_parameters
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
@@ -17,11 +20,18 @@ from rpojax.flight.navigation.believed_sensor import BelievedSensor, SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
+from rpojax.scenario.loading import scenario_loader
 
 SIGMA = np.array([*np.full(3, 0.3), *np.full(3, 2e-3), 0.065, 0.14, 5e-4, 5e-4, 5e-3, 5e-3, 0.015, 0.01, 0.01, 5e-3])
 NOISE = np.array([0.1, 2e-3, 2e-3])
 BELIEFS = {"believed_noise": jnp.asarray(NOISE[0]), "believed_angle_noise": jnp.asarray(NOISE[1])}
 Q_BN = np.array([0.9, 0.1, -0.3, 0.3]) / np.linalg.norm([0.9, 0.1, -0.3, 0.3])
+
+
+@functools.cache
+def nominal_tuning() -> OrbitFilterTuning:
+    with jax.ensure_compile_time_eval():
+        return nominal_parameters(scenario_loader.load("inspection"))[1].flight.navigation
 
 
 def axes() -> np.ndarray:
@@ -38,8 +48,8 @@ def seen(r_N: np.ndarray) -> np.ndarray:
 
 @jax.jit
 def lidar_rows(estimate: RelativeEstimate, measured: jax.Array):
-    view = SensorView(relative=estimate, q_BN=jnp.asarray(Q_BN), time=jnp.zeros(()))
-    return Lidar.rows(BELIEFS, view, {"lidar_m": measured[0], "lidar_rad": measured[1:]})
+    view = SensorView(tuning=nominal_tuning(), relative=estimate, q_BN=jnp.asarray(Q_BN), time=jnp.zeros(()))
+    return Lidar.rows(BELIEFS, view, {"ranger_m": measured[0], "ranger_rad": measured[1:]})
 
 
 @jax.jit
@@ -145,15 +155,15 @@ def test_rows_of_another_shape_are_refused(known: RelativeEstimate) -> None:
     def too_few(beliefs, view, measured):
         return replace(Lidar.rows(beliefs, view, measured), variance=jnp.ones(1))
 
-    measured = {"lidar_m": jnp.asarray(30.0), "lidar_rad": jnp.zeros(2)}
+    measured = {"ranger_m": jnp.asarray(30.0), "ranger_rad": jnp.zeros(2)}
 
-    view = SensorView(relative=known, q_BN=jnp.asarray(Q_BN), time=jnp.zeros(()))
+    view = SensorView(tuning=nominal_tuning(), relative=known, q_BN=jnp.asarray(Q_BN), time=jnp.zeros(()))
 
     for rows, count, expected in (
-        (too_few, 3, r"sensors.lidar.rows: found variance of shape \(1,\), expected \(3,\)"),
+        (too_few, 3, r"sensors.ranger.rows: found variance of shape \(1,\), expected \(3,\)"),
         (Lidar.rows, 2, r"found residual of shape \(3,\), expected \(2,\)"),
     ):
         with pytest.raises(RpojaxError, match=expected):
-            BelievedSensor("lidar", rows, count).checked_rows(BELIEFS, view, measured)
+            BelievedSensor("ranger", rows, count).checked_rows(BELIEFS, view, measured)
     with pytest.raises(RpojaxError, match=r"found expected of shape \(\), expected \(1,\) as measured"):
         view.rows(lambda estimate: estimate.r_TS_N[0], jnp.ones(1), jnp.ones(1), jnp.asarray(True))

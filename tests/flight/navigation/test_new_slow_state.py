@@ -63,7 +63,9 @@ def test_burns_teach_the_filter_the_misalignment_of_its_thrust(
             )
             for each in carry
         )
-        view = SensorView(relative=known.relative, q_BN=jnp.array([1.0, 0.0, 0.0, 0.0]), time=jnp.zeros(()))
+        view = SensorView(
+            tuning=tuning, relative=known.relative, q_BN=jnp.array([1.0, 0.0, 0.0, 0.0]), time=jnp.zeros(())
+        )
         measured = truth.relative.r_TS_N + NOISE_M * normals
         rows = view.rows(lambda one: one.r_TS_N, measured, jnp.full(3, NOISE_M**2), jnp.asarray(True))
         after, _ = believed_sensor.update(tuning, True, known.relative, rows)

@@ -84,12 +84,12 @@ def test_an_override_does_not_exchange_the_plugin(example: Path) -> None:
 
 
 def test_a_scenario_carries_the_hash_of_its_plugin_and_the_sections_of_its_sensors(example: Path) -> None:
-    file = rpojax.load(example, ["lidar.reach_m=35"], allow_plugin=True)
+    file = rpojax.load(example, ["ranger.reach_m=35"], allow_plugin=True)
     digest = hashlib.sha256((example.parent / "mine.py").read_bytes()).hexdigest()
     assert (file.plugin, file.plugin_sha256) == (f"{example.parent / 'mine.py'}:setup", digest)
     assert isinstance(file, ScenarioFile)
-    assert file.model_dump()["lidar"] == {"noise_m": 0.05, "reach_m": 35.0}
-    assert [name for name, _ in static_settings(file).additional_sensors] == ["lidar"]
+    assert file.model_dump()["ranger"] == {"noise_m": 0.05, "reach_m": 35.0}
+    assert [name for name, _ in static_settings(file).additional_sensors] == ["ranger"]
     assert plugin_registry.stages_of(file).formation_law.__name__ == "cautious_law"
     assert scenario_loader.validate(file.model_dump()) == file
 
@@ -214,7 +214,7 @@ def test_a_requirement_in_a_window_may_name_a_metric_of_the_plugin() -> None:
 
 def test_a_requirement_or_weight_on_a_metric_of_another_scenarios_plugin_is_refused(example: Path) -> None:
     tables = rpojax.load(example, allow_plugin=True).model_dump()
-    bare = {key: value for key, value in tables.items() if key not in ("plugin", "plugin_sha256", "lidar")}
+    bare = {key: value for key, value in tables.items() if key not in ("plugin", "plugin_sha256", "ranger")}
     bare["dispersions"] = []
     with pytest.raises(ScenarioError, match=r"requirements.\d+.metric: found 'docking_angle_deg'"):
         scenario_loader.validate(bare)
@@ -229,7 +229,7 @@ def test_a_requirement_or_weight_on_a_metric_of_another_scenarios_plugin_is_refu
         (lambda: rpojax.Plugin({"Bad name": off_track_m}), "small letters"),
         (lambda: rpojax.Plugin({"a_m": lambda *channels: 0.0}), "the names of channels"),
         (lambda: rpojax.Plugin(sensors={"gps": rpojax.AdditionalSensor}), "one that no section of a scenario has"),
-        (lambda: rpojax.Plugin(sensors={"lidar": dict}), "a subclass of rpojax.AdditionalSensor"),  # type: ignore[dict-item]
+        (lambda: rpojax.Plugin(sensors={"ranger": dict}), "a subclass of rpojax.AdditionalSensor"),  # type: ignore[dict-item]
     ],
 )
 def test_what_cannot_be_added_is_refused(plugin: object, expected: str) -> None:

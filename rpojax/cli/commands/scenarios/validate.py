@@ -8,13 +8,13 @@ from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.team.members import member_names
-from rpojax.scenario.trained.coverage_surface import surface_triangles
+from rpojax.scenario.trained.coverage_surface import is_surface_used, surface_triangles
 
 
 def validate(asked: ValidateCommand) -> int:
     """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
-    if file.coverage.enabled:
+    if is_surface_used(file.model_dump()):
         surface_triangles(file.model_dump())
     content = {
         "name": file.name,
