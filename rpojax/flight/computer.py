@@ -13,6 +13,7 @@ from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import rcs_control, wheel_torque_allocation
+from rpojax.flight.control.rcs_control import RcsCommand
 from rpojax.flight.decisions import burn_conditions, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
@@ -309,10 +310,11 @@ class MotionOnBoard:
 def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
     """Memory with both filters propagated over the tick up to `end` [s]; a burn without thrust marks its thruster."""
     params, dt, delta_v_N = software.params, software.tick_s, motion.delta_v_N
-    burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, memory.plan.delta_v_N
+    burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
     if memory.rcs is not None:
         # Each tick of pulses is a burn of its own, whose chambers have no sensor.
-        burning, burn_delta_v = burning & ~memory.rcs.acts, jnp.where(memory.rcs.acts, delta_v_N, burn_delta_v)
+        acts, burning = memory.rcs.acts, burning & ~memory.rcs.acts
+        burn_delta_v = jnp.where(acts, _size_of_pulses(params, memory.rcs, delta_v_N, dt), burn_delta_v)
     thrust_estimate = memory.thrust_estimate
     if motion.thrust_ratio is not None:
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
@@ -324,7 +326,7 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         zonal_degree=software.filter.zonal_degree,
         estimate=memory.orbit,
         delta_v_N=thrust_estimate.ratio * delta_v_N,
-        burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(burn_delta_v),
+        burn_delta_v=thrust_estimate.ratio * burn_delta_v,
         burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
         third_body_acceleration_N=motion.third_body_acceleration_N,
         lasting=_lasting_effects(params, memory, motion),
@@ -341,6 +343,18 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         own=own,
         attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, motion.q_BN_before, dt),
     )
+
+
+def _size_of_pulses(params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, dt: float) -> Scalar:
+    """Size [m/s] of a burn whose errors are those of the pulses of a tick.
+
+    Thrusters push partly against each other, and each has its error: it grows with the sum of all forces, not with the
+    velocity change that is left of them.
+    """
+    assert params.thrusters is not None
+    effort = rcs_control.effort(params.thrusters, params.vehicle, rcs) * dt
+    size = gradient_safe.norm(delta_v_N)
+    return effort * gradient_safe.safe_div(effort, size)
 
 
 def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> LastingEffects:

@@ -81,6 +81,12 @@ def pulses(
     return on_time, due - on_time
 
 
+def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, given: RcsCommand) -> Scalar:
+    """Sum of the sizes of all accelerations [m/s^2], also of those that cancel each other."""
+    forces = jnp.sqrt(jnp.sum(thrusters.wrench[:3] ** 2, axis=0))
+    return jnp.sum(given.shares * forces, axis=0) / vehicle.mass
+
+
 def expected_delta_v(
     thrusters: ThrusterLayout, vehicle: VehicleModel, q_BN: Float[Array, "4"], on_time: Float[Array, " n"]
 ) -> Vector:
