@@ -251,7 +251,7 @@ def _may_be_visible(params: FlightParams, estimate: OrbitEstimate, sun_N: Vector
     """Whether the target may be visible by the uncertain estimate, the Sun at `sun_N` [m]."""
     cone = line_of_sight_uncertainty.uncertainty_cone(estimate, params.pointing.search_sigmas)
     tolerance = jnp.maximum(cone - target_visibility.VISIBILITY_TOLERANCE, 0.0)
-    return target_visibility.is_visible(params.vehicle, estimate, sun_N, tolerance)
+    return target_visibility.is_in_sight(params.vehicle, estimate, sun_N, tolerance)
 
 
 def control_attitude(

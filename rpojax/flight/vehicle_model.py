@@ -22,6 +22,7 @@ class VehicleModel:
         focal_px: () [px]
         phase_limit: () of the camera [rad]
         sun_exclusion: () of the camera [rad]
+        dark_reach: () range within which a LiDAR shows the target without light [m], None without one
     """
 
     mass: Array
@@ -36,3 +37,4 @@ class VehicleModel:
     focal_px: Array
     phase_limit: Array
     sun_exclusion: Array
+    dark_reach: Array | None = None

@@ -36,6 +36,7 @@ from rpojax.scenario.numbers.section_records import array, record_of, section_re
 from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.trained import fitted_camera, ranging_surface, trained_files
+from rpojax.sensors.additional import surface_ranging
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.sensors.additional.surface_ranging import TargetSurface
 from rpojax.sensors.camera import Camera
@@ -100,7 +101,9 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     starts, ends = map(array, np.array(outages).T)
     rest = _records(Params, tables, without=("link",))
     flight = FlightParams(
-        vehicle=_nominal_vehicle(plant, rest["camera"], width_px, height_px),
+        vehicle=replace(
+            _nominal_vehicle(plant, rest["camera"], width_px, height_px), dark_reach=_reach_without_light(tables)
+        ),
         navigation=_navigation(tables),
         mission=mission_from_phases.mission_tuning(tables),
         atmosphere=plant.atmosphere,
@@ -207,6 +210,12 @@ def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_p
         phase_limit=camera.phase_limit,
         sun_exclusion=camera.sun_exclusion,
     )
+
+
+def _reach_without_light(tables: Mapping[str, Any]) -> Array | None:
+    """Range at which the nominal LiDAR sees a grey surface askew, None without one that the filter believes."""
+    section = tables.get("lidar")
+    return None if section is None else array(section["maximum_range_m"] * surface_ranging.TYPICAL_REACH)
 
 
 def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[str, ...], float]:

@@ -56,7 +56,7 @@ def stays_visible(
     """Whether the target is still visible a time [s] after the burn, with the Sun at `sun_N` [m]."""
     then = advanced(predicted.burn_orbit, after)
     angle = then.argument_of_latitude - predicted.orbit.argument_of_latitude
-    return target_visibility.is_visible_after(params.vehicle, memory.orbit, sun_N, angle)
+    return target_visibility.is_in_sight_after(params.vehicle, memory.orbit, sun_N, angle)
 
 
 _BURNS_BEFORE_DARKNESS = 3.0

@@ -12,7 +12,7 @@ from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import cross
 from rpojax.flight.guidance.other_pointing import OtherPointing
-from rpojax.flight.guidance.target_visibility import is_visible
+from rpojax.flight.guidance.target_visibility import is_in_sight
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -70,7 +70,7 @@ def _nearest_look_attitude(
 
 @pytree
 class TargetPointing:
-    """Attitude that points the camera at the estimated target, and whether the target should be visible then.
+    """Attitude that points the camera at the estimated target, and whether the target should be in sight then.
 
     Attributes:
         q_BN: (4,) look attitude
@@ -87,7 +87,7 @@ def point_at_target(
     vehicle: VehicleModel, estimate: OrbitEstimate, q_before: Float[Array, "4"], sun_N: Vector
 ) -> TargetPointing:
     """Target pointing after an attitude `q_before`, with the Sun at `sun_N` [m]."""
-    visible = is_visible(vehicle, estimate, sun_N)
+    visible = is_in_sight(vehicle, estimate, sun_N)
     return TargetPointing(q_BN=look_attitude(vehicle, estimate, q_before)[0], visible=visible, sun_N=sun_N)
 
 

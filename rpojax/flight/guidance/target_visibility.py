@@ -1,4 +1,4 @@
-"""Visibility of the estimated target: light, phase angle and Sun exclusion of the camera."""
+"""Visibility of the estimated target: light, phase angle and Sun exclusion of the camera, and reach of a LiDAR."""
 
 import math
 
@@ -29,8 +29,19 @@ def is_visible(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, to
     return camera_visibility.is_observable(r_TN_N, -estimate.relative.r_TS_N, sun_N, phase, exclusion)
 
 
-def is_visible_after(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, angle: Scalar) -> Flag:
-    """Whether the target should be visible when the orbit has turned by `angle` [rad], with the same motion in H."""
+def is_in_sight(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, tolerance: Scalar | float = 0.0) -> Flag:
+    """True while the target should be visible, or so near that a LiDAR shows it without light."""
+    visible = is_visible(vehicle, estimate, sun_N, tolerance)
+    return visible if vehicle.dark_reach is None else visible | _is_within(vehicle.dark_reach, estimate)
+
+
+def _is_within(reach: Scalar, estimate: OrbitEstimate) -> Flag:
+    r_TS_N = estimate.relative.r_TS_N
+    return jnp.sum(r_TS_N * r_TS_N, axis=0) < reach**2
+
+
+def is_in_sight_after(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, angle: Scalar) -> Flag:
+    """Whether the target should be in sight when the orbit has turned by `angle` [rad], with the same motion in H."""
     servicer, relative = estimate.servicer, estimate.relative
     normal = normalize(cross(servicer.r_SN_N, servicer.v_SN_N))
     c, s = cos_sin(angle)
@@ -39,7 +50,8 @@ def is_visible_after(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vect
         return c * vector + s * cross(normal, vector) + (1.0 - c) * jnp.sum(normal * vector, axis=0) * normal
 
     r_TN_N, r_ST_N = turned(servicer.r_SN_N + relative.r_TS_N), turned(-relative.r_TS_N)
-    return camera_visibility.is_observable(r_TN_N, r_ST_N, sun_N, vehicle.phase_limit, vehicle.sun_exclusion)
+    visible = camera_visibility.is_observable(r_TN_N, r_ST_N, sun_N, vehicle.phase_limit, vehicle.sun_exclusion)
+    return visible if vehicle.dark_reach is None else visible | _is_within(vehicle.dark_reach, estimate)
 
 
 VISIBILITY_TOLERANCE = math.radians(10.0)

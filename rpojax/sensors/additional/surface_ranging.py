@@ -19,6 +19,9 @@ MOST_TRIANGLES: Final = 600
 MATT_REFLECTIVITY: Final = 0.3
 """Reflectivity of a surface without a material: that of worn white paint and foil seen together [-]."""
 
+TYPICAL_REACH: Final = math.sqrt(MATT_REFLECTIVITY * math.cos(math.radians(45.0)))
+"""Reach on such a surface at 45 deg over that on a white one seen face-on: up to there flight software counts on it."""
+
 
 @pytree
 class TargetSurface:
