@@ -294,6 +294,8 @@ class MotionOnBoard:
     Attributes:
         q_BN_before: (4,) estimated attitude at the beginning
         delta_v_N: (3,) expected velocity change [m/s]
+        fired: (n,) on-time of each thruster of the reaction control system [s], None without one
+        pressures: (n,) chamber pressure of those that fired over its nominal value, None without sensors
         thrust_ratio: () chamber pressure over its nominal value while the valve was open, None without a sensor: then
             the thrust is its nominal one
         third_body_acceleration_N: (3,) by Sun and Moon, zero where they are not modelled [m/s^2]
@@ -305,11 +307,15 @@ class MotionOnBoard:
     thrust_ratio: Array | None
     third_body_acceleration_N: Array
     sun_N: Array
+    fired: Array | None = None
+    pressures: Array | None = None
 
 
 def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
     """Memory with both filters propagated over the tick up to `end` [s]; a burn without thrust marks its thruster."""
     params, dt, delta_v_N = software.params, software.tick_s, motion.delta_v_N
+    if memory.rcs is not None and motion.pressures is not None:
+        memory, delta_v_N = _by_pressures(params, memory, motion)
     burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
     if memory.rcs is not None:
         # Each tick of pulses is a burn of its own, whose chambers have no sensor.
@@ -343,6 +349,20 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         own=own,
         attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, motion.q_BN_before, dt),
     )
+
+
+def _by_pressures(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> tuple[FlightMemory, Vector]:
+    """Memory that knows what each thruster gave, and the velocity change of the tick by it [m/s]."""
+    assert memory.rcs is not None
+    assert params.thrusters is not None
+    assert motion.pressures is not None
+    assert motion.fired is not None
+    rcs, fired = rcs_control.learn_ratios(memory.rcs, motion.pressures, motion.fired), motion.fired
+    before, after = (
+        rcs_control.expected_delta_v(params.thrusters, params.vehicle, each, memory.attitude.q_BN, fired)
+        for each in (memory.rcs, rcs)
+    )
+    return replace(memory, rcs=rcs), motion.delta_v_N + after - before
 
 
 def _size_of_pulses(params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, dt: float) -> Scalar:

@@ -37,6 +37,11 @@ class Fault:
         at_most=1.0,
     )
     wheel: Array = number("index of the wheel of a wheel fault", form=Literal[0, 1, 2])
+    thruster: Array = number(
+        "number of the thruster of a thruster fault among `[[thrusters]]` in the order of their names, from 0",
+        at_least=0.0,
+        default=0.0,
+    )
 
 
 @pytree
@@ -86,7 +91,7 @@ def health_at(fault: Fault, time: Scalar) -> Health:
         return active & (jnp.round(fault.kind) == KINDS.index(name))
 
     affected_wheel = jnp.arange(3, dtype=fault.wheel.dtype) == jnp.round(fault.wheel)
-    lost_thrust = jnp.where(is_kind("thruster_off"), 1.0, jnp.where(is_kind("thruster_weak"), fault.severity, 0.0))
+    lost_thrust = _lost_thrust(fault, active)
     return Health(
         thrust_fraction=1.0 - lost_thrust,
         wheel_friction=jnp.where(affected_wheel & is_kind("wheel_friction"), fault.severity, 0.0),
@@ -95,6 +100,20 @@ def health_at(fault: Fault, time: Scalar) -> Health:
         star_tracker=~is_kind("star_tracker_blind"),
         camera=~is_kind("camera_blackout"),
     )
+
+
+def _lost_thrust(fault: Fault, active: Bool[Array, ""]) -> Scalar:
+    """Fraction of the force that the thruster of a fault has lost [-]."""
+    kind = jnp.round(fault.kind)
+    weak = jnp.where(kind == KINDS.index("thruster_weak"), fault.severity, 0.0)
+    return jnp.where(active, jnp.where(kind == KINDS.index("thruster_off"), 1.0, weak), 0.0)
+
+
+def rcs_fractions(fault: Fault, time: Scalar, count: int) -> Float[Array, " n"]:
+    """Remaining fraction of the force of each of `count` thrusters of the reaction control system [-]."""
+    active = (time >= fault.start) & (time < fault.start + fault.duration)
+    is_affected = jnp.arange(count, dtype=fault.thruster.dtype) == jnp.round(fault.thruster)
+    return 1.0 - jnp.where(is_affected, _lost_thrust(fault, active), 0.0)
 
 
 def radio_works(fault: Fault, time: Scalar) -> Bool[Array, ""]:

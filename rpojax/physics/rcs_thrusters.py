@@ -30,7 +30,9 @@ class RcsThruster:
     isp: Array = number("specific impulse", unit="s", above=0.0)
     minimum_on: Array = number("shortest pulse", unit="s", at_least=0.0, default=0.0)
     force_scale: Array = number("true over nominal force", above=0.0, default=1.0)
-    misalignment: Array = number("constant small rotation of the force, B", unit="deg", length=3, default=[0.0, 0.0, 0.0])
+    misalignment: Array = number(
+        "constant small rotation of the force, B", unit="deg", length=3, default=[0.0, 0.0, 0.0]
+    )
     pulse_noise: Array = number("relative error of the force, new each tick, 1 sigma", at_least=0.0, default=0.0)
 
 
@@ -82,11 +84,13 @@ def nominal_flows(thrusters: RcsThruster) -> Float[Array, " n"]:
     return thrusters.force / (thrusters.isp * STANDARD_GRAVITY)
 
 
-def true_state(
-    thrusters: RcsThruster, normals: Float[Array, " n"], thrust_fraction: Float[Array, " n"]
-) -> RcsState:
-    """True thrusters of a tick, with their errors from standard normal numbers and what faults leave of their force."""
-    scale = thrusters.force_scale * (1.0 + thrusters.pulse_noise * normals) * thrust_fraction
+def thrust_ratios(thrusters: RcsThruster, normals: Float[Array, " n"]) -> Float[Array, " n"]:
+    """True over nominal force of each in a tick [-], with errors from standard normal numbers."""
+    return thrusters.force_scale * (1.0 + thrusters.pulse_noise * normals)
+
+
+def true_state(thrusters: RcsThruster, scale: Float[Array, " n"]) -> RcsState:
+    """True thrusters of a tick, whose force is nominal times a scale [-]."""
     turned = jax.vmap(lambda angle, force: quaternion.rotate(quaternion.exp(angle), force))
     return RcsState(
         force_B=scale[:, None] * turned(thrusters.misalignment, nominal_forces(thrusters)),

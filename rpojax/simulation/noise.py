@@ -54,7 +54,7 @@ class TickNoise:
         biases: (6,) driving noise of the GPS error in N and the gyro bias in B
         box_edge_errors: (4,) driving noise of the statistical camera's correlated errors, None for other cameras
         additional: (n,) of each additional sensor, by name
-        thrusters: (n,) of the reaction control system, None without one
+        thrusters: (2 n,) of the thrust and the chamber pressures of the reaction control system, None without one
     """
 
     gps: Array
@@ -166,7 +166,7 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         additional={
             name: _sensor_normals(name, sensor.normals, keys, tick) for name, sensor in scenario.additional_sensors
         },
-        thrusters=_sensor_normals("thrusters", scenario.thrusters, keys, tick) if scenario.thrusters else None,
+        thrusters=_sensor_normals("thrusters", 2 * scenario.thrusters, keys, tick) if scenario.thrusters else None,
     )
 
 

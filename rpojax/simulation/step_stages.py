@@ -25,7 +25,7 @@ from rpojax.physics.rcs_thrusters import RcsThrust
 from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, thrust_over_step
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import gyro
+from rpojax.sensors import chamber_pressure, gyro
 from rpojax.simulation.noise import TickNoise, draw_tick_noise
 from rpojax.simulation.outcomes.freezing import freeze_if_failed
 from rpojax.simulation.state import State, elapsed_time
@@ -54,6 +54,9 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     health = (
         equipment_faults.health_at(params.plant.fault, time) if scenario.effects.faults else equipment_faults.healthy()
     )
+    if scenario.thrusters:
+        # The fault of a thruster is that of one of the list.
+        health = replace(health, thrust_fraction=jnp.ones_like(health.thrust_fraction))
     health = _fed(params, state.truth, health)
     with jax.named_scope("sense"):
         measurements, frame = measure(loop, state, noise, sky, health, time)
@@ -174,6 +177,7 @@ def initial_motion(tick: Tick) -> Motion:
         attitude=tick.flight.attitude,
         delta_v_N=jnp.zeros(3),
         owed=None if rcs is None else rcs.owed,
+        fired=None if rcs is None else jnp.zeros_like(rcs.owed),
     )
 
 
@@ -206,30 +210,46 @@ def propagate_substep(
     delta_v_N = motion.delta_v_N + computer.expected_delta_v(params.flight, now, ignition, cutoff, dt)
     thrust = thrust_over_step(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
     health = _fed(params, motion.truth, tick.health)
-    rcs, owed = None, motion.owed
+    rcs, owed, fired = None, motion.owed, motion.fired
     if tick.flight.rcs is not None:
-        rcs, owed, given_N = _pulses(loop, tick, motion)
-        delta_v_N = delta_v_N + given_N
+        rcs, on_time, owed, given_N = _pulses(loop, tick, motion)
+        delta_v_N, fired = delta_v_N + given_N, motion.fired + on_time
     truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, health, dt, rcs)
     gyro_bias_B = tick.state.sensor_errors.gyro_bias_B
     sample = gyro.measure(params.gyro, truth.omega_BN_B, gyro_bias_B, gyro_normals, dt)
     attitude = attitude_ekf.integrate_gyro(motion.attitude, sample, dt)
-    return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N, owed=owed)
+    return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N, owed=owed, fired=fired)
 
 
-def _pulses(loop: Loop, tick: Tick, motion: Motion) -> tuple[RcsThrust, Array, Vector]:
-    """Thrust of the reaction control system over a plant step, what it owes then, and what is expected of it [m/s]."""
+def _pulses(loop: Loop, tick: Tick, motion: Motion) -> tuple[RcsThrust, Array, Array, Vector]:
+    """Thrust of the reaction control system over a plant step, on-times, what is owed then [s], and what is expected.
+
+    The last is the velocity change in N [m/s] by what flight software knows of the thrusters.
+    """
     params, dt, believed, given = loop.params, loop.scenario.step_s, loop.params.flight.thrusters, tick.flight.rcs
     assert believed is not None
     assert given is not None
     assert motion.owed is not None
-    assert tick.noise.thrusters is not None
     on_time, owed = rcs_control.pulses(believed, given, motion.owed, dt)
-    expected_N = rcs_control.expected_delta_v(believed, params.flight.vehicle, motion.attitude.q_BN, on_time)
-    thrusters = rcs_thrusters.stacked(params.plant.thrusters)
-    works = jnp.where(propellant_used(params.plant, motion.truth) < params.limits.propellant, 1.0, 0.0)
-    state = rcs_thrusters.true_state(thrusters, tick.noise.thrusters, works * jnp.ones_like(on_time))
-    return rcs_thrusters.thrust_over_step(state, on_time, loop.scenario.effects.integrator, dt), owed, expected_N
+    q_BN = motion.attitude.q_BN
+    expected_N = rcs_control.expected_delta_v(believed, params.flight.vehicle, given, q_BN, on_time)
+    state = rcs_thrusters.true_state(
+        rcs_thrusters.stacked(params.plant.thrusters), _true_ratios(loop, tick, motion.truth)
+    )
+    thrust = rcs_thrusters.thrust_over_step(state, on_time, loop.scenario.effects.integrator, dt)
+    return thrust, on_time, owed, expected_N
+
+
+def _true_ratios(loop: Loop, tick: Tick, truth: Truth) -> Array:
+    """Thrust of each thruster of the reaction control system in this tick over its nominal value [-]."""
+    params, scenario = loop.params, loop.scenario
+    assert tick.noise.thrusters is not None
+    ratios = rcs_thrusters.thrust_ratios(
+        rcs_thrusters.stacked(params.plant.thrusters), tick.noise.thrusters[: scenario.thrusters]
+    )
+    if scenario.effects.faults:
+        ratios = ratios * equipment_faults.rcs_fractions(params.plant.fault, tick.time, scenario.thrusters)
+    return jnp.where(propellant_used(params.plant, truth) < params.limits.propellant, ratios, 0.0)
 
 
 def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
@@ -252,7 +272,11 @@ def _fed(params: Params, truth: Truth, health: Health) -> Health:
 def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     """Memory of the flight software propagated to the end of the tick."""
     scenario, params = loop.scenario, loop.params
-    ratio = None
+    ratio = pressures = None
+    if scenario.chamber_pressure and scenario.thrusters:
+        assert tick.noise.thrusters is not None
+        normals, ratios = tick.noise.thrusters[scenario.thrusters :], _true_ratios(loop, tick, motion.truth)
+        pressures = chamber_pressure.measure(params.chamber_pressure, ratios, normals)
     if scenario.chamber_pressure:
         ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
     on_board = computer.MotionOnBoard(
@@ -261,6 +285,8 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
         thrust_ratio=ratio,
         third_body_acceleration_N=_luni_solar_acceleration(scenario, tick.flight, tick.sky),
         sun_N=tick.sky.sun_N,
+        fired=motion.fired,
+        pressures=pressures,
     )
     memory = replace(tick.flight, attitude=motion.attitude)
     if memory.rcs is not None:

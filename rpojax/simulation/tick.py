@@ -114,9 +114,11 @@ class Motion:
         attitude: estimate propagated by the gyro
         delta_v_N: (3,) velocity change in this tick as expected by the flight software [m/s]
         owed: (n,) on-time that thrusters of the reaction control system owe [s], None without them
+        fired: (n,) their on-time in this tick [s], None without them
     """
 
     truth: Truth
     attitude: AttitudeEstimate
     delta_v_N: Array
     owed: Array | None = None
+    fired: Array | None = None

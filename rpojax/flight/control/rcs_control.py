@@ -25,18 +25,20 @@ class RcsCommand:
         shares: (n,) of full thrust [-]
         owed: (n,) on-time that was commanded and is not given yet, as it is shorter than a pulse [s]
         acts: () bool, whether the phase translates by these thrusters
+        ratio: (n,) thrust over its nominal value by the pressure in the chambers, 1 without a sensor [-]
     """
 
     delta_v_N: Array
     shares: Array
     owed: Array
     acts: Array
+    ratio: Array
 
 
 def no_command(thrusters: ThrusterLayout) -> RcsCommand:
     """Closed valves."""
     none = jnp.zeros_like(thrusters.cost)
-    return RcsCommand(delta_v_N=jnp.zeros(3), shares=none, owed=none, acts=jnp.zeros((), dtype=bool))
+    return RcsCommand(delta_v_N=jnp.zeros(3), shares=none, owed=none, acts=jnp.zeros((), dtype=bool), ratio=none + 1.0)
 
 
 def command(
@@ -59,7 +61,8 @@ def command(
     force_B = quaternion.rotate(q_BN, delta_v_N) * (vehicle.mass / tick_s)
     momentum_B = apply_transposed(vehicle.wheel_axes, vehicle.wheel_inertia * wheel_speed)
     wrench = jnp.concatenate([force_B, -momentum_B / _UNLOADING_TIME])
-    shares = thruster_allocation.allocate(thrusters, wrench, jnp.ones_like(thrusters.cost))
+    works = jnp.where(before.ratio > _FAILED_RATIO, 1.0, 0.0)
+    shares = thruster_allocation.allocate(_as_known(thrusters, before), wrench, works)
     return replace(
         before,
         delta_v_N=jnp.where(acts, delta_v_N, 0.0),
@@ -87,16 +90,39 @@ def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, given: RcsCommand) 
     return jnp.sum(given.shares * forces, axis=0) / vehicle.mass
 
 
+def learn_ratios(given: RcsCommand, measured: Float[Array, " n"], fired: Float[Array, " n"]) -> RcsCommand:
+    """Command with the thrust that the chambers' pressures over nominal (n,) show of those that `fired` [s]."""
+    change = measured - given.ratio
+    # A failure is believed at once, the noise of sound ones is averaged.
+    gain = jnp.where(jnp.abs(change) > _JUMP, 1.0, _PRESSURE_GAIN)
+    return replace(given, ratio=given.ratio + jnp.where(fired > 0.0, gain * change, 0.0))
+
+
+def _as_known(thrusters: ThrusterLayout, given: RcsCommand) -> ThrusterLayout:
+    """The layout with the thrust that each is known to have."""
+    return replace(thrusters, wrench=thrusters.wrench * given.ratio[None, :])
+
+
 def expected_delta_v(
-    thrusters: ThrusterLayout, vehicle: VehicleModel, q_BN: Float[Array, "4"], on_time: Float[Array, " n"]
+    thrusters: ThrusterLayout,
+    vehicle: VehicleModel,
+    given: RcsCommand,
+    q_BN: Float[Array, "4"],
+    on_time: Float[Array, " n"],
 ) -> Vector:
     """Velocity change in N [m/s] that flight software expects of pulses."""
-    impulse_B = jnp.sum(thrusters.wrench[:3] * on_time[None, :], axis=1)
+    impulse_B = jnp.sum(_as_known(thrusters, given).wrench[:3] * on_time[None, :], axis=1)
     return quaternion.rotate(quaternion.conjugate(q_BN), impulse_B) / vehicle.mass
 
 
 _UNLOADING_TIME: Final = 200.0
 """Time constant with which thrusters take the momentum of the wheels [s]. A choice: below a hundredth of the torque of
 a thruster of 0.25 N at 0.3 m for full wheels of 50 mN m s, and well within an approach."""
+_FAILED_RATIO: Final = 0.3
+"""Thrust over its nominal value below which a thruster is not used any more [-]. As that of the one thruster."""
+_JUMP: Final = 0.2
+"""Change of a chamber's pressure over nominal that is a failure [-]. A choice: seven sigma of its noise."""
+_PRESSURE_GAIN: Final = 0.05
+"""Gain of the fading mean of the pressure [-]. A choice: a fifth of its noise is left."""
 _NO_DELTA_V: Final = 1e-12
 """Velocity change that is none [m/s], so that its size has a derivative."""

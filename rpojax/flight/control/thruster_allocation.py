@@ -93,7 +93,8 @@ def allocate(thrusters: ThrusterLayout, wrench: Wrench, works: Shares, steps: in
         thrusters: layout
         wrench: (6,) commanded
         works: (n,) 1 for a thruster that may be used, 0 for one that is shut off
-        steps: Newton steps; fifteen leave 1e-3 of full authority and 3 % of propellant at worst, thirty what rounding does
+        steps: Newton steps; fifteen leave 1e-3 of full authority and 3 % of propellant at worst, thirty what rounding
+            does
     """
     A = thrusters.wrench / thrusters.scale[:, None]
     b = wrench / thrusters.scale

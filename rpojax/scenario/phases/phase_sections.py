@@ -22,7 +22,9 @@ class CorridorSection(section_of(Corridor)):
     """Approach corridor: a cone that opens away from the target along an axis in H."""
 
 
-_FIRST = ("name", "reference", "pointing", "control", "control_period_s", "position_", "velocity_", "delta_v_", "until", "timeout")
+_FIRST = (
+    "name", "reference", "pointing", "control", "position_", "velocity_", "delta_v_", "until", "timeout",
+)  # fmt: skip
 
 
 class PhaseSection(section_of(Phase, first=(*_FIRST, "on_timeout", "keep_out_m"), optional=True)):
