@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from rpojax.core import quaternion
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.core.declared_numbers import number
-from rpojax.core.numerics.gradient_safe import norm
+from rpojax.core.numerics.gradient_safe import norm, normalize
 from rpojax.core.numerics.runge_kutta import Method
 from rpojax.core.pytree import pytree
 from rpojax.physics.thruster import pulse_factors
@@ -76,7 +76,7 @@ def stacked(thrusters: Mapping[str, RcsThruster]) -> RcsThruster:
 
 def nominal_forces(thrusters: RcsThruster) -> Float[Array, "n 3"]:
     """Nominal force of each thruster in B [N]."""
-    return thrusters.force[:, None] * quaternion.normalize(thrusters.direction.T).T
+    return thrusters.force[:, None] * jax.vmap(normalize)(thrusters.direction)
 
 
 def nominal_flows(thrusters: RcsThruster) -> Float[Array, " n"]:
@@ -99,9 +99,7 @@ def true_state(thrusters: RcsThruster, scale: Float[Array, " n"]) -> RcsState:
     )
 
 
-def thrust_over_step(
-    state: RcsState, on_time: Float[Array, " n"], method: Method, dt: float | Scalar
-) -> RcsThrust:
+def thrust_over_step(state: RcsState, on_time: Float[Array, " n"], method: Method, dt: float | Scalar) -> RcsThrust:
     """Thrust over a step of `dt` [s] at whose begin each thruster opens for its on-time [s], with exact impulses."""
     factors = jax.vmap(lambda each: pulse_factors(each, method, dt), out_axes=1)(on_time)
 
@@ -112,5 +110,5 @@ def thrust_over_step(
         force_B=total(state.force_B),
         moment_B=total(jnp.cross(state.position_B, state.force_B)),
         mass_flow=jnp.sum(factors * state.mass_flow[None], axis=1),
-        effort=jnp.sum(factors * norm(state.force_B.T)[None], axis=1),
+        effort=jnp.sum(factors * jax.vmap(norm)(state.force_B)[None], axis=1),
     )

@@ -212,6 +212,7 @@ def propagate_substep(
     health = _fed(params, motion.truth, tick.health)
     rcs, owed, fired = None, motion.owed, motion.fired
     if tick.flight.rcs is not None:
+        assert motion.fired is not None
         rcs, on_time, owed, given_N = _pulses(loop, tick, motion)
         delta_v_N, fired = delta_v_N + given_N, motion.fired + on_time
     truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, health, dt, rcs)

@@ -35,6 +35,7 @@ def fault(kind: float, wheel: float = 1.0) -> Fault:
         duration=jnp.float64(DURATION),
         severity=jnp.float64(0.3),
         wheel=jnp.float64(wheel),
+        thruster=jnp.float64(0.0),
     )
 
 

@@ -50,7 +50,7 @@ def layout(
 ) -> ThrusterLayout:
     """Layout of thrusters with full forces [N] that act at positions from the centre of mass [m], and flows [kg/s]."""
     torque_B = jnp.cross(position_B, force_B)
-    force, torque = (jnp.max(gradient_safe.norm(each.T), axis=0) for each in (force_B, torque_B))
+    force, torque = (jnp.max(jax.vmap(gradient_safe.norm)(each), axis=0) for each in (force_B, torque_B))
     return ThrusterLayout(
         wrench=jnp.concatenate([force_B, torque_B], axis=1).T,
         cost=flow / jnp.max(flow, axis=0),
@@ -100,7 +100,7 @@ def allocate(thrusters: ThrusterLayout, wrench: Wrench, works: Shares, steps: in
     b = wrench / thrusters.scale
     # One that is shut off keeps its place with a bound of almost zero, so that the size is fixed.
     bound = jnp.maximum(works, _CLOSED)
-    cost = _PROPELLANT_WEIGHT * thrusters.cost
+    cost = PROPELLANT_WEIGHT * thrusters.cost
 
     def newton(state: tuple[Shares, Shares, Shares], _: None) -> tuple[tuple[Shares, Shares, Shares], None]:
         u, low, high = state
@@ -125,7 +125,7 @@ def allocate(thrusters: ThrusterLayout, wrench: Wrench, works: Shares, steps: in
     return jnp.clip(u, 0.0, 1.0) * works
 
 
-_PROPELLANT_WEIGHT: Final = 1e-5
+PROPELLANT_WEIGHT: Final = 1e-5
 """Weight of the propellant against the squared residual over full authority [-]: its price is a residual of that size,
 below the thousandth that thrusters are known to."""
 _CENTRING: Final = 0.1

@@ -9,7 +9,7 @@ import numpy as np
 
 from rpojax.campaign import single_run
 from rpojax.core.array_packing import PackedRecord
-from rpojax.errors import UnfinishedError
+from rpojax.errors import ScenarioError, UnfinishedError
 from rpojax.flight import stage_use
 from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
@@ -81,6 +81,8 @@ def simulate_live(
             external nodes, the domain cannot be joined, or no external nodes were found.
     """
     refuse_team(file, "a live run")
+    if file.thrusters:
+        raise ScenarioError("thrusters", len(file.thrusters), "a scenario without [[thrusters]] for a live run")
     events = EventLog(write_line)
     stages = settings.external_stages
     own = plugin_registry.stages_of(file)

@@ -1,0 +1,52 @@
+"""Checks of the reaction control system: that its thrusters can push and turn the servicer every way."""
+
+import numpy as np
+
+from rpojax.errors import ScenarioError
+from rpojax.flight.control import thruster_allocation
+from rpojax.scenario.schema import ScenarioFile
+
+_AXES = ("force along x", "force along y", "force along z", "torque about x", "torque about y", "torque about z")
+_NO_SHARE = 1e-3
+"""Share of what one thruster gives below which an axis has no authority [-]: the accuracy of the allocation."""
+
+
+def check_thrusters(file: ScenarioFile) -> None:
+    """Checks names, pulses and authority of the thrusters.
+
+    Raises:
+        ScenarioError: naming the key, what was found and what was expected.
+    """
+    if not file.thrusters:
+        return
+    names = [each.name for each in file.thrusters]
+    for each in file.thrusters:
+        if names.count(each.name) > 1:
+            raise ScenarioError("thrusters.name", each.name, "a name that no other thruster has")
+        if each.minimum_on_s > 0.5 / file.rates.plant_hz:
+            expected = f"at most half of a step of the plant, {0.5 / file.rates.plant_hz:g} s: a pulse fits into one"
+            raise ScenarioError(f"thrusters.{each.name}.minimum_on_s", each.minimum_on_s, expected)
+    if file.servicers:
+        expected = "none in a team, whose servicers turn to burn"
+        raise ScenarioError("thrusters", f"{len(names)} of them with [[servicers]]", expected)
+    if file.fault.thruster > len(names) - 1:
+        expected = f"at most {len(names) - 1}, the last of [[thrusters]]"
+        raise ScenarioError("fault.thruster", file.fault.thruster, expected)
+    _check_authority(file)
+
+
+def _check_authority(file: ScenarioFile) -> None:
+    """Refuses thrusters that leave the servicer without force or torque in some direction."""
+    directions = np.array([each.direction for each in file.thrusters])
+    forces = np.array([[each.force_n] for each in file.thrusters])
+    force_B = forces * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    position_B = np.array([each.position_m for each in file.thrusters])
+    authority = thruster_allocation.axis_authority(thruster_allocation.wrench_matrix(force_B, position_B))
+    arm = np.linalg.norm(position_B, axis=1).max()
+    least = _NO_SHARE * forces.max() * np.array([1.0, 1.0, 1.0, arm, arm, arm])
+    for sign, row in zip("+-", authority, strict=True):
+        for axis, found, needed in zip(_AXES, row, least, strict=True):
+            if found <= needed:
+                unit = "N" if axis.startswith("force") else "N m"
+                expected = f"thrusters that give {axis} to both sides with nothing else beside it"
+                raise ScenarioError("thrusters", f"{found:.3g} {unit} of {axis}, {sign} side", expected)
