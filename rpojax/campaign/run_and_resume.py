@@ -87,7 +87,7 @@ def run_campaign(
     out: Path | str,
     seed: int = 0,
     *,
-    histories: Sequence[int] | Retention | None = None,
+    histories: Sequence[int] | str | Retention | None = None,
     force: bool = False,
     devices: Sequence[Any] | None = None,
     stages: Stages | None = None,
@@ -105,7 +105,7 @@ def run_campaign(
         runs: number of runs
         out: folder to make
         seed: master seed
-        histories: run numbers, or the rule, of the runs that keep a history; by default the first eight and the worst
+        histories: run numbers, or the rule as of the command, of the runs that keep a history; by default the first eight and the worst
             one of each requirement
         force: replace the folder if it holds a campaign
         devices: of this process, by default all
@@ -173,9 +173,11 @@ def start_campaign(
     return campaign
 
 
-def _as_retention(histories: Sequence[int] | Retention | None) -> Retention:
+def _as_retention(histories: Sequence[int] | str | Retention | None) -> Retention:
     if histories is None:
         return DEFAULT_HISTORIES
+    if isinstance(histories, str):
+        return Retention(histories)
     return histories if isinstance(histories, Retention) else Retention.from_run_ids(histories)
 
 
