@@ -32,7 +32,11 @@ def main() -> int:
     options = parser.parse_args()
     file = rpojax.load(options.scenario, options.changes)
     campaign = rpojax.run_campaign(
-        file, runs=options.runs, out=options.out, seed=options.seed, histories=Retention("all", channels=tuple(CHANNELS))
+        file,
+        runs=options.runs,
+        out=options.out,
+        seed=options.seed,
+        histories=Retention("all", channels=tuple(CHANNELS)),
     )
     outcomes, counts = np.unique(campaign.outcomes, return_counts=True)
     print(", ".join(f"{count} {outcome}" for outcome, count in zip(outcomes, counts, strict=True)))

@@ -105,8 +105,8 @@ def run_campaign(
         runs: number of runs
         out: folder to make
         seed: master seed
-        histories: run numbers, or the rule as of the command, of the runs that keep a history; by default the first eight and the worst
-            one of each requirement
+        histories: run numbers, or the rule as of the command, of the runs that keep a history; by default the first
+            eight and the worst one of each requirement
         force: replace the folder if it holds a campaign
         devices: of this process, by default all
         stages: of the flight software, replaced ones included

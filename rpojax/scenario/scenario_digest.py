@@ -29,6 +29,9 @@ def scenario_digest(file: ScenarioFile) -> str:
     for name in ("phases", "servicers", "thrusters"):
         if not content[name]:
             del content[name]
+    for phase in content.get("phases", ()):
+        if phase["control"] == "burns":
+            del phase["control"]
     _remove_defaults(file, content)
     # Before this key existed, the pressure was measured where equipment could fail.
     if (measured := file.chamber_pressure.enabled) != file.effects.faults:

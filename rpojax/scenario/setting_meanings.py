@@ -104,6 +104,8 @@ MEANINGS: Final[dict[str, str]] = {
     "phases.name": "of the phase",
     "phases.reference.kind": "kind of the reference trajectory",
     "phases.pointing": "where the camera points; burns are planned with `target` alone",
+    "phases.control": "`burns` between turns by the one thruster, or `continuous` control by `[[thrusters]]` without turns",
+    "thrusters.name": "of the thruster; flight software and `fault.thruster` have them in the order of their names",
     "phases.control_period_s": "time between burns, by default rates.formation_period_s",
     "phases.on_timeout": "what follows the longest duration",
     "phases.passively_safe": "no planned burn may lead to a free drift into the keep-out zone",
@@ -117,13 +119,13 @@ MEANINGS: Final[dict[str, str]] = {
 
 
 def setting_meaning(key: str) -> str:
-    """Meaning of a key, `phases.NAME.key` and `servicers.NAME.key` included; empty for declared numbers."""
+    """Meaning of a key, `phases.NAME.key` and its like included; empty for declared numbers."""
     if key in MEANINGS:
         return MEANINGS[key]
     of_list, _, rest = key.partition(".")
     own = rest.partition(".")[2]
     if of_list == "servicers" and own.count(".") == 2 and own.startswith("phases."):
         return MEANINGS.get(f"phases.{own.rpartition('.')[2]}", "")
-    if of_list in ("phases", "servicers"):
+    if of_list in ("phases", "servicers", "thrusters"):
         return MEANINGS.get(f"{of_list}.{own}") or MEANINGS.get(own, "")
     return ""

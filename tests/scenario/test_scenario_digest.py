@@ -42,11 +42,22 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     tables["effects"]["faults"] = tables["chamber_pressure"]["enabled"] = faults
     file = scenario_loader.validate({**tables, "limits": {"keep_out_m": 10.0}})
     content = {**file.model_dump(mode="json"), "limits": {"keep_out_m": 10.0}}
-    optional = ("safety", "coverage", "mission", "goal", "phases", "servicers", "link", "team", "gps_differences")
+    optional = (
+        "safety",
+        "coverage",
+        "mission",
+        "goal",
+        "phases",
+        "servicers",
+        "thrusters",
+        "link",
+        "team",
+        "gps_differences",
+    )
     del content["chamber_pressure"], content["link_range"]
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
-    del content["target"]["scale"]
+    del content["target"]["scale"], content["fault"]["thruster"]
     del content["health"]["lasting_limit"]
     for key in ("ballistic_sigma_m2_kg", "adaptation_limit", "thrust_walk_sqrt_s", "pressure_noise"):
         del content["navigation"][key]

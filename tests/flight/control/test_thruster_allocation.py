@@ -12,9 +12,7 @@ from rpojax.flight.control import thruster_allocation
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
 
 THRUSTERS = 12
-_each = jax.jit(
-    jax.vmap(thruster_allocation.allocate, in_axes=(None, 0, None, None)), static_argnums=3
-)
+_each = jax.jit(jax.vmap(thruster_allocation.allocate, in_axes=(None, 0, None, None)), static_argnums=3)
 
 
 def random_layout(rng: np.random.Generator) -> ThrusterLayout:

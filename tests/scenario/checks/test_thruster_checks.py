@@ -1,12 +1,12 @@
 """Tests of the checks of the reaction control system."""
 
 import pytest
-from tests.scenario_error_assertions import assert_one_line
 
 import rpojax
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.thruster_checks import check_thrusters
 from rpojax.scenario.schema import ScenarioFile
+from tests.scenario_error_assertions import assert_one_line
 
 
 @pytest.fixture(scope="module")

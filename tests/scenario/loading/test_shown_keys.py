@@ -33,7 +33,7 @@ def test_a_key_says_its_file_and_what_it_replaces(mine: str) -> None:
 
 @pytest.mark.parametrize("name", scenario_loader.packaged_names())
 def test_every_key_of_the_packaged_scenarios_has_a_meaning(name: str) -> None:
-    lists = {"phases", "servicers", "requirements", "dispersions"}
+    lists = {"phases", "servicers", "thrusters", "requirements", "dispersions"}
     found = [each.key for each in shown_keys(scenario_loader.read(name)) if not each.meaning]
     assert [key for key in found if key not in lists and not key.startswith("servicers.")] == []
 
