@@ -155,10 +155,15 @@ class RunEvidence:
             found[:, each] = np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
         return found
 
+    def first_interval_s(self, flags: Flags) -> Numbers:
+        """When the first interval of the signs with a raised flag (runs, intervals) begins [s], NaN without one."""
+        return np.where(flags.any(axis=1), self.interval_s * np.argmax(flags, axis=1), np.nan)
+
     def worst_share(self, part: np.ndarray, whole: np.ndarray, least: int = _LEAST_TICKS) -> tuple[Numbers, Numbers]:
         """Greatest share of ticks over windows (runs,), and when the first window with half of it began [s].
 
-        `part` and `whole` are numbers of ticks (runs, intervals); of less than `least` ticks the share is 0.
+        `part` and `whole` are numbers of ticks (runs, intervals); of less than `least` ticks the share is 0. The time is
+        NaN where the share is 0.
         """
         width = min(max(1, round(WINDOW_S / self.interval_s)), part.shape[1])
         sums = [_moving_sum(each, width) for each in (part, whole)]
@@ -166,7 +171,7 @@ class RunEvidence:
         shares = np.where(known, sums[0] / np.maximum(sums[1], _TINY), 0.0)
         greatest = shares.max(axis=1)
         first = np.argmax((shares >= 0.5 * greatest[:, None]) & known, axis=1)
-        return greatest, self.interval_s * first.astype(float)
+        return greatest, np.where(greatest > 0.0, self.interval_s * first, np.nan)
 
     @cached_property
     def planned_ranges_m(self) -> tuple[float, float]:

@@ -43,6 +43,7 @@ def planted(file: ScenarioFile, outcome: str = "lost", **changes: Any) -> RunEvi
         "range_m": np.full(shape, 30.0),
         "formation_error_m": np.full(shape, 0.5),
         "nav_relative_error_m": np.full(shape, 0.2),
+        "nees_relative": np.full(shape, 6.0),
         "nav_relative_sigma3_m": np.full(shape, 1.0),
         "wheel_speed_fraction": np.full(shape, 0.3),
         "delta_v_m_s": np.broadcast_to(1e-6 * time_s, shape).copy(),

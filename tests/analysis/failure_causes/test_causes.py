@@ -208,3 +208,40 @@ def test_what_happens_after_an_abort_is_no_cause() -> None:
     signs = {**evidence.signs, "good_boxes": np.where(late, 0, evidence.signs["good_boxes"])}
     phases = phases_of(file, 1, abort_reason=AbortReason.KEEP_OUT_PREDICTED)
     assert first(planted(file, "aborted", phases=phases, signs_of_run=signs))[0] == "abort"
+
+
+def bits(*tests: str) -> int:
+    return sum(1 << TESTS.index(test) for test in tests)
+
+
+@pytest.mark.parametrize("tests", [("unseen", "range"), ("unseen", "box_bias", "size")])
+def test_a_belief_that_no_failed_test_suspects_is_no_cause(tests: tuple[str, ...]) -> None:
+    """The detector misses nine of ten targets, and the noise of boxes is ten times the believed one."""
+    noisy = file_of(camera={"model": "geometric", "edge_noise_px": 10.0})
+    evidence = planted(noisy, signs={"good_boxes": 0.1, "failed_tests": bits(*tests)})
+    assert [each.name for each in causes(evidence).findings] == ["misses"]
+    suspected = planted(noisy, signs={"failed_tests": bits("box_variance", *tests)})
+    assert first(suspected)[:2] == ("belief", int(FAILED.sum()))
+
+
+@pytest.mark.parametrize("metrics", [{}, {"sigma3_coverage": 0.4, "nees_relative_mean": 40.0}])
+def test_a_belief_that_doubts_too_much_is_no_cause(metrics: dict[str, float]) -> None:
+    file = file_of(navigation={"bearing_bias_sigma_deg": 5.0})
+    evidence = planted(file, signs={"failed_tests": (1 << len(TESTS)) - 1}, metrics=metrics)
+    assert [each.name for each in all_findings(evidence) if each.name == "belief"] == []
+
+
+def test_a_belief_of_gps_is_a_cause_only_where_the_relative_estimate_is_wrong() -> None:
+    file, failed = file_of(navigation={"gps_noise_m": 0.1}), bits("gps_variance")
+    assert causes(planted(file, signs={"failed_tests": failed})).findings == []
+    wrong = planted(file, signs={"failed_tests": failed}, metrics={"sigma3_coverage": 0.4})
+    assert "navigation.gps_noise_m is wrong" in first(wrong)[2]
+
+
+def test_a_belief_acts_from_the_first_failed_test_on_that_suspects_it() -> None:
+    evidence = belief()
+    failed = evidence.signs["failed_tests"]
+    failed[:, :4], failed[:, 4:9], failed[:, 9:] = 0, bits("unseen"), np.where(FAILED[:, None], bits("size"), 0)
+    by_test = planted(evidence.file, "diverged", signs_of_run=evidence.signs)
+    found = next(each for each in all_findings(by_test) if each.name == "belief")
+    np.testing.assert_array_equal(found.at_s[FAILED], 9 * evidence.interval_s)
