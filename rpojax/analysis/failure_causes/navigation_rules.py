@@ -74,17 +74,33 @@ def findings(evidence: RunEvidence) -> Iterator[Finding]:
         yield from confidence(evidence)
 
 
+def _consistency(evidence: RunEvidence) -> tuple[Numbers, Numbers]:
+    """(runs,) share of the time inside of 3 sigma and mean relative NEES: metrics, until an abort signs and traces.
+
+    Until an abort, the share is of the time in which all three axes are inside.
+    """
+    coverage, nees = evidence.metric("sigma3_coverage"), evidence.metric("nees_relative_mean")
+    if not evidence.goes_on.any():
+        return coverage, nees
+    samples = evidence.trace("nees_relative")
+    known = np.isfinite(samples)
+    mean = np.sum(samples, axis=1, where=known) / np.where(known.any(axis=1), known.sum(axis=1), np.nan)
+    return np.where(evidence.goes_on, 1.0 - _outside(evidence), coverage), np.where(evidence.goes_on, mean, nees)
+
+
+def _outside(evidence: RunEvidence) -> Numbers:
+    """(runs,) share of the time with an axis outside of 3 sigma, NaN without signs."""
+    if not evidence.has_signs:
+        return np.full(evidence.count, np.nan)
+    return evidence.sign("outside_3_sigma").sum(axis=1) / np.maximum(evidence.sign("ticks").sum(axis=1), 1)
+
+
 def _wrongness(evidence: RunEvidence) -> Numbers:
     """(runs,) how far the filter is outside of what it believes: 1 where it is not consistent any more."""
-    coverage, nees = evidence.metric("sigma3_coverage"), evidence.metric("nees_relative_mean")
-    by_coverage = np.nan_to_num((1.0 - coverage) / _OUTSIDE, nan=0.0)
-    by_nees = np.nan_to_num(nees / _NEES, nan=0.0)
-    if evidence.has_signs:
-        ticks = evidence.sign("ticks").sum(axis=1)
-        by_coverage = np.maximum(
-            by_coverage, evidence.sign("outside_3_sigma").sum(axis=1) / np.maximum(ticks, 1) / (2.0 * _OUTSIDE)
-        )
-    return np.maximum(by_coverage, by_nees)
+    coverage, nees = _consistency(evidence)
+    by_coverage = np.where(evidence.goes_on, 0.0, (1.0 - coverage) / _OUTSIDE)
+    shares = (by_coverage, nees / _NEES, _outside(evidence) / (2.0 * _OUTSIDE))
+    return np.max(np.nan_to_num(shares, nan=0.0), axis=0)
 
 
 def _wrong_since_s(evidence: RunEvidence) -> Numbers:
@@ -155,7 +171,7 @@ def _is_elsewhere(line: str) -> bool:
 def sure_and_wrong(evidence: RunEvidence) -> Finding:
     """The filter is wrong and sure of itself, and no belief that the scenario contradicts tells why."""
     strength = _wrongness(evidence)
-    coverage, nees = evidence.metric("sigma3_coverage"), evidence.metric("nees_relative_mean")
+    coverage, nees = _consistency(evidence)
     tests = failed_tests(evidence)
 
     def words(chosen: Flags) -> str:

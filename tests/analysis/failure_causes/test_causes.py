@@ -245,3 +245,35 @@ def test_a_belief_acts_from_the_first_failed_test_on_that_suspects_it() -> None:
     by_test = planted(evidence.file, "diverged", signs_of_run=evidence.signs)
     found = next(each for each in all_findings(by_test) if each.name == "belief")
     np.testing.assert_array_equal(found.at_s[FAILED], 9 * evidence.interval_s)
+
+
+@pytest.mark.parametrize(("is_before", "name"), [(False, "corridor"), (True, "sure_and_wrong")])
+def test_a_filter_is_wrong_by_what_it_believed_until_the_abort(is_before: bool, name: str) -> None:
+    """The metrics are of the whole run, and half of the sample at the abort is of what comes after it."""
+    file = file_of("vbar_approach")
+    phases = phases_of(file, 1, abort_reason=AbortReason.CORRIDOR_LEFT)
+    evidence = planted(file, phases=phases)
+    ticks, time_s = evidence.signs["ticks"], evidence.time_s
+    wrong_ticks = (np.arange(ticks.shape[1]) * evidence.interval_s > 2000.0) != is_before
+    wrong_samples = (time_s >= 2000.0) != is_before
+    found = planted(
+        file,
+        "aborted",
+        phases=phases,
+        signs_of_run={**evidence.signs, "outside_3_sigma": np.where(FAILED[:, None] & wrong_ticks, ticks, 0)},
+        traces={"nees_relative": np.where(wrong_samples, 48.0, 6.0)},
+        metrics={"sigma3_coverage": 0.4, "nees_relative_mean": 40.0},
+    )
+    assert first(found)[:2] == (name, int(FAILED.sum()))
+    if is_before:
+        assert "inside 3 sigma in 0 %, NEES / 6 8)" in first(found)[2]
+        np.testing.assert_array_equal(next(each.at_s for each in causes(found).findings)[FAILED], 0.0)
+
+
+def test_the_size_of_the_picture_after_an_abort_is_no_evidence() -> None:
+    """The servicer drifts away after it has aborted, and the target gets small only then."""
+    file = file_of("vbar_approach", camera={"field_of_view_deg": 30.0})
+    phases = phases_of(file, 1, abort_reason=AbortReason.TARGET_LOST)
+    range_m = np.where(np.arange(0.0, file.duration_s, 10.0) < 2000.0, 40.0, 140.0)
+    evidence = planted(file, "aborted", phases=phases, traces={"range_m": range_m}, signs={"good_boxes": 0.1})
+    assert np.nanmax(evidence.ranges_m[FAILED]) == 40.0
