@@ -83,6 +83,8 @@ def phases_of(file: ScenarioFile, last: int, unmet: int = 0, abort_reason: int =
         "transition_by": by,
         "transition_at_s": at_s,
         "transition_count": (phase >= 0).sum(axis=1),
+        "corridor_ahead_m": np.where(FAILED, 24.0, np.nan),
+        "corridor_aside_m": np.where(FAILED, 6.0, np.nan),
         "duration_s": np.full((RUNS, names), 1000.0),
         "abort_reason": np.where(FAILED, abort_reason, 0).astype(np.int8),
         "unmet_conditions": np.where(FAILED, unmet, 0).astype(np.int8),

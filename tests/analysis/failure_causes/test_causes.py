@@ -122,7 +122,8 @@ def confidence() -> RunEvidence:
 def corridor() -> RunEvidence:
     file = file_of("vbar_approach")
     phases = phases_of(file, 1, abort_reason=AbortReason.CORRIDOR_LEFT)
-    return planted(file, "aborted", phases=phases, traces={"formation_error_m": 9.0})
+    range_m = np.where(np.arange(0.0, file.duration_s, 10.0) < 2000.0, 24.3, 500.0)
+    return planted(file, "aborted", phases=phases, traces={"range_m": range_m})
 
 
 def phase() -> RunEvidence:
@@ -165,7 +166,7 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
     gate: ("gate", ("4 sigma rejects 78 % of true boxes",)),
     unknown_range: ("unknown_range", ("known to 44 % only", "beyond 20 %")),
     confidence: ("confidence", ("by the test range", "100 % of ten minutes")),
-    corridor: ("corridor", ("approach is left at 30 m", "the error is 9 m")),
+    corridor: ("corridor", ("approach is left at 24.3 m, 6 m from its axis", "5.73 m wide to each side")),
     phase: ("phase", ("hold_100 does not end in 9000 s", "range_sigma_m = 6")),
     short: ("short", ("the run of 1500 s ends in approach", "duration_s = ")),
     abort: ("abort", ("keep-out zone ahead, at 2000 s and 30 m",)),
@@ -277,3 +278,8 @@ def test_the_size_of_the_picture_after_an_abort_is_no_evidence() -> None:
     range_m = np.where(np.arange(0.0, file.duration_s, 10.0) < 2000.0, 40.0, 140.0)
     evidence = planted(file, "aborted", phases=phases, traces={"range_m": range_m}, signs={"good_boxes": 0.1})
     assert np.nanmax(evidence.ranges_m[FAILED]) == 40.0
+
+
+def test_without_the_place_in_a_corridor_the_range_alone_is_told() -> None:
+    phases = {name: values for name, values in corridor().phases.items() if not name.startswith("corridor_")}
+    assert "approach is left at 30 m; a wider" in first(planted(corridor().file, "aborted", phases=phases))[2]
