@@ -181,7 +181,7 @@ def dark(evidence: RunEvidence) -> Finding:
     """There is no light to see the target by."""
     darkness, ticks = evidence.sign("dark"), evidence.sign("ticks")
     share = darkness.sum(axis=1) / np.maximum(ticks.sum(axis=1), 1)
-    at_s = evidence.interval_s * np.argmax(2 * darkness > ticks, axis=1)
+    at_s = evidence.first_interval_s((darkness >= _DARK * ticks) & (darkness > 0))
     longest = evidence.interval_s * _longest(2 * darkness > ticks)
 
     def words(chosen: Flags) -> str:

@@ -57,35 +57,32 @@ def _left_s(evidence: RunEvidence, phase: np.ndarray) -> Numbers:
 def corridors(evidence: RunEvidence) -> Iterator[Finding]:
     """The corridor was left, one finding for each phase with one."""
     phase, left = last_phase(evidence), evidence.abort_reason == AbortReason.CORRIDOR_LEFT
+    unknown = np.full(evidence.count, np.nan)
+    ahead_m, aside_m = (evidence.phases.get(f"corridor_{side}_m", unknown) for side in ("ahead", "aside"))
     for row, section in enumerate(evidence.file.phases):
         here = left & (phase == row)
         if section.corridor is None or not here.any():
             continue
-        corridor, at_s = section.corridor, evidence.aborted_at_s
-        place = np.minimum(np.searchsorted(evidence.time_s, at_s), max(len(evidence.time_s) - 1, 0))
-        rows = np.arange(evidence.count)
-        range_m = _at(evidence, "range_m", rows, place)
-        error_m = _at(evidence, "formation_error_m", rows, place)
-        half_m = corridor.width_m + np.tan(np.radians(corridor.half_angle_deg)) * range_m
+        width_m, angle_deg = (
+            evidence.value(f"phases.{section.name}.corridor.{key}") for key in ("width_m", "half_angle_deg")
+        )
+        half_m = width_m + np.tan(np.radians(angle_deg)) * np.maximum(ahead_m, 0.0)
 
-        def words(
-            chosen: Flags,
-            name: str = section.name,
-            half: Numbers = half_m,
-            error: Numbers = error_m,
-            far: Numbers = range_m,
-        ) -> str:
+        def words(chosen: Flags, name: str = section.name, half: Numbers = half_m) -> str:
+            found = f"the corridor of {name} is left at {number(median(_last(evidence.trace('range_m')), chosen))} m"
+            if not np.isfinite(half[chosen]).any():
+                return found
+            if not (ahead_m[chosen] >= 0.0).any():
+                return f"{found}, {number(-median(ahead_m, chosen))} m before its tip"
             return (
-                f"the corridor of {name} is left at {number(median(far, chosen))} m, where it is "
-                f"{number(median(half, chosen))} m to each side and the error is {number(median(error, chosen))} m"
+                f"{found}, {number(median(aside_m, chosen))} m from its axis by the estimate, where it is "
+                f"{number(median(half, chosen))} m wide to each side"
             )
 
-        def mend(
-            _: Flags, angle: float = float(corridor.half_angle_deg), width: float = float(corridor.width_m)
-        ) -> str:
+        def mend(chosen: Flags, angle: Numbers = angle_deg, width: Numbers = width_m) -> str:
             return (
-                f"a wider corridor (half_angle_deg {number(max(2.0 * angle, 5.0))}, width_m "
-                f"{number(max(2.0 * width, 1.0))}) or smaller errors on the way"
+                f"a wider corridor (half_angle_deg {number(max(2.0 * median(angle, chosen), 5.0))}, width_m "
+                f"{number(max(2.0 * median(width, chosen), 1.0))}) or smaller errors on the way"
             )
 
         yield Finding(
@@ -93,16 +90,10 @@ def corridors(evidence: RunEvidence) -> Iterator[Finding]:
             f"the corridor of {section.name} is left",
             Depth.MECHANISM,
             np.where(here, _CERTAIN, 0.0),
-            at_s,
+            evidence.aborted_at_s,
             words,
             mend,
         )
-
-
-def _at(evidence: RunEvidence, name: str, rows: np.ndarray, place: np.ndarray) -> Numbers:
-    """A trace at places (runs,), NaN where there is none."""
-    values = evidence.traces.get(name)
-    return np.full(len(rows), np.nan) if values is None else np.asarray(values[rows, place], dtype=float)
 
 
 def least_time_s(section: PhaseSection) -> float:

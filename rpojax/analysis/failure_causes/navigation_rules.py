@@ -9,12 +9,14 @@ import numpy as np
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
 from rpojax.flight.navigation_health import TESTS
-from rpojax.scenario.warnings.filter_beliefs import belief_warnings
+from rpojax.scenario.warnings.filter_beliefs import belief_warnings, is_conservative
 from rpojax.simulation.metrics import failure_signs
 from rpojax.simulation.outcomes.judgement import LEAST_COVERAGE
 
 _BELIEVED_ELSEWHERE: Final = ("navigation.miss_probability", "chamber_pressure.enabled")
 """Beliefs of which missing and false boxes, and injected faults, tell more."""
+_ABSOLUTE: Final = "navigation.gps"
+"""Begin of the keys of beliefs on which the relative estimate does not depend by itself."""
 _OUTSIDE: Final = 1.0 - LEAST_COVERAGE
 """Share of the time with an error outside of 3 sigma from which on a filter is wrong and sure of itself."""
 _NEES: Final = 6.0 * 3.0
@@ -41,14 +43,25 @@ _ADVICE: Final = {
 """What to look at after each health test."""
 _SUSPECTS: Final = {
     "size": ("navigation.target_size",),
-    "box_variance": ("navigation.edge_noise_px", "navigation.target_size"),
-    "box_bias": ("navigation.bearing_bias_sigma_deg",),
-    "contradictions": ("navigation.bearing_bias_sigma_deg", "navigation.target_size", "navigation.edge_noise_px"),
-    "gps_variance": ("navigation.gps",),
-    "control_effort": ("navigation.burn",),
-    "lasting": ("navigation.burn", "navigation.bearing_bias_sigma_deg", "navigation.target_size"),
+    "box_variance": ("navigation.edge_noise_px", "navigation.target_size", "attitude_filter.star_tracker_noise_deg"),
+    "box_bias": ("navigation.bearing_bias_sigma_deg", "attitude_filter.star_tracker_noise_deg"),
+    "contradictions": (
+        "navigation.bearing_bias_sigma_deg",
+        "navigation.target_size",
+        "navigation.edge_noise_px",
+        "navigation.initial_relative",
+    ),
+    "gps_variance": (_ABSOLUTE,),
+    "control_effort": ("navigation.burn", "navigation.thrust", "navigation.pressure_noise"),
+    "lasting": (
+        "navigation.burn",
+        "navigation.thrust",
+        "navigation.ballistic",
+        "navigation.bearing_bias_sigma_deg",
+        "navigation.target_size",
+    ),
 }
-"""Begins of the keys of beliefs that a health test suspects when it fails."""
+"""Begins of the keys of beliefs that a health test suspects when it fails; `unseen` and `range` suspect none."""
 
 
 def findings(evidence: RunEvidence) -> Iterator[Finding]:
@@ -61,17 +74,42 @@ def findings(evidence: RunEvidence) -> Iterator[Finding]:
         yield from confidence(evidence)
 
 
+def _consistency(evidence: RunEvidence) -> tuple[Numbers, Numbers]:
+    """(runs,) share of the time inside of 3 sigma and mean relative NEES: metrics, until an abort signs and traces.
+
+    Until an abort, the share is of the time in which all three axes are inside.
+    """
+    coverage, nees = evidence.metric("sigma3_coverage"), evidence.metric("nees_relative_mean")
+    if not evidence.goes_on.any():
+        return coverage, nees
+    samples = evidence.trace("nees_relative")
+    known = np.isfinite(samples)
+    mean = np.sum(samples, axis=1, where=known) / np.where(known.any(axis=1), known.sum(axis=1), np.nan)
+    return np.where(evidence.goes_on, 1.0 - _outside(evidence), coverage), np.where(evidence.goes_on, mean, nees)
+
+
+def _outside(evidence: RunEvidence) -> Numbers:
+    """(runs,) share of the time with an axis outside of 3 sigma, NaN without signs."""
+    if not evidence.has_signs:
+        return np.full(evidence.count, np.nan)
+    return evidence.sign("outside_3_sigma").sum(axis=1) / np.maximum(evidence.sign("ticks").sum(axis=1), 1)
+
+
 def _wrongness(evidence: RunEvidence) -> Numbers:
     """(runs,) how far the filter is outside of what it believes: 1 where it is not consistent any more."""
-    coverage, nees = evidence.metric("sigma3_coverage"), evidence.metric("nees_relative_mean")
-    by_coverage = np.nan_to_num((1.0 - coverage) / _OUTSIDE, nan=0.0)
-    by_nees = np.nan_to_num(nees / _NEES, nan=0.0)
-    if evidence.has_signs:
-        ticks = evidence.sign("ticks").sum(axis=1)
-        by_coverage = np.maximum(
-            by_coverage, evidence.sign("outside_3_sigma").sum(axis=1) / np.maximum(ticks, 1) / (2.0 * _OUTSIDE)
-        )
-    return np.maximum(by_coverage, by_nees)
+    coverage, nees = _consistency(evidence)
+    by_coverage = np.where(evidence.goes_on, 0.0, (1.0 - coverage) / _OUTSIDE)
+    shares = (by_coverage, nees / _NEES, _outside(evidence) / (2.0 * _OUTSIDE))
+    return np.max(np.nan_to_num(shares, nan=0.0), axis=0)
+
+
+def _wrong_since_s(evidence: RunEvidence) -> Numbers:
+    """(runs,) since when the filter is outside of what it believes [s], NaN where unknown."""
+    by_nees = evidence.first_s(evidence.trace("nees_relative") > _NEES)
+    if not evidence.has_signs:
+        return by_nees
+    _, outside_s = evidence.worst_share(evidence.sign("outside_3_sigma"), evidence.sign("ticks"))
+    return np.fmin(outside_s, by_nees)
 
 
 def failed_tests(evidence: RunEvidence) -> Flags:
@@ -83,39 +121,47 @@ def failed_tests(evidence: RunEvidence) -> Flags:
 
 
 def beliefs(evidence: RunEvidence) -> Iterator[Finding]:
-    """Beliefs that the scenario itself contradicts, in runs whose filter shows it; the most suspicious ones first."""
+    """Beliefs that the scenario itself contradicts, in runs whose filter shows it; those that a test suspects first.
+
+    A run shows a belief where a health test failed that suspects it, or where the filter is wrong and sure of itself or
+    rejects true boxes. Too much doubt does none of these.
+    """
     lines = [line for line in belief_warnings(evidence.file, evidence.reach) if not _is_elsewhere(line)]
-    if not lines:
-        return
-    failed_of_run = failed_tests(evidence)
-    shows = np.maximum(_wrongness(evidence), np.where(failed_of_run[:, 1:].any(axis=1), _CERTAIN, 0.0))
-    if evidence.has_signs:
-        rejected, _ = evidence.worst_share(evidence.sign("good_rejected"), evidence.sign("good_boxes"))
-        shows = np.maximum(shows, rejected / _REJECTED)
-    suspected = {key for place, test in enumerate(TESTS) if failed_of_run[:, place].any() for key in _suspects(test)}
-    nowhere = np.full(evidence.count, np.nan)
-    for line in sorted(lines, key=lambda each: not each.startswith(tuple(suspected) or ("?",)))[:1]:
+    shown = [(line, *_shown(evidence, line)) for line in lines if not is_conservative(line)]
+    for line, strength, at_s in sorted(shown, key=lambda each: -float(each[1].sum())):
         key, _, words = line.partition(": ")
         found = words.partition(", expected")[0]
         yield Finding(
             "belief",
             f"a wrong belief of {key}",
             Depth.ROOT,
-            shows,
-            nowhere,
+            strength,
+            at_s,
             lambda _, key=key, found=found: f"{key} is wrong: {found}",
             lambda _, key=key, found=found: _fitting(key, found),
         )
+
+
+def _shown(evidence: RunEvidence, line: str) -> tuple[Numbers, Numbers]:
+    """(runs,) how strongly the filter shows that the belief of a warning is wrong, and since when [s]."""
+    wrongness, wrong_s = _wrongness(evidence), _wrong_since_s(evidence)
+    if not evidence.has_signs:
+        return wrongness, wrong_s
+    mask = sum(1 << place for place, test in enumerate(TESTS) if line.startswith(_SUSPECTS.get(test, ("?",))))
+    suspected = evidence.sign(failure_signs.FAILED_TESTS) & mask > 0
+    by_test, test_s = np.where(suspected.any(axis=1), _CERTAIN, 0.0), evidence.first_interval_s(suspected)
+    if line.startswith(_ABSOLUTE):
+        return np.minimum(by_test, wrongness), np.maximum(test_s, wrong_s)
+    rejected, rejected_s = evidence.worst_share(evidence.sign("good_rejected"), evidence.sign("good_boxes"))
+    signs = ((wrongness, wrong_s), (by_test, test_s), (rejected / _REJECTED, rejected_s))
+    times = np.array([np.where(strength >= 1.0, at_s, np.nan) for strength, at_s in signs])
+    return np.max([strength for strength, _ in signs], axis=0), np.fmin.reduce(times)
 
 
 def _fitting(key: str, words: str) -> str:
     """A belief that fits, by what a warning says of the truth."""
     value = _TRUTH.search(words)
     return f"a belief that fits ({key})" if value is None else f"{key} = {value.group(1)}"
-
-
-def _suspects(test: str) -> tuple[str, ...]:
-    return _SUSPECTS.get(test, ())
 
 
 def _is_elsewhere(line: str) -> bool:
@@ -125,7 +171,7 @@ def _is_elsewhere(line: str) -> bool:
 def sure_and_wrong(evidence: RunEvidence) -> Finding:
     """The filter is wrong and sure of itself, and no belief that the scenario contradicts tells why."""
     strength = _wrongness(evidence)
-    coverage, nees = evidence.metric("sigma3_coverage"), evidence.metric("nees_relative_mean")
+    coverage, nees = _consistency(evidence)
     tests = failed_tests(evidence)
 
     def words(chosen: Flags) -> str:
@@ -137,13 +183,13 @@ def sure_and_wrong(evidence: RunEvidence) -> Finding:
     def mend(chosen: Flags) -> str:
         return f"more doubt on board{_of_tests(tests, chosen)}: `rpojax robustness` tells which belief is narrowest"
 
-    nowhere = np.full(evidence.count, np.nan)
-    return Finding("sure_and_wrong", "the filter is wrong and sure", Depth.MECHANISM, strength, nowhere, words, mend)
+    title, since_s = "the filter is wrong and sure", _wrong_since_s(evidence)
+    return Finding("sure_and_wrong", title, Depth.MECHANISM, strength, since_s, words, mend)
 
 
 def _of_tests(tests: Flags, chosen: Flags) -> str:
-    """Which health test failed most often in some runs, in brackets; empty without one."""
-    counts = tests[chosen].sum(axis=0)
+    """Which test of what the filter believes failed most often in some runs, in brackets; empty without one."""
+    counts = np.where([test in _SUSPECTS for test in TESTS], tests[chosen].sum(axis=0), 0)
     return f" (the test {TESTS[int(np.argmax(counts))]} failed)" if counts.any() else ""
 
 

@@ -24,6 +24,8 @@ _NEARLY_ALL: Final = 0.75
 """Share of the failed runs that must show it so strongly."""
 _EARLY: Final = 4.0
 """Weight of the time at which a cause acts, over that of how common and how strong it is."""
+_UNKNOWN: Final = 1.5
+"""Time over the latest one that an unknown time counts as: neither common nor strong causes make up for it."""
 _LONG_AFTER_S: Final = 600.0
 """Time after a loss of the target from which on what may follow from it is no cause of it [s]: a window of shares."""
 _STRONGEST: Final = 4.0
@@ -122,9 +124,9 @@ def _latest_s(findings: Sequence[Finding]) -> float:
 def _scores(finding: Finding, failed: Flags, duration_s: float) -> Numbers:
     """(runs,) how well a cause explains a run: how far back it lies, how early it acts, how common and strong it is.
 
-    Minus infinity if it is not shown; a cause without a time acts from the start on.
+    Minus infinity if it is not shown; a cause whose time is unknown comes after all others.
     """
     common = np.mean(finding.shown[failed])
     strength = np.minimum(finding.strength, _STRONGEST) / _STRONGEST
-    late = np.nan_to_num(finding.at_s, nan=0.0, posinf=duration_s) / duration_s
+    late = np.nan_to_num(finding.at_s / duration_s, nan=_UNKNOWN, posinf=1.0)
     return np.where(finding.shown, -10.0 * finding.depth - _EARLY * late + common + strength, -np.inf)

@@ -79,8 +79,9 @@ class RunEvidence:
         return np.broadcast_to(values, (self.count, *values.shape[1:]))
 
     def metric(self, name: str) -> Numbers:
-        """A metric (runs,), NaN where there is none."""
-        return np.asarray(self.metrics.get(name, np.full(self.count, np.nan)), dtype=np.float64)
+        """A metric (runs,), NaN where there is none and in runs that go on after `until_s`, of which it is, too."""
+        values = np.asarray(self.metrics.get(name, np.full(self.count, np.nan)), dtype=np.float64)
+        return np.where(self.goes_on, np.nan, values)
 
     @cached_property
     def abort_reason(self) -> np.ndarray:
@@ -102,12 +103,22 @@ class RunEvidence:
         frozen = np.where(outcome_kinds.is_frozen(self.outcomes), self.failed_at_s, np.inf)
         return np.minimum(np.minimum(own, frozen), self.file.duration_s)
 
+    @cached_property
+    def goes_on(self) -> Flags:
+        """(runs,) whether a run goes on after `until_s`: it aborted then."""
+        return np.asarray((self.abort_reason != AbortReason.COMMAND) & (self.aborted_at_s <= self.until_s))
+
     def trace(self, name: str) -> Numbers:
-        """A trace (runs, samples), NaN after `until_s` and where there is none."""
+        """A trace (runs, samples), NaN from an abort on, else after `until_s`, and where there is none.
+
+        The sample at an abort has the reference of the phase after it.
+        """
         values = self.traces.get(name)
         if values is None:
             return np.full((self.count, max(1, len(self.time_s))), np.nan)
-        return np.where(self.time_s <= self.until_s[:, None], values, np.nan).astype(float)
+        half_tick_s = 0.5 / self.file.rates.camera_hz
+        ends_s = self.until_s + np.where(self.goes_on, -half_tick_s, half_tick_s)
+        return np.where(self.time_s < ends_s[:, None], values, np.nan).astype(float)
 
     def first_s(self, flags: Flags) -> Numbers:
         """When flags (runs, samples) of a trace are first raised [s], NaN if never."""
@@ -127,9 +138,9 @@ class RunEvidence:
 
     @cached_property
     def before(self) -> Flags:
-        """(runs, intervals) whether an interval of the signs began before `until_s`."""
+        """(runs, intervals) whether an interval of the signs began by `until_s`."""
         starts = self.interval_s * np.arange(self.signs["ticks"].shape[1])
-        return starts < self.until_s[:, None]
+        return starts <= self.until_s[:, None]
 
     def sign(self, name: str) -> np.ndarray:
         """A sign (runs, intervals), zero after `until_s` and for runs of an older version, which recorded none."""
@@ -141,13 +152,13 @@ class RunEvidence:
         return self.in_intervals("range_m")
 
     def in_intervals(self, name: str) -> Numbers:
-        """Mean of a trace in the intervals of the signs (runs, intervals), NaN where unknown."""
+        """Mean of a trace until `until_s` in the intervals of the signs (runs, intervals), NaN where unknown."""
         intervals = self.signs["ticks"].shape[1]
         place = np.minimum((self.time_s / self.interval_s).astype(int), intervals - 1)
         found = np.full((self.count, intervals), np.nan)
-        values = self.traces.get(name)
-        if values is None:
+        if name not in self.traces:
             return found
+        values = self.trace(name)
         for each in np.unique(place):
             part = values[:, place == each]
             known = np.isfinite(part)
@@ -155,10 +166,15 @@ class RunEvidence:
             found[:, each] = np.where(known.any(axis=1), total / np.maximum(known.sum(axis=1), 1), np.nan)
         return found
 
+    def first_interval_s(self, flags: Flags) -> Numbers:
+        """When the first interval of the signs with a raised flag (runs, intervals) begins [s], NaN without one."""
+        return np.where(flags.any(axis=1), self.interval_s * np.argmax(flags, axis=1), np.nan)
+
     def worst_share(self, part: np.ndarray, whole: np.ndarray, least: int = _LEAST_TICKS) -> tuple[Numbers, Numbers]:
         """Greatest share of ticks over windows (runs,), and when the first window with half of it began [s].
 
-        `part` and `whole` are numbers of ticks (runs, intervals); of less than `least` ticks the share is 0.
+        `part` and `whole` are numbers of ticks (runs, intervals); of less than `least` ticks the share is 0, and where
+        it is 0 the time is NaN.
         """
         width = min(max(1, round(WINDOW_S / self.interval_s)), part.shape[1])
         sums = [_moving_sum(each, width) for each in (part, whole)]
@@ -166,7 +182,7 @@ class RunEvidence:
         shares = np.where(known, sums[0] / np.maximum(sums[1], _TINY), 0.0)
         greatest = shares.max(axis=1)
         first = np.argmax((shares >= 0.5 * greatest[:, None]) & known, axis=1)
-        return greatest, self.interval_s * first.astype(float)
+        return greatest, np.where(greatest > 0.0, self.interval_s * first, np.nan)
 
     @cached_property
     def planned_ranges_m(self) -> tuple[float, float]:

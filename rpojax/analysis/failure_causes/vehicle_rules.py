@@ -159,8 +159,8 @@ def coarse_burns(evidence: RunEvidence) -> Finding:
     def mend(_: Flags) -> str:
         return "a shorter thruster.minimum_on_time_s, a smaller formation.dead_band_mm_s or a longer look-away"
 
-    nowhere = np.full(evidence.count, np.nan)
-    return Finding("authority", "burns are too coarse", Depth.ROOT, strength, nowhere, words, mend)
+    at_s = evidence.first_s(_off_station(evidence))
+    return Finding("authority", "burns are too coarse", Depth.ROOT, strength, at_s, words, mend)
 
 
 def propellant(evidence: RunEvidence) -> Finding:

@@ -226,7 +226,7 @@ def _servicer_arrays(results: ServicerResults, rows: slice) -> dict[str, np.ndar
         ended = frozen[:, None] & (time_s > since_s[:, None])
         for name, values in decimated_traces.decimated_traces(file, records, used, stride).items():
             arrays[f"traces/{name}"] = np.where(ended, np.float32(np.nan), values)
-    arrays |= {f"phases/{name}": values for name, values in phase_records.evaluate(file, records).items()}
+    arrays |= {f"phases/{name}": values for name, values in phase_records.evaluate(file, records, used).items()}
     arrays |= {f"signs/{name}": values for name, values in failure_signs.evaluate(file, records, used).items()}
     arrays |= {f"coverage/{name}": values[rows] for name, values in coverage.maps.items()}
     arrays["status/failure"] = judged.codes[rows]

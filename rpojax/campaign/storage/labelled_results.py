@@ -23,7 +23,7 @@ _STATUS_UNITS = {"failed_at_s": "s"}
 _OF_USED: Final = "used."
 """Prefix of values read back from the runs, which have the keys of those drawn."""
 _OF_SERVICER: Final = "servicer_"
-_OF_RUN: Final = ("abort_reason", "goal_reached_at_s", "unmet_conditions")
+_OF_RUN: Final = ("abort_reason", "goal_reached_at_s", "unmet_conditions", "corridor_ahead_m", "corridor_aside_m")
 """Arrays of the phases that a run has once."""
 _QUATERNIONS: Final = ("attitude", "mounting")
 """Last words of keys of quaternions, real part first."""

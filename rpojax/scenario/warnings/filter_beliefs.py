@@ -23,6 +23,8 @@ _SIZE_ROUNDING = 1.01
 """Factor for the rounding of a belief that is written down."""
 _FAULT_KIND, _THRUSTER_FAULTS = "fault.kind", ("thruster_off", "thruster_weak")
 _TINY = 1e-30
+_TOO_WIDE = ", expected at least the "
+"""Of warnings about beliefs that doubt more than they need to."""
 _WITHOUT_AIR_M = 7.5e6
 """Semi-major axis from which drag is less than the pressure of sunlight, some 1100 km up."""
 
@@ -46,8 +48,13 @@ def judged_beliefs(beliefs: Sequence[Belief]) -> list[str]:
             words = f"{truth / believed:.3g} times as much, " if believed > 0.0 else ""
             found.append(f"{both}, {words}expected at most {MOST_OVER:g} times{'' if words else ' as much'}")
         elif 0.0 < MOST_UNDER * truth < believed:
-            found.append(f"{both}, the {believed / truth:.3g}th part, expected at least the {MOST_UNDER:g}th")
+            found.append(f"{both}, the {believed / truth:.3g}th part{_TOO_WIDE}{MOST_UNDER:g}th")
     return found
+
+
+def is_conservative(warning: str) -> bool:
+    """Whether a warning is about a belief that doubts more than it needs to, which makes no filter sure of itself."""
+    return _TOO_WIDE in warning
 
 
 def _sensor_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief]:

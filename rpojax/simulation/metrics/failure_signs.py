@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.flight.mission.mission_state import AbortReason
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics.recorded_metrics import outside_sigmas
@@ -65,13 +66,14 @@ def interval_ticks(ticks: int, tick_s: float) -> int:
 def evaluate(
     file: ScenarioFile, records: Mapping[str, np.ndarray], varied: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Signs (runs, intervals) from channels (runs, ticks, ...), up to where a run was frozen; empty without them.
+    """Signs (runs, intervals) from channels (runs, ticks, ...), up to an abort or a freeze; empty without them.
 
+    What comes after the tick in which flight software decides to abort is a consequence; a commanded abort is planned.
     `varied` holds the values (runs, ...) of the keys that vary from run to run, in their units.
     """
     if not all(name in records for name in REQUIRED_CHANNELS):
         return {}
-    running = records["running"]
+    running = records["running"] & ~_after_abort(records)
     every = interval_ticks(running.shape[1], 1.0 / file.rates.camera_hz)
     starts = np.arange(0, running.shape[1], every)
     present, outlier, accepted = (records[f"box_{name}"] & running for name in ("present", "outlier", "accepted"))
@@ -100,6 +102,14 @@ def evaluate(
     counts = {name: _counted(flags[name], starts) for name in COUNTS}
     tests = np.where(running, records[FAILED_TESTS], 0).astype(np.int16)
     return {**counts, FAILED_TESTS: np.bitwise_or.reduceat(tests, starts, axis=1)}
+
+
+def _after_abort(records: Mapping[str, np.ndarray]) -> NDArray[np.bool_]:
+    """Flags (runs, ticks) of what comes after the tick of an abort that was not commanded; none without phases."""
+    after = np.zeros(records["running"].shape, bool)
+    if "abort_reason" in records:
+        after[:, 1:] = ~np.isin(records["abort_reason"][:, :-1], (AbortReason.NONE, AbortReason.COMMAND))
+    return after
 
 
 def _counted(flags: NDArray[np.bool_], starts: NDArray[np.integer]) -> NDArray[np.int32]:

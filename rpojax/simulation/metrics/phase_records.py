@@ -11,6 +11,7 @@ import numpy as np
 
 from rpojax.flight.mission.mission_state import AbortReason, Transition
 from rpojax.metrics.metric_definition import Floats
+from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import mission_goal
 
@@ -26,6 +27,8 @@ UNITS: Final = {
     "abort_reason": "-",
     "goal_reached_at_s": "s",
     "unmet_conditions": "-",
+    "corridor_ahead_m": "m",
+    "corridor_aside_m": "m",
     "transition_count": "-",
     "transition_phase": "-",
     "transition_by": "-",
@@ -53,14 +56,18 @@ class PhaseTransition:
     abort_reason: AbortReason
 
 
-def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def evaluate(
+    file: ScenarioFile, records: Mapping[str, np.ndarray], varied: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
     """Arrays of runs from channels (runs, ticks, ...), up to where a run was frozen; empty without phases.
 
     Those of a phase are (runs, phases), NaN for phases that a run never was in: total time [s], velocity change, RMS
     formation error (none after an abort), mean relative NEES, least and greatest range. Those of transitions are
     (runs, 32): number of the phase that begins, what began it and when, the start of the run included. Of the goal:
     when it was reached [s], NaN if never, and the conditions that did not hold at the end of the last phase of the
-    scenario that the run was in, as bits of `Condition`.
+    scenario that the run was in, as bits of `Condition`. Of a corridor that was left: where the estimate was in the
+    tick of the abort, along the axis and beside it (runs,) [m], NaN for other runs. `varied` holds the values
+    (runs, ...) of the keys that vary from run to run.
     """
     if not file.phases:
         return {}
@@ -94,7 +101,30 @@ def evaluate(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> dict[str,
         "unmet_conditions": _unmet_conditions(phase < len(file.phases), records),
     }
     transitions = _transitions(phase, records["phase_entered_by"], running, tick_s)
-    return stored | {"abort_reason": reason} | of_goal | transitions
+    of_corridor = _corridor_left(file, records, varied)
+    return stored | {"abort_reason": reason} | of_goal | of_corridor | transitions
+
+
+def _corridor_left(
+    file: ScenarioFile, records: Mapping[str, np.ndarray], varied: Mapping[str, np.ndarray]
+) -> dict[str, Floats]:
+    """Estimated position (runs,) along and beside the axis of a corridor as it is left [m], NaN where none is."""
+    runs = np.arange(len(records["phase"]))
+    left = (records["abort_reason"] == AbortReason.CORRIDOR_LEFT) & records["running"]
+    tick = np.argmax(left, axis=1)
+    before = records["phase"][runs, np.maximum(tick - 1, 0)]
+    # The error is that of the target from the servicer.
+    estimate_H = (records["rho_H"][runs, tick] - records["relative_error_H"][runs, tick]).astype(float)
+    ahead, aside = np.full((2, len(runs)), np.nan)
+    for number, phase in enumerate(file.phases):
+        here = left.any(axis=1) & (before == number)
+        if phase.corridor is not None and here.any():
+            axes = values_of_runs(varied, f"phases.{phase.name}.corridor.axis", np.asarray(phase.corridor.axis))
+            unit = np.broadcast_to(axes / np.linalg.norm(axes, axis=-1, keepdims=True), estimate_H.shape)
+            along = np.sum(unit * estimate_H, axis=1)
+            ahead[here] = along[here]
+            aside[here] = np.linalg.norm(estimate_H - along[:, None] * unit, axis=1)[here]
+    return {"corridor_ahead_m": ahead, "corridor_aside_m": aside}
 
 
 def _unmet_conditions(in_table: np.ndarray, records: Mapping[str, np.ndarray]) -> np.ndarray:

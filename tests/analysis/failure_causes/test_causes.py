@@ -122,7 +122,8 @@ def confidence() -> RunEvidence:
 def corridor() -> RunEvidence:
     file = file_of("vbar_approach")
     phases = phases_of(file, 1, abort_reason=AbortReason.CORRIDOR_LEFT)
-    return planted(file, "aborted", phases=phases, traces={"formation_error_m": 9.0})
+    range_m = np.where(np.arange(0.0, file.duration_s, 10.0) < 2000.0, 24.3, 500.0)
+    return planted(file, "aborted", phases=phases, traces={"range_m": range_m})
 
 
 def phase() -> RunEvidence:
@@ -165,7 +166,7 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
     gate: ("gate", ("4 sigma rejects 78 % of true boxes",)),
     unknown_range: ("unknown_range", ("known to 44 % only", "beyond 20 %")),
     confidence: ("confidence", ("by the test range", "100 % of ten minutes")),
-    corridor: ("corridor", ("approach is left at 30 m", "the error is 9 m")),
+    corridor: ("corridor", ("approach is left at 24.3 m, 6 m from its axis", "5.73 m wide to each side")),
     phase: ("phase", ("hold_100 does not end in 9000 s", "range_sigma_m = 6")),
     short: ("short", ("the run of 1500 s ends in approach", "duration_s = ")),
     abort: ("abort", ("keep-out zone ahead, at 2000 s and 30 m",)),
@@ -208,3 +209,77 @@ def test_what_happens_after_an_abort_is_no_cause() -> None:
     signs = {**evidence.signs, "good_boxes": np.where(late, 0, evidence.signs["good_boxes"])}
     phases = phases_of(file, 1, abort_reason=AbortReason.KEEP_OUT_PREDICTED)
     assert first(planted(file, "aborted", phases=phases, signs_of_run=signs))[0] == "abort"
+
+
+def bits(*tests: str) -> int:
+    return sum(1 << TESTS.index(test) for test in tests)
+
+
+@pytest.mark.parametrize("tests", [("unseen", "range"), ("unseen", "box_bias", "size")])
+def test_a_belief_that_no_failed_test_suspects_is_no_cause(tests: tuple[str, ...]) -> None:
+    """The detector misses nine of ten targets, and the noise of boxes is ten times the believed one."""
+    noisy = file_of(camera={"model": "geometric", "edge_noise_px": 10.0})
+    evidence = planted(noisy, signs={"good_boxes": 0.1, "failed_tests": bits(*tests)})
+    assert [each.name for each in causes(evidence).findings] == ["misses"]
+    suspected = planted(noisy, signs={"failed_tests": bits("box_variance", *tests)})
+    assert first(suspected)[:2] == ("belief", int(FAILED.sum()))
+
+
+@pytest.mark.parametrize("metrics", [{}, {"sigma3_coverage": 0.4, "nees_relative_mean": 40.0}])
+def test_a_belief_that_doubts_too_much_is_no_cause(metrics: dict[str, float]) -> None:
+    file = file_of(navigation={"bearing_bias_sigma_deg": 5.0})
+    evidence = planted(file, signs={"failed_tests": (1 << len(TESTS)) - 1}, metrics=metrics)
+    assert [each.name for each in all_findings(evidence) if each.name == "belief"] == []
+
+
+def test_a_belief_of_gps_is_a_cause_only_where_the_relative_estimate_is_wrong() -> None:
+    file, failed = file_of(navigation={"gps_noise_m": 0.1}), bits("gps_variance")
+    assert causes(planted(file, signs={"failed_tests": failed})).findings == []
+    wrong = planted(file, signs={"failed_tests": failed}, metrics={"sigma3_coverage": 0.4})
+    assert "navigation.gps_noise_m is wrong" in first(wrong)[2]
+
+
+def test_a_belief_acts_from_the_first_failed_test_on_that_suspects_it() -> None:
+    evidence = belief()
+    failed = evidence.signs["failed_tests"]
+    failed[:, :4], failed[:, 4:9], failed[:, 9:] = 0, bits("unseen"), np.where(FAILED[:, None], bits("size"), 0)
+    by_test = planted(evidence.file, "diverged", signs_of_run=evidence.signs)
+    found = next(each for each in all_findings(by_test) if each.name == "belief")
+    np.testing.assert_array_equal(found.at_s[FAILED], 9 * evidence.interval_s)
+
+
+@pytest.mark.parametrize(("is_before", "name"), [(False, "corridor"), (True, "sure_and_wrong")])
+def test_a_filter_is_wrong_by_what_it_believed_until_the_abort(is_before: bool, name: str) -> None:
+    """The metrics are of the whole run, and half of the sample at the abort is of what comes after it."""
+    file = file_of("vbar_approach")
+    phases = phases_of(file, 1, abort_reason=AbortReason.CORRIDOR_LEFT)
+    evidence = planted(file, phases=phases)
+    ticks, time_s = evidence.signs["ticks"], evidence.time_s
+    wrong_ticks = (np.arange(ticks.shape[1]) * evidence.interval_s > 2000.0) != is_before
+    wrong_samples = (time_s >= 2000.0) != is_before
+    found = planted(
+        file,
+        "aborted",
+        phases=phases,
+        signs_of_run={**evidence.signs, "outside_3_sigma": np.where(FAILED[:, None] & wrong_ticks, ticks, 0)},
+        traces={"nees_relative": np.where(wrong_samples, 48.0, 6.0)},
+        metrics={"sigma3_coverage": 0.4, "nees_relative_mean": 40.0},
+    )
+    assert first(found)[:2] == (name, int(FAILED.sum()))
+    if is_before:
+        assert "inside 3 sigma in 0 %, NEES / 6 8)" in first(found)[2]
+        np.testing.assert_array_equal(next(each.at_s for each in causes(found).findings)[FAILED], 0.0)
+
+
+def test_the_size_of_the_picture_after_an_abort_is_no_evidence() -> None:
+    """The servicer drifts away after it has aborted, and the target gets small only then."""
+    file = file_of("vbar_approach", camera={"field_of_view_deg": 30.0})
+    phases = phases_of(file, 1, abort_reason=AbortReason.TARGET_LOST)
+    range_m = np.where(np.arange(0.0, file.duration_s, 10.0) < 2000.0, 40.0, 140.0)
+    evidence = planted(file, "aborted", phases=phases, traces={"range_m": range_m}, signs={"good_boxes": 0.1})
+    assert np.nanmax(evidence.ranges_m[FAILED]) == 40.0
+
+
+def test_without_the_place_in_a_corridor_the_range_alone_is_told() -> None:
+    phases = {name: values for name, values in corridor().phases.items() if not name.startswith("corridor_")}
+    assert "approach is left at 30 m; a wider" in first(planted(corridor().file, "aborted", phases=phases))[2]

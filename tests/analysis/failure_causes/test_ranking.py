@@ -36,6 +36,11 @@ def test_of_two_roots_the_one_that_acts_first_is_taken() -> None:
     assert [each.name for each in ranked_causes([wheels, lens], FAILED, ~FAILED).findings] == ["lens"]
 
 
+def test_a_root_whose_time_is_unknown_is_not_the_first_one() -> None:
+    unknown, early = finding("unknown", [4] * 6 + [0] * 10), finding("early", [1.1] * 6 + [0] * 10, at_s=100.0)
+    assert [each.name for each in ranked_causes([unknown, early], FAILED, ~FAILED).findings] == ["early"]
+
+
 @pytest.mark.parametrize(
     ("here", "there", "expected"),
     [

@@ -5,6 +5,7 @@ import pytest
 from synthetic_channel_records import Records, perfect_run
 
 from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.flight.mission.mission_state import AbortReason
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import failure_signs
@@ -70,6 +71,18 @@ def test_nothing_is_counted_after_a_run_was_frozen(file: ScenarioFile) -> None:
     signs = failure_signs.evaluate(file, run, {})
     assert signs["ticks"].tolist() == [[30, 15, 0]]
     assert not signs["failed_tests"].any()
+
+
+@pytest.mark.parametrize(("reason", "ticks"), [(AbortReason.CONFIDENCE_LOST, 46), (AbortReason.COMMAND, 90)])
+def test_nothing_is_counted_after_the_tick_of_an_abort_that_was_not_commanded(
+    file: ScenarioFile, reason: AbortReason, ticks: int
+) -> None:
+    run = records()
+    run["abort_reason"] = np.where(np.arange(90) < 45, AbortReason.NONE, reason).astype(np.int8)[None]
+    run["failed_tests"][0, 45], run["relative_error_H"][0, 46:, 1] = 16, 4.0
+    signs = failure_signs.evaluate(file, run, {})
+    assert (signs["ticks"].sum(), signs["outside_3_sigma"].sum()) == (ticks, ticks - 46)
+    assert signs["failed_tests"].tolist() == [[0, 16, 0]]
 
 
 def test_a_long_run_has_at_most_64_intervals_and_records_without_the_channels_have_no_signs(file: ScenarioFile) -> None:

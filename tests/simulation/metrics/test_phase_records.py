@@ -6,6 +6,7 @@ from synthetic_channel_records import Records, perfect_run
 
 from rpojax.flight.mission.mission_state import AbortReason, Condition, Transition
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.phases.phase_sections import CorridorSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import phase_records
 from rpojax.simulation.metrics.phase_records import MAX_TRANSITIONS, PhaseTransition
@@ -51,7 +52,7 @@ def records() -> Records:
 
 
 def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: Records) -> None:
-    found = phase_records.evaluate(file, records)
+    found = phase_records.evaluate(file, records, {})
     nan = np.nan
     expected = {
         "duration_s": [[20.0, 30.0, 0.0, 0.0], [25.0, 0.0, 5.0, 20.0], [25.0, 15.0, 0.0, 0.0]],
@@ -72,7 +73,7 @@ def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: 
 
 
 def test_transitions_tell_phase_time_and_cause(file: ScenarioFile, records: Records) -> None:
-    found = phase_records.evaluate(file, records)
+    found = phase_records.evaluate(file, records, {})
     np.testing.assert_array_equal(found["transition_count"], [2, 4, 2])
     none = AbortReason.NONE
     assert phase_records.listed_transitions(np.array([7, 8, 9]), file.phase_names, found) == [
@@ -87,15 +88,34 @@ def test_transitions_tell_phase_time_and_cause(file: ScenarioFile, records: Reco
     ]
 
 
+@pytest.mark.parametrize("axis", [(0.0, -2.0, 0.0), (-1.0, 0.0, 0.0)])
+def test_of_a_corridor_that_was_left_the_place_of_the_estimate_is_kept(
+    file: ScenarioFile, records: Records, axis: tuple[float, float, float]
+) -> None:
+    """Of the run that leaves the second phase by it; the corridor of the first is another one."""
+    corridor = CorridorSection(axis=[0.0, -2.0, 0.0], half_angle_deg=1.0, width_m=0.5)
+    stay = file.phases[1].model_copy(update={"corridor": corridor})
+    drift = file.phases[0].model_copy(update={"corridor": corridor.model_copy(update={"axis": [0.0, 0.0, 1.0]})})
+    file = file.model_copy(update={"phases": (drift, stay)})
+    records["phase"][HELD, 30:60] = 1
+    records["abort_reason"] = np.where(records["phase"] == 3, AbortReason.CORRIDOR_LEFT, 0).astype(np.int8)
+    records["rho_H"][HELD, 60], records["relative_error_H"][HELD, 60] = (0.5, -40.0, 1.0), (-0.1, 1.0, 0.2)
+    found = phase_records.evaluate(file, records, {"phases.stay.corridor.axis": np.tile(axis, (3, 1))})
+    nan = np.nan  # The estimate is (0.6, -41.0, 0.8).
+    ahead, aside = (41.0, 1.0) if axis[1] else (-0.6, np.hypot(41.0, 0.8))
+    np.testing.assert_allclose(found["corridor_ahead_m"], [nan, ahead, nan], rtol=1e-6)
+    np.testing.assert_allclose(found["corridor_aside_m"], [nan, aside, nan], rtol=1e-6)
+
+
 def test_of_many_transitions_the_first_are_kept_and_all_counted(file: ScenarioFile, records: Records) -> None:
     records["phase"][PLAIN] = np.arange(TICKS) % 2
-    found = phase_records.evaluate(file, records)
+    found = phase_records.evaluate(file, records, {})
     assert found["transition_count"][PLAIN] == TICKS
     np.testing.assert_array_equal(found["transition_phase"][PLAIN], np.arange(MAX_TRANSITIONS) % 2)
 
 
 def test_without_phases_nothing_is_stored(records: Records) -> None:
-    assert phase_records.evaluate(scenario_loader.load("inspection"), records) == {}
+    assert phase_records.evaluate(scenario_loader.load("inspection"), records, {}) == {}
     assert phase_records.listed_transitions(np.arange(3), (), {}) == []
 
 
