@@ -104,7 +104,7 @@ MEANINGS: Final[dict[str, str]] = {
     "phases.name": "of the phase",
     "phases.reference.kind": "kind of the reference trajectory",
     "phases.pointing": "where the camera points; burns are planned with `target` alone",
-    "phases.control": "`burns` between turns by the one thruster, or `continuous` control by `[[thrusters]]` without turns",
+    "phases.control": "`burns` between turns by the one thruster, or `continuous` control by `[[thrusters]]`",
     "thrusters.name": "of the thruster; flight software and `fault.thruster` have them in the order of their names",
     "phases.control_period_s": "time between burns, by default rates.formation_period_s",
     "phases.on_timeout": "what follows the longest duration",
