@@ -232,7 +232,7 @@ def headings_of_sections() -> list[str]:
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
     assert sorted(named) == sorted(
-        [*sections_of_the_schema(), "design", "dispersions", "phases", "requirements", "servicers"]
+        [*sections_of_the_schema(), "design", "dispersions", "phases", "requirements", "servicers", "thrusters"]
     )
 
 
@@ -258,6 +258,7 @@ def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
         "phases",
         "requirements",
         "servicers",
+        "thrusters",
     }
 
 
