@@ -55,6 +55,9 @@ def _vehicle(scenario: Mapping[str, Any], names: Sequence[str]) -> str:
     wheels = scenario.get("wheels", {})
     parts = [] if mass is None else [f"{mass:g} kg"]
     parts += [] if force is None else [f"thruster of {force:g} N"]
+    if small := [each["force_n"] for each in scenario.get("thrusters", [])]:
+        least, most = (f"{value:g}" for value in (min(small), max(small)))
+        parts.append(f"{len(small)} small ones of {least if least == most else f'{least} to {most}'} N")
     if {"inertia_kg_m2", "speed_limit_rad_s"} <= wheels.keys():
         momenta = np.multiply(wheels["inertia_kg_m2"], wheels["speed_limit_rad_s"])
         low, high = (f"{value:.3g}" for value in (np.min(momenta), np.max(momenta)))
