@@ -49,11 +49,24 @@ def test_numbers_of_a_tick_come_from_their_streams(
         "biases": normal(later, 6),
         "box_edge_errors": normal(fold_in(later, 1), 4) if model == "statistical" else None,
     }
-    assert {*expected, "additional"} == {field.name for field in dataclasses.fields(drawn)}
+    assert {*expected, "additional", "thrusters"} == {field.name for field in dataclasses.fields(drawn)}
+    assert drawn.thrusters is None
     assert set(drawn.additional) == {"range_finder"}
     np.testing.assert_array_equal(drawn.additional["range_finder"], normal(fold_in(sensor, tick), 1))
     for name, values in expected.items():
         np.testing.assert_array_equal(getattr(drawn, name), values, err_msg=name)
+
+
+def test_thrusters_have_numbers_of_thrust_and_pressure_that_change_no_other(
+    inspection: Scenario, keys: jax.Array
+) -> None:
+    with_thrusters, without = (
+        draw_tick_noise(dataclasses.replace(inspection, thrusters=count), keys, jnp.asarray(5)) for count in (3, 0)
+    )
+    assert with_thrusters.thrusters is not None
+    assert with_thrusters.thrusters.shape == (6,)
+    np.testing.assert_array_equal(with_thrusters.burn, without.burn)
+    np.testing.assert_array_equal(with_thrusters.gyro, without.gyro)
 
 
 def test_numbers_of_the_initial_state_come_from_their_streams(inspection: Scenario, keys: jax.Array) -> None:

@@ -61,7 +61,7 @@ def _nearest_faces(
     by a few nanometres, or half a centimetre in single precision.
     """
     count, dtype = inverse.shape[0], directions.dtype
-    whole = jnp.int64 if dtype == jnp.float64 else jnp.int32
+    whole = jnp.int64 if jnp.finfo(dtype).bits == 64 else jnp.int32
     last_bits = (1 << max(count - 1, 1).bit_length()) - 1
     x, y, z = directions[:, 0], directions[:, 1], directions[:, 2]
 
