@@ -8,6 +8,7 @@ import pytest
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.core.pytree import replace
 from rpojax.flight.control import rcs_control, thruster_allocation
+from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.physics import equipment_faults, rcs_thrusters
 from rpojax.physics.equipment_faults import KINDS, Fault
 from rpojax.physics.rcs_thrusters import RcsThruster
@@ -31,6 +32,15 @@ def thruster(position: list[float], direction: list[float], force: float) -> Rcs
 
 
 PAIR = {"b": thruster([0.0, 0.5, 0.0], [2.0, 0.0, 0.0], 0.3), "a": thruster([0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 0.2)}
+
+
+def believed_pair() -> ThrusterLayout:
+    """The pair as flight software has it."""
+    stacked = rcs_thrusters.stacked(PAIR)
+    return thruster_allocation.layout(
+        rcs_thrusters.nominal_forces(stacked), stacked.position, rcs_thrusters.nominal_flows(stacked),
+        stacked.minimum_on, jnp.array(0.1),
+    )  # fmt: skip
 
 
 def test_impulse_and_angular_impulse_of_a_step_are_exact() -> None:
@@ -68,11 +78,7 @@ def test_a_fault_takes_the_force_of_its_thruster_for_its_time() -> None:
 
 
 def test_pulses_give_what_was_commanded_and_none_is_too_short() -> None:
-    stacked = rcs_thrusters.stacked(PAIR)
-    believed = thruster_allocation.layout(
-        rcs_thrusters.nominal_forces(stacked), stacked.position, rcs_thrusters.nominal_flows(stacked),
-        stacked.minimum_on, jnp.array(0.1),
-    )  # fmt: skip
+    believed = believed_pair()
     shares = jnp.array([0.013, 0.85])
     command = replace(rcs_control.no_command(believed), shares=shares, acts=jnp.array(True))
     owed, given = command.owed, []
@@ -87,11 +93,7 @@ def test_pulses_give_what_was_commanded_and_none_is_too_short() -> None:
 
 
 def test_pressure_shows_a_failure_at_once_and_averages_noise() -> None:
-    stacked = rcs_thrusters.stacked(PAIR)
-    believed = thruster_allocation.layout(
-        rcs_thrusters.nominal_forces(stacked), stacked.position, rcs_thrusters.nominal_flows(stacked),
-        stacked.minimum_on, jnp.array(0.1),
-    )  # fmt: skip
+    believed = believed_pair()
     before = rcs_control.no_command(believed)
     fired = jnp.array([0.1, 0.0])
     after = rcs_control.learn_ratios(before, jnp.array([0.0, 0.0]), fired)
