@@ -97,7 +97,7 @@ def plant_params(reference: Reference) -> PlantParams:
         gravity=_gravity(reference),
         atmosphere=_atmosphere(reference),
         sunlight=sunlight(reference),
-        fault=Fault(kind=zero, start=zero, duration=zero, severity=zero, wheel=zero),
+        fault=Fault(kind=zero, start=zero, duration=zero, severity=zero, wheel=zero, thruster=zero),
     )
 
 

@@ -231,7 +231,7 @@ def _instead_of(missing: Path) -> str:
         beside = []
     # Names alone are compared: two files of one long folder are always alike.
     near = did_you_mean(missing.name, [*packaged_names(), *(name for name in beside if name != missing.name)])
-    return f"{', '.join(packaged_names())} or a readable TOML file{near}"
+    return f"{' '.join(packaged_names())} or a TOML file{near}"
 
 
 def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
