@@ -24,13 +24,14 @@ def clustered(triangles: np.ndarray, most: int, shift: float) -> tuple[np.ndarra
     low = triangles.min(axis=(0, 1))
     side = float(np.ptp(triangles.reshape(-1, 3), axis=0).max()) / _FINEST
     while True:
-        found, numbers = _on_grid(triangles, low - shift * side, side)
-        if len(found) <= most:
-            return found, numbers
+        cluster, kept = _on_grid(triangles, low - shift * side, side)
+        if len(kept) <= most:
+            return _representatives(triangles, cluster)[cluster[kept]], kept
         side *= _COARSENING
 
 
 def _on_grid(triangles: np.ndarray, low: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
+    """Cluster (m, 3) of each vertex of the triangles, and numbers (n,) of the triangles that are kept."""
     cells = np.floor((triangles.reshape(-1, 3) - low) / side).astype(np.int64)
     _, cluster = np.unique(cells, axis=0, return_inverse=True)
     cluster = cluster.reshape(-1, 3)
@@ -38,8 +39,7 @@ def _on_grid(triangles: np.ndarray, low: np.ndarray, side: float) -> tuple[np.nd
     is_triangle = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])
     # Of several triangles between the same clusters one is enough, as either side of it counts.
     _, first = np.unique(np.where(is_triangle[:, None], corners, -1), axis=0, return_index=True)
-    kept = np.sort(first[is_triangle[first]])
-    return _representatives(triangles, cluster)[cluster[kept]], kept
+    return cluster, np.sort(first[is_triangle[first]])
 
 
 def _representatives(triangles: np.ndarray, cluster: np.ndarray) -> np.ndarray:
