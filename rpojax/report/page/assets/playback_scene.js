@@ -49,16 +49,9 @@
   function paint(run, seen) {
     latest = [run, seen];
     ways = ways || waysOf(run);
-    const ratio = Math.min(3, (window.devicePixelRatio || 1) * (window.matchMedia("print").matches ? 2 : 1));
-    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    if (!width || !height) return;
-    [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
-    const pen = canvas.getContext("2d");
-    const style = getComputedStyle(canvas);
-    const named = (name) => style.getPropertyValue(name).trim();
-    pen.scale(ratio, ratio);
-    pen.lineJoin = "round";
-    pen.font = "12px system-ui, sans-serif";
+    const sheet = Scene.blank(canvas);
+    if (!sheet) return;
+    const { pen, width, height, named } = sheet;
     const eye = Scene.camera(view);
     const { scale, middle } = fitted(run, seen, eye, width, height);
     const project = (p) => [width / 2 + scale * (dot(eye.right, p) - middle[0]), height / 2 - scale * (dot(eye.up, p) - middle[1]), dot(eye.forward, p)];

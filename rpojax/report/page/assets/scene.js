@@ -82,17 +82,24 @@ const Scene = (() => {
 
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-  function draw(canvas, data, target, reach, state) {
+  // A cleared canvas in pixels of the page: its pen, its size and the colours of its style; null while it is folded.
+  function blank(canvas) {
     const ratio = Math.min(3, (window.devicePixelRatio || 1) * (window.matchMedia("print").matches ? 2 : 1));
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    if (!width || !height) return;
+    if (!width || !height) return null;
     [canvas.width, canvas.height] = [Math.round(width * ratio), Math.round(height * ratio)];
     const pen = canvas.getContext("2d");
     const style = getComputedStyle(canvas);
-    const named = (name) => style.getPropertyValue(name).trim();
     pen.scale(ratio, ratio);
     pen.lineJoin = "round";
     pen.font = "12px system-ui, sans-serif";
+    return { pen, width, height, named: (name) => style.getPropertyValue(name).trim() };
+  }
+
+  function draw(canvas, data, target, reach, state) {
+    const sheet = blank(canvas);
+    if (!sheet) return;
+    const { pen, width, height, named } = sheet;
     const view = camera(state);
     const length = 0.35 * reach;
     const shown = bounds(data, view, length);
@@ -277,5 +284,5 @@ const Scene = (() => {
     });
   }
 
-  return { start, markRun: (run) => markRun(run), views, camera, dot, triangles, drawAxes, drawZone, drawScale, label, mark, drag };
+  return { start, markRun: (run) => markRun(run), blank, views, camera, dot, triangles, drawAxes, drawZone, drawScale, label, mark, drag };
 })();
