@@ -318,7 +318,7 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         memory, delta_v_N = _by_pressures(params, memory, motion)
     burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
     if memory.rcs is not None:
-        # Each tick of pulses is a burn of its own, whose chambers have no sensor.
+        # Each tick of pulses is a burn of its own, and no sign of the one thruster.
         acts, burning = memory.rcs.acts, burning & ~memory.rcs.acts
         burn_delta_v = jnp.where(acts, _size_of_pulses(params, memory.rcs, delta_v_N, dt), burn_delta_v)
     thrust_estimate = memory.thrust_estimate

@@ -85,7 +85,7 @@ def with_propellant(health: Health, is_left: Bool[Array, ""]) -> Health:
 
 def health_at(fault: Fault, time: Scalar) -> Health:
     """Health of the equipment at `time` [s] from the start of the run."""
-    active = (time >= fault.start) & (time < fault.start + fault.duration)
+    active = _is_active(fault, time)
 
     def is_kind(name: str) -> Bool[Array, ""]:
         return active & (jnp.round(fault.kind) == KINDS.index(name))
@@ -102,6 +102,11 @@ def health_at(fault: Fault, time: Scalar) -> Health:
     )
 
 
+def _is_active(fault: Fault, time: Scalar) -> Bool[Array, ""]:
+    """Whether the fault acts at `time` [s]."""
+    return (time >= fault.start) & (time < fault.start + fault.duration)
+
+
 def _lost_thrust(fault: Fault, active: Bool[Array, ""]) -> Scalar:
     """Fraction of the force that the thruster of a fault has lost [-]."""
     kind = jnp.round(fault.kind)
@@ -111,12 +116,10 @@ def _lost_thrust(fault: Fault, active: Bool[Array, ""]) -> Scalar:
 
 def rcs_fractions(fault: Fault, time: Scalar, count: int) -> Float[Array, " n"]:
     """Remaining fraction of the force of each of `count` thrusters of the reaction control system [-]."""
-    active = (time >= fault.start) & (time < fault.start + fault.duration)
     is_affected = jnp.arange(count, dtype=fault.thruster.dtype) == jnp.round(fault.thruster)
-    return 1.0 - jnp.where(is_affected, _lost_thrust(fault, active), 0.0)
+    return 1.0 - jnp.where(is_affected, _lost_thrust(fault, _is_active(fault, time)), 0.0)
 
 
 def radio_works(fault: Fault, time: Scalar) -> Bool[Array, ""]:
     """False while the radio of a servicer of a team neither sends nor receives, at `time` [s] from the start."""
-    active = (time >= fault.start) & (time < fault.start + fault.duration)
-    return ~(active & (jnp.round(fault.kind) == KINDS.index("radio_off")))
+    return ~(_is_active(fault, time) & (jnp.round(fault.kind) == KINDS.index("radio_off")))

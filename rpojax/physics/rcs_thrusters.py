@@ -38,17 +38,19 @@ class RcsThruster:
 
 @pytree
 class RcsState:
-    """What a thruster of the reaction control system has, those of all of them along the first axis.
+    """True thrusters of the reaction control system in a tick, along the first axis.
 
     Attributes:
         force_B: (n, 3) true force when open [N]
         position_B: (n, 3) where it acts, from the centre of mass [m]
         mass_flow: (n,) of propellant when open [kg/s]
+        ratio: (n,) of the force over its nominal value [-]
     """
 
     force_B: Array
     position_B: Array
     mass_flow: Array
+    ratio: Array
 
 
 @pytree
@@ -84,18 +86,15 @@ def nominal_flows(thrusters: RcsThruster) -> Float[Array, " n"]:
     return thrusters.force / (thrusters.isp * STANDARD_GRAVITY)
 
 
-def thrust_ratios(thrusters: RcsThruster, normals: Float[Array, " n"]) -> Float[Array, " n"]:
-    """True over nominal force of each in a tick [-], with errors from standard normal numbers."""
-    return thrusters.force_scale * (1.0 + thrusters.pulse_noise * normals)
-
-
-def true_state(thrusters: RcsThruster, scale: Float[Array, " n"]) -> RcsState:
-    """True thrusters of a tick, whose force is nominal times a scale [-]."""
+def true_state(thrusters: RcsThruster, normals: Float[Array, " n"], left: Float[Array, " n"]) -> RcsState:
+    """True thrusters of a tick, with errors from standard normal numbers and the share of force that is left [-]."""
+    ratio = thrusters.force_scale * (1.0 + thrusters.pulse_noise * normals) * left
     turned = jax.vmap(lambda angle, force: quaternion.rotate(quaternion.exp(angle), force))
     return RcsState(
-        force_B=scale[:, None] * turned(thrusters.misalignment, nominal_forces(thrusters)),
+        force_B=ratio[:, None] * turned(thrusters.misalignment, nominal_forces(thrusters)),
         position_B=thrusters.position,
-        mass_flow=jnp.abs(scale) * nominal_flows(thrusters),
+        mass_flow=jnp.abs(ratio) * nominal_flows(thrusters),
+        ratio=ratio,
     )
 
 

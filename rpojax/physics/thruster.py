@@ -136,8 +136,8 @@ def _node_factors(
 def pulse_factors(on_time: Scalar, method: Method, dt: float | Scalar) -> Float[Array, " nodes"]:
     """Factors as of `StepThrust` of a valve that is open from the begin of a step of `dt` [s] for an on-time [s]."""
     table = _moments_to_factors(method)
-    share = jnp.clip(on_time / dt, 0.0, 1.0)
-    moments = jnp.stack([share ** (k + 1) / (k + 1.0) for k in range(table.shape[0])])
+    count = table.shape[0]
+    moments = _step_moments(jnp.zeros_like(on_time), count) - _step_moments(on_time / dt, count)
     return jnp.sum(table * moments[None, :], axis=1)
 
 

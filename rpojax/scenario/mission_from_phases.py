@@ -67,14 +67,14 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
     def ticks(seconds: float) -> int:
         return round(seconds * file.rates.camera_hz)
 
-    def burns(control_period: float) -> int:
-        if file.orbit.eccentricity < _NEAR_CIRCLE:
+    def burns(control_period: float, is_continuous: bool = False) -> int:
+        # Within a tick the orbit changes no gain.
+        if is_continuous or file.orbit.eccentricity < _NEAR_CIRCLE:
             return 1
         orbit_period = 2.0 * math.pi / float(mean_motion(jnp.float64(file.orbit.semi_major_axis_m)))
         return periodic_lqr_gain.burns_per_orbit(orbit_period, control_period)
 
-    def tables(control_period: float) -> int:
-        count = burns(control_period)
+    def tables(count: int) -> int:
         return 1 if count == 1 else periodic_lqr_gain.tables_per_burn(file.orbit.eccentricity, count)
 
     station = PhaseSection(
@@ -88,8 +88,8 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
                 name=phase.name,
                 pointing=phase.pointing,
                 control_ticks=ticks(control_period_s(file, phase)),
-                burns_per_orbit=1 if phase.control == "continuous" else burns(control_period_s(file, phase)),
-                gain_tables=1 if phase.control == "continuous" else tables(control_period_s(file, phase)),
+                burns_per_orbit=(count := burns(control_period_s(file, phase), phase.control == "continuous")),
+                gain_tables=tables(count),
                 on_timeout=phase.on_timeout,
                 ends=phase.until is not None,
                 has_arrival_box=phase.until is not None and phase.until.arrival_box_m is not None,
@@ -103,8 +103,8 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
         is_managed=bool(file.phases),
         decision_ticks=ticks(decision_period_s),
         hold_ticks=ticks(file.rates.formation_period_s),
-        hold_burns_per_orbit=burns(file.rates.formation_period_s),
-        hold_gain_tables=tables(file.rates.formation_period_s),
+        hold_burns_per_orbit=(held := burns(file.rates.formation_period_s)),
+        hold_gain_tables=tables(held),
     )
 
 

@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, is_dataclass
 from types import UnionType
 from typing import Any, get_args, get_type_hints
@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.core.orbits.sun_moon_ephemeris import Epoch, epoch_at
@@ -26,7 +27,6 @@ from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
-from rpojax.physics import rcs_thrusters
 from rpojax.physics.plant_state import PlantParams
 from rpojax.physics.radio_link import RadioLink
 from rpojax.physics.rcs_thrusters import RcsThruster
@@ -108,7 +108,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         mission=mission_from_phases.mission_tuning(tables),
         atmosphere=plant.atmosphere,
         sensors=_sensor_numbers(tables, believed=True),
-        thrusters=_nominal_thrusters(thrusters) if thrusters else None,
+        thrusters=_nominal_thrusters(tables["thrusters"]) if thrusters else None,
         **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere")),
     )
     return Params(
@@ -184,15 +184,15 @@ def _focal_px(field_of_view: Array, width_px: int, height_px: int) -> Array:
     return pinhole.pinhole_intrinsics(field_of_view, width_px, height_px).focal_px
 
 
-def _nominal_thrusters(thrusters: Mapping[str, RcsThruster]) -> ThrusterLayout:
-    """The thrusters as flight software believes them: as they are named, without errors."""
-    stacked = rcs_thrusters.stacked(thrusters)
-    force_B = rcs_thrusters.nominal_forces(stacked)
-    wrench = thruster_allocation.wrench_matrix(np.asarray(force_B), np.asarray(stacked.position))
-    authority = float(thruster_allocation.axis_authority(wrench)[:, :3].min()) / math.sqrt(3.0)
-    return thruster_allocation.layout(
-        force_B, stacked.position, rcs_thrusters.nominal_flows(stacked), stacked.minimum_on, array(authority)
+def _nominal_thrusters(tables: Sequence[Mapping[str, Any]]) -> ThrusterLayout:
+    """The thrusters as flight software believes them: nominal, in the order of their names."""
+    named = sorted(tables, key=lambda table: table["name"])
+    force, isp, minimum_on, direction, position = (
+        np.array([table[key] for table in named], dtype=np.float64)
+        for key in ("force_n", "isp_s", "minimum_on_s", "direction", "position_m")
     )
+    wrench = thruster_allocation.wrench_matrix(force, direction, position)
+    return thruster_allocation.layout(wrench, force / (isp * STANDARD_GRAVITY), minimum_on)
 
 
 def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_px: int) -> VehicleModel:

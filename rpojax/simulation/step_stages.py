@@ -2,7 +2,7 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.constants import MU_MOON, MU_SUN
@@ -21,7 +21,7 @@ from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant, rcs_thrusters
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth, propellant_used
-from rpojax.physics.rcs_thrusters import RcsThrust
+from rpojax.physics.rcs_thrusters import RcsState, RcsThrust
 from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, thrust_over_step
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -58,6 +58,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
         # The fault of a thruster is that of one of the list.
         health = replace(health, thrust_fraction=jnp.ones_like(health.thrust_fraction))
     health = _fed(params, state.truth, health)
+    thrusters = _true_thrusters(loop, noise, time) if scenario.thrusters else None
     with jax.named_scope("sense"):
         measurements, frame = measure(loop, state, noise, sky, health, time)
     return Tick(
@@ -70,7 +71,19 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
         measurements=measurements,
         flight=state.flight,
         burn_error=state.burn_error,
+        thrusters=thrusters,
     )
+
+
+def _true_thrusters(loop: Loop, noise: TickNoise, time: Scalar) -> RcsState:
+    """Thrusters of the reaction control system in the tick that begins at `time` [s], with their errors and faults."""
+    scenario, plant_params = loop.scenario, loop.params.plant
+    assert noise.thrusters is not None
+    left = jnp.ones_like(noise.thrusters[: scenario.thrusters])
+    if scenario.effects.faults:
+        left = equipment_faults.rcs_fractions(plant_params.fault, time, scenario.thrusters)
+    stacked = rcs_thrusters.stacked(plant_params.thrusters)
+    return rcs_thrusters.true_state(stacked, noise.thrusters[: scenario.thrusters], left)
 
 
 def navigate(loop: Loop, tick: Tick) -> Tick:
@@ -232,25 +245,12 @@ def _pulses(loop: Loop, tick: Tick, motion: Motion) -> tuple[RcsThrust, Array, A
     assert given is not None
     assert motion.owed is not None
     on_time, owed = rcs_control.pulses(believed, given, motion.owed, dt)
+    assert tick.thrusters is not None
     q_BN = motion.attitude.q_BN
     expected_N = rcs_control.expected_delta_v(believed, params.flight.vehicle, given, q_BN, on_time)
-    state = rcs_thrusters.true_state(
-        rcs_thrusters.stacked(params.plant.thrusters), _true_ratios(loop, tick, motion.truth)
-    )
-    thrust = rcs_thrusters.thrust_over_step(state, on_time, loop.scenario.effects.integrator, dt)
+    fed_time = jnp.where(_has_propellant(params, motion.truth), on_time, 0.0)
+    thrust = rcs_thrusters.thrust_over_step(tick.thrusters, fed_time, loop.scenario.effects.integrator, dt)
     return thrust, on_time, owed, expected_N
-
-
-def _true_ratios(loop: Loop, tick: Tick, truth: Truth) -> Array:
-    """Thrust of each thruster of the reaction control system in this tick over its nominal value [-]."""
-    params, scenario = loop.params, loop.scenario
-    assert tick.noise.thrusters is not None
-    ratios = rcs_thrusters.thrust_ratios(
-        rcs_thrusters.stacked(params.plant.thrusters), tick.noise.thrusters[: scenario.thrusters]
-    )
-    if scenario.effects.faults:
-        ratios = ratios * equipment_faults.rcs_fractions(params.plant.fault, tick.time, scenario.thrusters)
-    return jnp.where(propellant_used(params.plant, truth) < params.limits.propellant, ratios, 0.0)
 
 
 def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
@@ -266,24 +266,29 @@ def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
 
 def _fed(params: Params, truth: Truth, health: Health) -> Health:
     """Health of the equipment; the thruster works as long as propellant is left."""
-    is_left = propellant_used(params.plant, truth) < params.limits.propellant
-    return equipment_faults.with_propellant(health, is_left)
+    return equipment_faults.with_propellant(health, _has_propellant(params, truth))
+
+
+def _has_propellant(params: Params, truth: Truth) -> Bool[Array, ""]:
+    """Whether propellant is left."""
+    return propellant_used(params.plant, truth) < params.limits.propellant
 
 
 def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     """Memory of the flight software propagated to the end of the tick."""
     scenario, params = loop.scenario, loop.params
-    ratio = pressures = None
+    thrust_ratio = pressures = None
     if scenario.chamber_pressure and scenario.thrusters:
         assert tick.noise.thrusters is not None
-        normals, ratios = tick.noise.thrusters[scenario.thrusters :], _true_ratios(loop, tick, motion.truth)
-        pressures = chamber_pressure.measure(params.chamber_pressure, ratios, normals)
+        assert tick.thrusters is not None
+        ratio = jnp.where(_has_propellant(params, motion.truth), tick.thrusters.ratio, 0.0)
+        pressures = chamber_pressure.measure(params.chamber_pressure, ratio, tick.noise.thrusters[scenario.thrusters :])
     if scenario.chamber_pressure:
-        ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
+        thrust_ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
     on_board = computer.MotionOnBoard(
         q_BN_before=tick.flight.attitude.q_BN,
         delta_v_N=motion.delta_v_N,
-        thrust_ratio=ratio,
+        thrust_ratio=thrust_ratio,
         third_body_acceleration_N=_luni_solar_acceleration(scenario, tick.flight, tick.sky),
         sun_N=tick.sky.sun_N,
         fired=motion.fired,

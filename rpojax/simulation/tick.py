@@ -17,6 +17,7 @@ from rpojax.flight.stages import Stages
 from rpojax.flight.team_guidance.team_knowledge import KnownPeers
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
+from rpojax.physics.rcs_thrusters import RcsState
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -82,6 +83,7 @@ class Tick:
         confirmed: () bool, whether boxes of other servicers take the place of one of its own; None without other
             servicers
         peers: what is known of the other servicers, None unless a team is coordinated
+        thrusters: true thrusters of the reaction control system, None without one
     """
 
     state: State
@@ -97,6 +99,7 @@ class Tick:
     mode: Array | None = None
     confirmed: Array | None = None
     peers: KnownPeers | None = None
+    thrusters: RcsState | None = None
 
 
 def tick_axes(axis: int) -> Tick:

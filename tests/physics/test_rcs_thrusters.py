@@ -37,16 +37,19 @@ PAIR = {"b": thruster([0.0, 0.5, 0.0], [2.0, 0.0, 0.0], 0.3), "a": thruster([0.0
 def believed_pair() -> ThrusterLayout:
     """The pair as flight software has it."""
     stacked = rcs_thrusters.stacked(PAIR)
+    force, direction, position = (np.array(each) for each in (stacked.force, stacked.direction, stacked.position))
+    wrench = thruster_allocation.wrench_matrix(force, direction, position)
     return thruster_allocation.layout(
-        rcs_thrusters.nominal_forces(stacked), stacked.position, rcs_thrusters.nominal_flows(stacked),
-        stacked.minimum_on, jnp.array(0.1),
-    )  # fmt: skip
+        wrench, np.array(rcs_thrusters.nominal_flows(stacked)), np.array(stacked.minimum_on)
+    )
 
 
 def test_impulse_and_angular_impulse_of_a_step_are_exact() -> None:
     stacked = rcs_thrusters.stacked(PAIR)
     on_time = jnp.array([0.05, 0.2])
-    thrust = rcs_thrusters.thrust_over_step(rcs_thrusters.true_state(stacked, jnp.ones(2)), on_time, "rk4", STEP)
+    thrust = rcs_thrusters.thrust_over_step(
+        rcs_thrusters.true_state(stacked, jnp.zeros(2), jnp.ones(2)), on_time, "rk4", STEP
+    )
     # In the order of names: a along y at z = 1 m, b along x at y = 0.5 m.
     assert np.allclose(STEP * RK4_WEIGHTS @ np.array(thrust.force_B), [0.3 * 0.2, 0.2 * 0.05, 0.0], atol=1e-15)
     moment = [-1.0 * 0.2 * 0.05, 0.0, -0.5 * 0.3 * 0.2]
@@ -63,7 +66,7 @@ def test_a_mapping_has_the_same_order_after_a_compiled_program() -> None:
 
 def test_misalignment_turns_the_force() -> None:
     turned = {"a": replace(PAIR["a"], misalignment=jnp.array([0.0, 0.0, 0.5 * np.pi]))}
-    state = rcs_thrusters.true_state(rcs_thrusters.stacked(turned), jnp.ones(1))
+    state = rcs_thrusters.true_state(rcs_thrusters.stacked(turned), jnp.zeros(1), jnp.ones(1))
     assert np.allclose(np.abs(state.force_B[0]), [0.2, 0.0, 0.0], atol=1e-15)
 
 

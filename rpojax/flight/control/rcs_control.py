@@ -2,10 +2,12 @@
 
 from typing import Final
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight.control import thruster_allocation
@@ -21,14 +23,12 @@ class RcsCommand:
     """Command of the reaction control system for a tick, and what its thrusters owe.
 
     Attributes:
-        delta_v_N: (3,) wanted velocity change of the tick [m/s]
         shares: (n,) of full thrust [-]
         owed: (n,) on-time that was commanded and is not given yet, as it is shorter than a pulse [s]
         acts: () bool, whether the phase translates by these thrusters
         ratio: (n,) thrust over its nominal value by the pressure in the chambers, 1 without a sensor [-]
     """
 
-    delta_v_N: Array
     shares: Array
     owed: Array
     acts: Array
@@ -38,7 +38,7 @@ class RcsCommand:
 def no_command(thrusters: ThrusterLayout) -> RcsCommand:
     """Closed valves."""
     none = jnp.zeros_like(thrusters.cost)
-    return RcsCommand(delta_v_N=jnp.zeros(3), shares=none, owed=none, acts=jnp.zeros((), dtype=bool), ratio=none + 1.0)
+    return RcsCommand(shares=none, owed=none, acts=jnp.zeros((), dtype=bool), ratio=none + 1.0)
 
 
 def command(
@@ -56,8 +56,7 @@ def command(
     The velocity change is limited to what any direction allows. `wheel_speed` (3,) is that of the tachometers [rad/s].
     """
     limit = thrusters.authority / vehicle.mass * tick_s
-    size = jnp.sqrt(jnp.sum(delta_v_N * delta_v_N, axis=0) + _NO_DELTA_V**2)
-    delta_v_N = delta_v_N * jnp.minimum(1.0, limit / size)
+    delta_v_N = delta_v_N * limit / jnp.maximum(gradient_safe.norm(delta_v_N), limit)
     force_B = quaternion.rotate(q_BN, delta_v_N) * (vehicle.mass / tick_s)
     momentum_B = apply_transposed(vehicle.wheel_axes, vehicle.wheel_inertia * wheel_speed)
     wrench = jnp.concatenate([force_B, -momentum_B / _UNLOADING_TIME])
@@ -65,7 +64,6 @@ def command(
     shares = thruster_allocation.allocate(_as_known(thrusters, before), wrench, works)
     return replace(
         before,
-        delta_v_N=jnp.where(acts, delta_v_N, 0.0),
         shares=jnp.where(acts, shares, 0.0),
         owed=jnp.where(acts, before.owed, 0.0),
         acts=acts,
@@ -86,7 +84,7 @@ def pulses(
 
 def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, given: RcsCommand) -> Scalar:
     """Sum of the sizes of all accelerations [m/s^2], also of those that cancel each other."""
-    forces = jnp.sqrt(jnp.sum(thrusters.wrench[:3] ** 2, axis=0))
+    forces = jax.vmap(gradient_safe.norm, in_axes=1)(thrusters.wrench[:3])
     return jnp.sum(given.shares * forces, axis=0) / vehicle.mass
 
 
@@ -124,5 +122,3 @@ _JUMP: Final = 0.2
 """Change of a chamber's pressure over nominal that is a failure [-]. A choice: seven sigma of its noise."""
 _PRESSURE_GAIN: Final = 0.05
 """Gain of the fading mean of the pressure [-]. A choice: a fifth of its noise is left."""
-_NO_DELTA_V: Final = 1e-12
-"""Velocity change that is none [m/s], so that its size has a derivative."""

@@ -11,10 +11,9 @@ from typing import Final
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.optimize
+import scipy
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
@@ -41,28 +40,33 @@ class ThrusterLayout:
     authority: Array
 
 
-def layout(
-    force_B: Float[Array, "n 3"],
-    position_B: Float[Array, "n 3"],
-    flow: Shares,
-    minimum_on_time: Shares,
-    authority: Scalar,
-) -> ThrusterLayout:
-    """Layout of thrusters with full forces [N] that act at positions from the centre of mass [m], and flows [kg/s]."""
-    torque_B = jnp.cross(position_B, force_B)
-    force, torque = (jnp.max(jax.vmap(gradient_safe.norm)(each), axis=0) for each in (force_B, torque_B))
+def layout(wrench: np.ndarray, flow: np.ndarray, minimum_on_time: np.ndarray) -> ThrusterLayout:
+    """Layout of thrusters by their `wrench_matrix` (6, n), flows (n,) [kg/s] and shortest pulses (n,) [s].
+
+    In NumPy, as it is made once, when a scenario becomes parameters.
+    """
+    force, torque = (np.linalg.norm(each, axis=0).max() for each in (wrench[:3], wrench[3:]))
+    # In a direction between the axes there is this share of the least at least.
+    authority = axis_authority(wrench)[:, :3].min() / np.sqrt(3.0)
     return ThrusterLayout(
-        wrench=jnp.concatenate([force_B, torque_B], axis=1).T,
-        cost=flow / jnp.max(flow, axis=0),
-        scale=jnp.concatenate([jnp.full(3, force), jnp.full(3, torque)]),
-        minimum_on_time=minimum_on_time,
-        authority=authority,
+        wrench=jax.device_put(wrench),
+        cost=jax.device_put(flow / flow.max()),
+        scale=jax.device_put(np.repeat([force, torque], 3)),
+        minimum_on_time=jax.device_put(minimum_on_time),
+        authority=jax.device_put(authority),
     )
 
 
-def wrench_matrix(force_B: np.ndarray, position_B: np.ndarray) -> np.ndarray:
-    """Matrix (6, n) of full forces (n, 3) [N] that act at positions (n, 3) [m], and of their torques [N m]."""
-    return np.concatenate([force_B, np.cross(position_B, force_B)], axis=1).T
+def wrench_matrix(force: np.ndarray, direction: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Matrix (6, n) of full forces [N] and torques [N m] of thrusters.
+
+    Args:
+        force: (n,) full force [N]
+        direction: (n, 3) of the force in B; any length
+        position: (n, 3) where it acts, from the centre of mass in B [m]
+    """
+    force_B = force[:, None] * (direction / np.sqrt(np.sum(direction * direction, axis=1))[:, None])
+    return np.concatenate([force_B, np.cross(position, force_B)], axis=1).T
 
 
 def axis_authority(wrench: np.ndarray) -> np.ndarray:

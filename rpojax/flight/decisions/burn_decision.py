@@ -178,8 +178,6 @@ def _within_limit(
     software: FlightSoftware, predicted: Prediction, pointing: TargetPointing, planned_H: Vector
 ) -> Vector:
     """A planned velocity change [m/s] as the look-away limit shortens it: so it is judged."""
-    if all(software.mission.translates):
-        return planned_H
     planned_N = apply_transposed(predicted.R_CN, planned_H)
     share = burn_schedule.share_within_limit(software.guidance, planned_N, pointing.q_BN)
     return planned_H * share

@@ -37,13 +37,12 @@ def check_thrusters(file: ScenarioFile) -> None:
 
 def _check_authority(file: ScenarioFile) -> None:
     """Refuses thrusters that leave the servicer without force or torque in some direction."""
-    directions = np.array([each.direction for each in file.thrusters])
-    forces = np.array([[each.force_n] for each in file.thrusters])
-    force_B = forces * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    position_B = np.array([each.position_m for each in file.thrusters])
-    authority = thruster_allocation.axis_authority(thruster_allocation.wrench_matrix(force_B, position_B))
-    arm = np.linalg.norm(position_B, axis=1).max()
-    least = _NO_SHARE * forces.max() * np.array([1.0, 1.0, 1.0, arm, arm, arm])
+    force = np.array([each.force_n for each in file.thrusters])
+    direction = np.array([each.direction for each in file.thrusters])
+    position = np.array([each.position_m for each in file.thrusters])
+    authority = thruster_allocation.axis_authority(thruster_allocation.wrench_matrix(force, direction, position))
+    arm = np.linalg.norm(position, axis=1).max()
+    least = _NO_SHARE * force.max() * np.array([1.0, 1.0, 1.0, arm, arm, arm])
     for sign, row in zip("+-", authority, strict=True):
         for axis, found, needed in zip(_AXES, row, least, strict=True):
             if found <= needed:

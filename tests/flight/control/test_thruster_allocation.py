@@ -19,10 +19,9 @@ def random_layout(rng: np.random.Generator) -> ThrusterLayout:
     """Thrusters of different size at random places of a body of one metre."""
     position = rng.uniform(-0.5, 0.5, (THRUSTERS, 3))
     direction = rng.normal(size=(THRUSTERS, 3))
-    force = rng.uniform(0.5, 1.5, (THRUSTERS, 1)) * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    flow = np.linalg.norm(force, axis=1)
-    values = (force, position, flow, np.zeros(THRUSTERS), 1.0)
-    return thruster_allocation.layout(*(jnp.asarray(each) for each in values))
+    force = rng.uniform(0.5, 1.5, THRUSTERS)
+    wrench = thruster_allocation.wrench_matrix(force, direction, position)
+    return thruster_allocation.layout(wrench, force, np.zeros(THRUSTERS))
 
 
 def scaled(thrusters: ThrusterLayout, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,14 +95,13 @@ def test_derivative_agrees_with_differences() -> None:
 
 def test_authority_of_six_opposed_pairs() -> None:
     # Two thrusters push each way along each axis, at 0.5 m to both sides of the next axis.
-    force, position = [], []
+    direction, position = [], []
     for axis in range(3):
         for sign in (1.0, -1.0):
             for side in (0.5, -0.5):
-                force.append(sign * 2.0 * np.eye(3)[axis])
+                direction.append(sign * np.eye(3)[axis])
                 position.append(side * np.eye(3)[(axis + 1) % 3])
-    authority = thruster_allocation.axis_authority(
-        thruster_allocation.wrench_matrix(np.array(force), np.array(position))
-    )
+    wrench = thruster_allocation.wrench_matrix(np.full(12, 2.0), np.array(direction), np.array(position))
+    authority = thruster_allocation.axis_authority(wrench)
     assert np.allclose(authority[:, :3], 4.0)
     assert np.allclose(authority[:, 3:], 2.0)
