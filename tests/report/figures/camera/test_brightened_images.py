@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.figures.exposure import developed
+from rpojax.report.figures.brightened_images import developed
 
 
 def dark_image(level: int) -> np.ndarray:
