@@ -16,8 +16,8 @@ from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.optional_packages import require_package
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.figures.colours import FILM_AMBER, FILM_BLUE, FILM_GREEN, FILM_GROUND, FILM_INK, FILM_MUTED
 from rpojax.report.figures.brightened_images import developed
+from rpojax.report.figures.colours import FILM_AMBER, FILM_BLUE, FILM_GREEN, FILM_GROUND, FILM_INK, FILM_MUTED
 
 History = Mapping[str, np.ndarray]
 CameraFrame = tuple[np.ndarray, History]
