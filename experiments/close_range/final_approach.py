@@ -30,6 +30,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--set", nargs="*", default=[], dest="changes")
     options = parser.parse_args()
+    rpojax.prepare_process()
     file = rpojax.load(options.scenario, options.changes)
     campaign = rpojax.run_campaign(
         file,

@@ -18,14 +18,14 @@ LOOP_FUSION_FLAG = (
 """Flag that lets XLA fuse computations with several results, and compile small loops as one function."""
 
 
-_is_prepared = False
+_is_prepared = _is_set_up = False
 
 
 def prepare_process(*, cache: bool = True, rendered: bool = False) -> None:
-    """Prepares this Python process for JAX as the command line does; call it before JAX is imported.
+    """Prepares this Python process for JAX as the command line does; call it before the first computation.
 
     Sets environment variables, except those that the user has set: one host device for each core of a CPU and, unless
-    most runs have rendered cameras, compiler flags that make the closed loop nearly twice as fast (both in XLA_FLAGS),
+    most runs have rendered cameras, compiler flags that make the closed loop ten times as fast (both in XLA_FLAGS),
     and, with `cache`, the folder of compiled programs (JAX_COMPILATION_CACHE_DIR and two limits). A later call has no
     effect.
 
@@ -34,27 +34,29 @@ def prepare_process(*, cache: bool = True, rendered: bool = False) -> None:
         rendered: whether most runs have rendered cameras
 
     Raises:
-        RpojaxError: JAX is imported already.
+        RpojaxError: JAX has computed already.
     """
     global _is_prepared
     if _is_prepared:
         return
-    if "jax" in sys.modules:
-        raise RpojaxError("prepare_process: found JAX imported already, expected a call before it is imported")
+    if _has_begun():
+        raise RpojaxError("prepare_process: found JAX at work already, expected a call before its first computation")
     prepare_jax(cache)
     set_loop_fusion_flag(rendered)
     _is_prepared = True
 
 
 def prepare_jax(cache: bool) -> None:
-    """Sets what JAX reads when it is imported: one host device per core and, with `cache`, the cache folders.
+    """Sets what JAX reads when it begins: one host device per core and, with `cache`, the cache folders.
 
-    Without effect if JAX is imported already. Variables that the user has set are not changed.
+    Without effect if JAX has begun already. Variables that the user has set are not changed.
 
     Raises:
         RpojaxError: XLA does not know a flag in XLA_FLAGS.
     """
-    if "jax" in sys.modules:
+    global _is_set_up
+    _is_set_up = True
+    if _has_begun():
         return
     hide_compiler_log()
     os.environ.setdefault("JAX_LOGGING_LEVEL", "CRITICAL")
@@ -64,9 +66,23 @@ def prepare_jax(cache: bool) -> None:
         os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={available_cores()}".strip()
     folder = _cache_folder() if cache and os.environ.get("RPOJAX_CACHE") != "off" else None
     if folder is not None:
-        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+        _set_default("JAX_COMPILATION_CACHE_DIR", str(folder))
+        _set_default("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", 0)
+        _set_default("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", -1)
+
+
+def _has_begun() -> bool:
+    """Whether JAX has read the flags: with its first device, not when it is imported."""
+    bridge = sys.modules.get("jax._src.xla_bridge")
+    return bridge is not None and getattr(bridge, "backends_are_initialized", lambda: True)()
+
+
+def _set_default(name: str, value: str | int) -> None:
+    """Sets a variable that JAX reads when it is imported, and where that is too late its setting."""
+    if name not in os.environ:
+        os.environ[name] = str(value)
+        if "jax" in sys.modules:
+            sys.modules["jax"].config.update(name.lower(), value)
 
 
 def hide_compiler_log() -> None:
@@ -80,7 +96,7 @@ def hide_compiler_log() -> None:
 
 
 def set_loop_fusion_flag(rendered: bool) -> None:
-    """Sets `LOOP_FUSION_FLAG`, which makes the closed loop nearly twice as fast, but rendered images twice as slow.
+    """Sets `LOOP_FUSION_FLAG`, which makes the closed loop ten times as fast, but rendered images twice as slow.
 
     Call it before the first computation. XLA ignores options that it does not know; a flag that the user has set is not
     changed.
@@ -88,6 +104,11 @@ def set_loop_fusion_flag(rendered: bool) -> None:
     flags = os.environ.get("XLA_FLAGS", "")
     if not rendered and _BACKEND_OPTIONS_FLAG not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {LOOP_FUSION_FLAG}".strip()
+
+
+def is_slow() -> bool:
+    """Whether nobody has set JAX up for the closed loop, neither this module nor the user by flags."""
+    return not _is_set_up and _BACKEND_OPTIONS_FLAG not in os.environ.get("XLA_FLAGS", "")
 
 
 def environment_without_loop_fusion() -> dict[str, str]:

@@ -12,11 +12,14 @@ from typing import Final
 
 from rich.console import Console
 
+from rpojax.runtime.jax_environment import is_slow
+
 LINE_EVERY_S: Final = 30.0
 """Least time [s] from one line to the next within a stage, where there is no terminal."""
 _WARM_UP: Final = 0.1
 """Share of the work below which a first step does not tell how long the others take."""
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
+_SLOW = "compiling (faster loop: rpojax.prepare_process() at the start)"
 _SIMULATING = "simulating"
 _LAST_RUNS = "free drifts and metrics of the last runs"
 
@@ -73,7 +76,7 @@ def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
 
         def watch(progress: Progress) -> None:
             if not progress.compiled:
-                show(_COMPILING)
+                show(_SLOW if is_slow() else _COMPILING)
                 return
             count, failed = (progress.done, progress.total), f"{progress.failed} failed" if progress.done else ""
             show(progress.stage, paces[progress.stage].describe(*count, failed), *count)

@@ -808,6 +808,7 @@ def environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, st
     """Environment of a process that has not imported jax yet."""
     variables = {"HOME": str(tmp_path)}
     monkeypatch.delitem(sys.modules, "jax")
+    monkeypatch.setattr(jax_environment, "_has_begun", lambda: False)
     monkeypatch.setattr(os, "environ", variables)
     return variables
 
@@ -853,8 +854,8 @@ def test_a_plugin_may_import_jax_after_it_is_prepared(environment: dict[str, str
     assert "JAX_COMPILATION_CACHE_DIR" not in environment
 
 
-def test_nothing_is_set_once_jax_is_imported(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "jax", jax)
+def test_nothing_is_set_once_jax_has_begun(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jax_environment, "_has_begun", lambda: True)
     before = dict(environment)
     jax_environment.prepare_jax(cache=True)
     assert environment == before

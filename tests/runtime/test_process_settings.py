@@ -87,12 +87,21 @@ def test_prepared_process_has_a_device_per_core_and_a_cache(tmp_path: Path) -> N
     assert all(name in (PACKAGE.parent / "docs" / "about" / "performance.md").read_text() for name in changed)
 
 
-def test_process_cannot_be_prepared_once_jax_is_imported() -> None:
+def test_process_can_be_prepared_after_jax_is_imported(tmp_path: Path) -> None:
     code = (
-        "import rpojax\nbefore = dict(os.environ)\ntry: rpojax.prepare_process()\n"
+        "import rpojax\nrpojax.prepare_process()\n"
+        "print(json.dumps([jax.device_count(), jax.config.jax_compilation_cache_dir]))"
+    )
+    devices = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    assert in_new_process(code, "jax", XDG_CACHE_HOME=str(tmp_path)) == [devices, str(tmp_path / "rpojax" / "jax")]
+
+
+def test_process_cannot_be_prepared_once_jax_has_computed() -> None:
+    code = (
+        "import rpojax\njax.device_count()\nbefore = dict(os.environ)\ntry: rpojax.prepare_process()\n"
         "except rpojax.RpojaxError as error: print(json.dumps([str(error), before == dict(os.environ)]))"
     )
-    expected = "prepare_process: found JAX imported already, expected a call before it is imported"
+    expected = "prepare_process: found JAX at work already, expected a call before its first computation"
     assert in_new_process(code, "jax") == [expected, True]
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from rich.console import Console
 
-from rpojax.runtime import progress
+from rpojax.runtime import jax_environment, progress
 from rpojax.runtime.progress import Progress, items, run_progress, stage
 
 
@@ -78,6 +78,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
     assert screen.longest <= 77  # the terminal shows ^C in the three columns behind it
 
 
+@pytest.mark.usefixtures("prepared")
 def test_a_piped_campaign_has_a_line_a_stage_and_one_every_half_minute(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,6 +162,23 @@ def test_a_reader_that_is_gone_does_not_end_the_work(monkeypatch: pytest.MonkeyP
     assert lines.stage == "compiling"
 
 
+@pytest.fixture
+def prepared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process with the package's compiler flags."""
+    monkeypatch.setattr(jax_environment, "_is_set_up", True)
+
+
+def test_compilation_without_the_flags_of_the_package_says_so(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jax_environment, "_is_set_up", False)
+    monkeypatch.setenv("XLA_FLAGS", "--xla_force_host_platform_device_count=2")
+    with run_progress(600.0, quiet=False) as watch:
+        watch(Progress(done=0.0, total=128, failed=0, compiled=False))
+    assert "compiling (faster loop: rpojax.prepare_process() at the start)" in terminal.drawn()
+
+
+@pytest.mark.usefixtures("prepared")
 def test_a_terminal_shows_one_line_for_compilation_and_for_runs(clock: Clock, terminal: Terminal) -> None:
     with run_progress(600.0, quiet=False) as watch:
         watch(Progress(done=0.0, total=128, failed=0, compiled=False))
