@@ -15,6 +15,7 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.metrics import (
+    approach,
     attitude,
     camera_boxes,
     filter_consistency,
@@ -35,6 +36,7 @@ MODULES: Final = (
     filter_likelihood,
     navigation_health,
     trajectory,
+    approach,
     passive_safety,
     attitude,
     camera_boxes,

@@ -68,6 +68,7 @@ class Metric:
         degrees_of_freedom: of a normalised square, which is its mean if the filter is consistent; None for others
         of_events: it judges what need not happen, such as a wait after an eclipse: of a team those servicers count to
             which it did
+        of_missions: scenarios with phases alone have it
         source: evaluated from `records` or from free `drifts`, and so for every run of a campaign; from the `coverage`
             of the target's surface, for those of a scenario with it; of a `team`, for those with several servicers;
             during the `simulation` alone; or from records as a `plugin` defines it, for the scenarios that have it
@@ -85,6 +86,7 @@ class Metric:
     has_derivative: bool = False
     degrees_of_freedom: int | None = None
     of_events: bool = False
+    of_missions: bool = False
     source: Source = "records"
 
     def weighted_value(self, namespace: ModuleType, quantities: Mapping[str, Quantity]) -> WeightedValue:

@@ -50,6 +50,13 @@ def lag_1_autocorrelation(given: WeightedValue, _: RunTiming) -> Floats:
     return ratio(sum_in_time(product), sum_in_time(power))
 
 
+def greatest_fall(given: WeightedValue, timing: RunTiming) -> Floats:
+    """Greatest rate of decrease to a tick with a weight [1/s]; NaN where no such tick has one before it."""
+    value = np.asarray(given.value, dtype=float)
+    rates = np.where(given.weight[:, 1:], value[:, :-1] - value[:, 1:], np.nan) / timing.tick_s
+    return np.fmax.reduce(rates, axis=1, initial=np.nan)
+
+
 def time_to_first(flags: WeightedValue, timing: RunTiming) -> Floats:
     """Time of the first true flag [s]; NaN if no flag is true."""
     value = flags.value

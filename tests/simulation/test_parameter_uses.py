@@ -110,7 +110,7 @@ def unread(file: ScenarioFile) -> tuple[set[str], set[str]]:
     scenario = static_settings(file, allow_team=True)
     run: Any = run_program(file, scenario, Stages(), "jax")
     leaves, tree = jax.tree.flatten(run.nominal)
-    metrics = [METRICS[name] for name in DIFFERENTIABLE]
+    metrics = [METRICS[name] for name in DIFFERENTIABLE if file.phases or not METRICS[name].of_missions]
     key = jax.random.key_data(jax.random.key(0))
     nothing: Any = [{} for _ in file.servicers] or {}
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from rpojax.metrics import (
+    approach,
     attitude,
     camera_boxes,
     filter_consistency,
@@ -21,7 +22,7 @@ _GROUPS: Final = (
     ("Errors of position", (position_errors,)),
     ("Consistency of the filter", (filter_consistency, filter_likelihood)),
     ("Confidence of the navigation", (navigation_health,)),
-    ("Range and delta-v", (trajectory,)),
+    ("Range and delta-v", (trajectory, approach)),
     ("Passive safety", (passive_safety,)),
     ("Pointing and wheels", (attitude,)),
     ("Camera", (camera_boxes,)),

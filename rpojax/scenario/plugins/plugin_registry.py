@@ -143,8 +143,9 @@ def metrics_of(file: ScenarioFile) -> dict[str, Metric]:
 
 
 def catalogue_of(file: ScenarioFile) -> dict[str, Metric]:
-    """Metrics of the package and of a scenario's plugin by name."""
-    return {**METRICS, **metrics_of(file)}
+    """Metrics of the package that a scenario may have, and of its plugin, by name."""
+    own = {name: metric for name, metric in METRICS.items() if file.phases or not metric.of_missions}
+    return own | metrics_of(file)
 
 
 def stages_of(file: ScenarioFile, stages: Stages | None = None) -> Stages:

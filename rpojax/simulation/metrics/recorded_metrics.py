@@ -18,7 +18,7 @@ from rpojax.scenario.schema import ScenarioFile
 Records = Mapping[str, np.ndarray]
 Values = Mapping[str, np.ndarray]
 
-_DERIVED: Final = {"desired_position_H", "is_settled"}
+_DERIVED: Final = {"desired_position_H", "is_settled", "is_arrival", "approach_axis_H"}
 """Inputs of metrics that are no channels."""
 
 
@@ -26,8 +26,9 @@ MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_
 """Channels of scenarios with phases that metrics and outcomes read."""
 
 
-def _of_records() -> list[Metric]:
-    return [metric for metric in METRICS.values() if metric.source == "records"]
+def _of_records(*, has_phases: bool = True) -> list[Metric]:
+    found = [metric for metric in METRICS.values() if metric.source == "records"]
+    return [metric for metric in found if has_phases or not metric.of_missions]
 
 
 REQUIRED_CHANNELS: Final = tuple(
@@ -45,7 +46,8 @@ def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, 
         varied: values of the runs (runs, ...) by key, of the keys that vary
     """
     quantities, timing = _quantities(file, records, varied), _timing(file)
-    found = {metric.name: reduce_records(metric, quantities, timing) for metric in _of_records()}
+    metrics = _of_records(has_phases=bool(file.phases))
+    found = {metric.name: reduce_records(metric, quantities, timing) for metric in metrics}
     return found | _custom(file, quantities, timing)
 
 
@@ -106,9 +108,22 @@ def _quantities(file: ScenarioFile, records: Records, varied: Values) -> Records
         "time_s": np.broadcast_to(time_s, records["mode"].shape),
         "rho_desired_H": desired,
         **records,
+        **(_arrival(file, records, varied, desired) if file.phases else {}),
         "desired_position_H": desired,
         "is_settled": _is_settled(records["mode"], np.round(settle_time_s / (1.0 / file.rates.camera_hz))),
     }
+
+
+def _arrival(file: ScenarioFile, records: Records, varied: Values, desired: Floats) -> dict[str, np.ndarray]:
+    """Flags (runs, ticks) of ticks at which the last phase begins, and axis (runs, ticks, 3) of the approach to it."""
+    last = file.phases[-1]
+    in_last = records["phase"] == len(file.phases) - 1
+    arrival = in_last.copy()
+    arrival[:, 1:] &= ~in_last[:, :-1]
+    if last.corridor is None:
+        return {"is_arrival": arrival, "approach_axis_H": desired}
+    axis = values_of_runs(varied, f"phases.{last.name}.corridor.axis", np.asarray(last.corridor.axis))
+    return {"is_arrival": arrival, "approach_axis_H": np.broadcast_to(axis[:, None], desired.shape)}
 
 
 def outside_sigmas(records: Records) -> NDArray[np.bool_]:

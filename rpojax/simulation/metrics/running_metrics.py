@@ -47,6 +47,26 @@ _QUANTITIES: Final[ChannelFunctions] = {
 """Channels and the other inputs of metrics, as functions of a tick."""
 
 
+def _is_arrival(tick: ObservedTick) -> Array:
+    """Whether the last phase begins."""
+    settings, state = tick.scenario.mission, tick.telemetry.flight.mission
+    is_now = jnp.abs(state.entered_at - tick.telemetry.tick * tick.scenario.tick_s) < 0.5 * tick.scenario.tick_s
+    return is_now & (state.phase == settings.hold - 1)
+
+
+def _approach_axis(tick: ObservedTick) -> Array:
+    """Axis of the corridor of the last phase, or direction of its reference, in H; of any length."""
+    corridor = tick.params.flight.mission.phases[tick.scenario.mission.phases[-1].name].corridor
+    return tick.telemetry.rho_desired_H if corridor is None else corridor.axis
+
+
+_OF_MISSIONS: Final[ChannelFunctions] = {
+    **MISSION_CHANNELS,
+    "is_arrival": _is_arrival,
+    "approach_axis_H": _approach_axis,
+}
+
+
 @pytree
 class RunningSums:
     """What is accumulated over the ticks of a run.
@@ -106,7 +126,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         "rho_desired_H": _QUANTITIES["desired_position_H"],
         **{name: partial(_measurement, name) for name in telemetry.measurements.additional},
         **sensor_channels(telemetry.flight.rejected_s),
-        **(MISSION_CHANNELS if scenario.mission.is_managed else {}),
+        **(_OF_MISSIONS if scenario.mission.is_managed else {}),
     }
     for metric in metrics:
         for name in metric.inputs:

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from synthetic_channel_records import Records, perfect_run
 
+from rpojax.errors import RpojaxError
 from rpojax.flight.mission.mission_state import AbortReason, Condition, Transition
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.phases.phase_sections import CorridorSection
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import phase_records
+from rpojax.simulation.metrics import phase_records, recorded_metrics
 from rpojax.simulation.metrics.phase_records import MAX_TRANSITIONS, PhaseTransition
 
 TICKS, PLAIN, HELD, FROZEN = 100, 0, 1, 2
@@ -49,6 +50,39 @@ def records() -> Records:
     unmet = np.where(phase == 0, np.int8(Condition.TIME | Condition.ARRIVAL), np.int8(0))
     flags = {"unmet_conditions": unmet, "running": running}
     return {**found, "phase": phase, "phase_entered_by": by, "abort_reason": reason, **flags}
+
+
+def test_the_arrival_is_judged_by_the_truth_as_the_last_phase_begins(file: ScenarioFile, records: Records) -> None:
+    records["rho_H"][:] = [7.0, -7.0, 7.0]
+    records["rho_desired_H"] = np.broadcast_to(np.float32([0.0, -12.0, 0.0]), records["rho_H"].shape)
+    records["rho_H"][PLAIN, 40] = [3.0, -12.0, 4.0]
+    records["rho_H"][FROZEN, 50] = [0.0, -10.0, 0.0]
+    records["range_m"][:] = np.linspace(50.0, 30.0, TICKS, dtype=np.float32)
+    records["range_m"][PLAIN, 90:92] = [19.5, 19.0]
+    found = recorded_metrics.evaluate(file, records, {})
+    # The second run never comes to the last phase, and none but the first within 20 m.
+    np.testing.assert_allclose(found["final_lateral_error_m"], [5.0, np.nan, 0.0], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(found["final_range_error_m"], [1.0, np.nan, -2.0], rtol=1e-6)
+    fall = 2.0 * (records["range_m"][PLAIN, 89] - 19.5)
+    np.testing.assert_allclose(found["closing_speed_max_m_s"], [fall, np.nan, np.nan], rtol=1e-6)
+
+
+def test_the_lateral_error_is_from_the_axis_of_the_corridor(file: ScenarioFile, records: Records) -> None:
+    corridor = CorridorSection(axis=[0.0, -2.0, 0.0], half_angle_deg=10.0, width_m=1.0)
+    phases = [file.phases[0], file.phases[1].model_copy(update={"corridor": corridor})]
+    records["rho_H"][PLAIN, 40] = [3.0, -12.0, 4.0]
+    inside = file.model_copy(update={"phases": phases})
+    assert recorded_metrics.evaluate(inside, records, {})["final_lateral_error_m"][PLAIN] == pytest.approx(5.0)
+    turned = {"phases.stay.corridor.axis": np.tile([0.0, 0.0, 3.0], (3, 1))}
+    found = recorded_metrics.evaluate(inside, records, turned)["final_lateral_error_m"][PLAIN]
+    assert found == pytest.approx(np.hypot(3.0, 12.0))
+
+
+def test_requirements_on_the_arrival_need_phases() -> None:
+    tables = scenario_loader.load("inspection").model_dump()
+    one = {"metric": "final_range_error_m", "bound": "at most", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
+    with pytest.raises(RpojaxError, match=r"requirements\.0\.metric: found 'final_range_error_m', expected .*phases"):
+        scenario_loader.validate(tables | {"requirements": [one]})
 
 
 def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: Records) -> None:

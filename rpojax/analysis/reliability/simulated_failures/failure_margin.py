@@ -15,6 +15,7 @@ from rpojax.analysis.reliability.simulated_limit_state import with_one_limit
 from rpojax.errors import RpojaxError
 from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
 from rpojax.metrics import metric_catalogue
+from rpojax.metrics.metric_definition import Metric
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.plugins import plugin_registry
@@ -131,10 +132,15 @@ def _check_metric(file: ScenarioFile, name: str) -> None:
     """Refuses metrics that runs of the scenario do not have."""
     own = plugin_registry.metrics_of(file)
     metric = metric_catalogue.find(name)
-    if name in own or (metric is not None and metric.source in ("records", "drifts") and "," not in name):
+    if name in own or (_is_of_runs(file, metric) and "," not in name):
         return
-    known = [each for each, metric in metric_catalogue.METRICS.items() if metric.source in ("records", "drifts")]
+    known = [each for each, metric in metric_catalogue.METRICS.items() if _is_of_runs(file, metric)]
     raise RpojaxError.of_argument("metric", f"found {name!r}, expected one of {', '.join([*known, *own])}")
+
+
+def _is_of_runs(file: ScenarioFile, metric: Metric | None) -> bool:
+    """Whether it is evaluated from records or drifts of the runs of the scenario."""
+    return metric is not None and metric.source in ("records", "drifts") and bool(file.phases or not metric.of_missions)
 
 
 @dataclass(frozen=True)
