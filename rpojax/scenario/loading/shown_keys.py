@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from pydantic import BaseModel
 
@@ -22,6 +22,8 @@ _OVERRIDE: Final = "--set"
 _FURTHER_UNITS: Final = {"_m_px": "m/pixel", "_hz": "Hz"}
 """Units of settings that are no parameters, by suffix."""
 _NUMBERED: Final = "requirements"
+_WHOLE: Final = ("phases", "servicers", _NUMBERED, "design")
+"""What a file replaces as a whole (`table_merging.merge`); overrides set keys in place."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class ShownKey:
 
     Attributes:
         key: with its section; that of a phase or servicer has its name, that of a requirement its number
-        value: in its unit
+        value: in its unit, None for one that may be left out and is
         unit: empty for what is no number, or has none
         origin: name of the file that gives it, `--set`, or `default`
         before: value and origin that this replaces, None if it replaces none
@@ -59,11 +61,12 @@ def shown_keys(reading: ScenarioReading, wanted: str = "") -> list[ShownKey]:
     file = reading.scenario()
     tables = file.model_dump()
     varied = _varied_keys(tables)
-    found = [
-        _shown(reading.layers, key, value, meaning, varied)
-        for key, value, meaning in _leaves(file, tables, "")
-        if not wanted or key == wanted or key.startswith(f"{wanted}.")
+    leaves = [
+        leaf
+        for leaf in _leaves(file, tables, "")
+        if not wanted or leaf[0] == wanted or leaf[0].startswith(f"{wanted}.")
     ]
+    found = [_shown(reading, key, value, meaning, varied) for key, value, meaning in leaves or _left_out(file, wanted)]
     if not found:
         known = [key for key, _, _ in _leaves(file, tables, "")]
         raise UnknownKeyError(wanted, _hint(wanted, known) or ", expected a key or section of the scenario")
@@ -78,6 +81,29 @@ def _hint(wanted: str, known: Sequence[str]) -> str:
         return hint
     near = near or difflib.get_close_matches(wanted[:100], known, n=1, cutoff=0.5)
     return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def _left_out(file: BaseModel, wanted: str) -> Iterator[tuple[str, Any, str]]:
+    """A key or section that may be left out and is: it, no value, and its meaning; nothing for another key."""
+    model: Any = file
+    parts, kind = wanted.split("."), type(file)
+    for place, part in enumerate(parts):
+        if isinstance(model, list):
+            model = next((each for each in model if getattr(each, "name", None) == part), None)
+            kind = type(model)
+        elif (field := getattr(kind, "model_fields", {}).get(part)) is not None:
+            model, kind = getattr(model, part, None), _section(field.annotation)
+            if place == len(parts) - 1 and model is None:
+                yield wanted, None, field.description or setting_meaning(wanted)
+        else:
+            return
+
+
+def _section(annotation: Any) -> type | None:
+    """The section that an annotation allows beside None; None where there is not just one."""
+    found = [each for each in (annotation, *get_args(annotation)) if isinstance(each, type)]
+    sections = [each for each in found if issubclass(each, BaseModel)]
+    return sections[0] if len(sections) == 1 else None
 
 
 def _leaves(model: BaseModel, tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any, str]]:
@@ -109,14 +135,35 @@ def _of_list(name: str, held: Sequence[BaseModel], tables: Sequence[dict[str, An
             yield from _leaves(model, table, f"{name}.{table['name']}.")
 
 
-def _shown(layers: Sequence[Layer], key: str, value: Any, meaning: str, varied: Mapping[str, str]) -> ShownKey:
-    givers = [(found, layer) for layer in layers if (found := _given(layer.changes, key)) is not None]
-    origin = _name(givers[-1][1]) if givers else DEFAULT
-    before = None
-    if len(givers) > 1 and givers[-2][0] != givers[-1][0]:
-        before = (givers[-2][0], _name(givers[-2][1]))
+def _shown(reading: ScenarioReading, key: str, value: Any, meaning: str, varied: Mapping[str, str]) -> ShownKey:
+    givers = _givers(reading, key)
+    if key == "design.file" and givers:
+        value = givers[-1][0]  # As given: its values have been read.
+    origin = givers[-1][1] if givers else DEFAULT
+    before = givers[-2] if len(givers) > 1 and givers[-2][0] != givers[-1][0] else None
     needs = dict.fromkeys(use.needs for use in USES if any(key in keys_of(pattern) for pattern in use.keys))
     return ShownKey(key, value, _unit(key, value), origin, before, meaning, varied.get(key, ""), "; ".join(needs))
+
+
+def _givers(reading: ScenarioReading, key: str) -> list[tuple[Any, str]]:
+    """What each file, and the overrides, give for a key, and the name of each, in their order."""
+    layers, section = list(reading.layers), key.partition(".")[0]
+    if section in _WHOLE:
+        whole = [place for place, layer in enumerate(layers) if _is_whole(layer, section)]
+        layers = layers[whole[-1] :] if whole else layers
+    found = [(value, _name(layer)) for layer in layers if (value := _given(layer.changes, key)) is not None]
+    if section == "dispersions" and (value := _given(reading.tables, key)) != _given(layers[-1].before, key):
+        found.append((value, _OVERRIDE))  # The changes of overrides are without dispersions.
+    design = reading.tables.get("design")
+    if key == "design.values" and not found and isinstance(design, dict) and design.get("values"):
+        found += [(design["values"], str(file)) for file, _ in _givers(reading, "design.file")]
+    return found
+
+
+def _is_whole(layer: Layer, section: str) -> bool:
+    """Whether a layer replaces what those before it give of a section."""
+    given = layer.changes.get(section)
+    return isinstance(given, list) or (given is not None and not layer.is_override)
 
 
 def _name(layer: Layer) -> str:

@@ -31,6 +31,72 @@ def test_a_key_says_its_file_and_what_it_replaces(mine: str) -> None:
     assert origins["dispersions.servicer.mass_kg"] == "inspection"
 
 
+@pytest.fixture
+def replaced(tmp_path: Path) -> Path:
+    """A scenario with phases, requirements and a design of its own, on one that has a design, too."""
+    base = tmp_path / "base.toml"
+    base.write_text('extends = "vbar_approach"\n[design]\nkind = "sobol"\n')
+    text = """extends = "base.toml"
+        [[phases]]
+        name = "approach"
+        reference = { kind = "hold", position_m = [0.0, -50.0, 0.0] }
+        [[requirements]]
+        metric = "min_range_m"
+        bound = "at least"
+        limit = 20.0
+        [design]
+        kind = "table"
+        file = "cases.csv"
+        [[dispersions]]
+        key = "servicer.mass_kg"
+        kind = "none"
+        """
+    (tmp_path / "cases.csv").write_text("servicer.mass_kg\n29.0\n31.0\n")
+    path = tmp_path / "replaced.toml"
+    path.write_text(text)
+    return path
+
+
+def test_what_a_later_file_leaves_out_of_a_list_that_it_replaces_is_a_default(replaced: Path) -> None:
+    reading = scenario_loader.read(replaced, ["phases.approach.on_timeout=abort"])
+    keys = {each.key: each for each in shown_keys(reading)}
+    assert (keys["phases.approach.pointing"].origin, keys["phases.approach.passively_safe"].origin) == ("default",) * 2
+    assert (keys["phases.approach.on_timeout"].origin, keys["phases.approach.on_timeout"].before) == ("--set", None)
+    (unset,) = shown_keys(scenario_loader.read(replaced), "phases.approach.on_timeout")
+    assert (unset.value, unset.origin) == ("hold", "default")
+    requirement = keys["requirements.0"]
+    assert (requirement.origin, requirement.before) == (str(replaced), None)
+
+
+def test_a_table_design_says_its_file_and_that_its_values_are_from_it(replaced: Path) -> None:
+    keys = {each.key: each for each in shown_keys(scenario_loader.read(replaced), "design")}
+    table = str(replaced.with_name("cases.csv"))
+    assert (keys["design.file"].value, keys["design.file"].origin) == (table, str(replaced))
+    values = keys["design.values"]
+    assert (values.value, values.origin, values.before) == ({"servicer.mass_kg": [29.0, 31.0]}, table, None)
+    assert keys["design.kind"].before is None
+
+
+def test_a_dispersion_that_an_override_changes_is_from_it() -> None:
+    key = "dispersions.servicer.mass_kg"
+    (changed,) = shown_keys(scenario_loader.read("inspection", [f"{key}.sigma=1.5"]), key)
+    assert changed.origin == "--set"
+    assert changed.before is not None
+    assert changed.before[1] == "inspection"
+    (kept,) = shown_keys(scenario_loader.read("inspection", ["gps.noise_m=3.0"]), key)
+    assert (kept.origin, kept.before) == ("inspection", None)
+
+
+@pytest.mark.parametrize(
+    "key", ["phases.hold_100.corridor", "phases.hold_100.corridor.width_m", "phases.approach.until.time_s", "goal"]
+)
+def test_a_key_that_may_be_left_out_is_not_given(key: str, capsys: pytest.CaptureFixture[str]) -> None:
+    reading = scenario_loader.read("vbar_approach")
+    assert [(each.value, each.origin) for each in shown_keys(reading, key)] == [(None, "default")]
+    assert main.main(["show", "vbar_approach", key]) == 0
+    assert capsys.readouterr().out.startswith(f"{key} = not given\n  from: default\n")
+
+
 @pytest.mark.parametrize("name", scenario_loader.packaged_names())
 def test_every_key_of_the_packaged_scenarios_has_a_meaning(name: str) -> None:
     lists = {"phases", "servicers", "thrusters", "requirements", "dispersions"}
@@ -61,6 +127,8 @@ def test_the_command_prints_one_key_a_section_and_json(mine: str, capsys: pytest
         ("camrea", "did you mean 'camera'?"),
         ("mass_kg", "did you mean"),
         ("qqq", "expected a key or section"),
+        ("phases.approach.corridr", "did you mean"),
+        ("link.rate_m", "unknown key"),
     ],
 )
 def test_an_unknown_key_gets_the_nearest_one(key: str, hint: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -76,7 +76,9 @@ def _place(key: str) -> tuple[str, str]:
 
 
 def _text(value: Any) -> str:
-    """A value as in TOML."""
+    """A value as in TOML, in words where there is none."""
+    if value is None:
+        return "not given"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {_text(each)}" for key, each in value.items()) + "}"
     if isinstance(value, list):
