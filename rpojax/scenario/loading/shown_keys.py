@@ -84,7 +84,7 @@ def _hint(wanted: str, known: Sequence[str]) -> str:
 
 
 def _left_out(file: BaseModel, wanted: str) -> Iterator[tuple[str, Any, str]]:
-    """A key or section that may be left out and is: it, no value, and its meaning; nothing for another key."""
+    """A key that may be left out and is, or those of a section of which all are: no value, and the meaning of each."""
     model: Any = file
     parts, kind = wanted.split("."), type(file)
     for place, part in enumerate(parts):
@@ -97,6 +97,9 @@ def _left_out(file: BaseModel, wanted: str) -> Iterator[tuple[str, Any, str]]:
                 yield wanted, None, field.description or setting_meaning(wanted)
         else:
             return
+    if isinstance(model, BaseModel):
+        for name in type(model).model_fields:
+            yield from _left_out(file, f"{wanted}.{name}")
 
 
 def _section(annotation: Any) -> type | None:

@@ -44,6 +44,8 @@ def replaced(tmp_path: Path) -> Path:
         metric = "min_range_m"
         bound = "at least"
         limit = 20.0
+        probability = 0.9
+        consumer_risk = 0.1
         [design]
         kind = "table"
         file = "cases.csv"
@@ -88,13 +90,19 @@ def test_a_dispersion_that_an_override_changes_is_from_it() -> None:
 
 
 @pytest.mark.parametrize(
-    "key", ["phases.hold_100.corridor", "phases.hold_100.corridor.width_m", "phases.approach.until.time_s", "goal"]
+    "key",
+    ["phases.hold_100.corridor", "phases.hold_100.corridor.width_m", "phases.approach.until.time_s", "goal.phase"],
 )
 def test_a_key_that_may_be_left_out_is_not_given(key: str, capsys: pytest.CaptureFixture[str]) -> None:
     reading = scenario_loader.read("vbar_approach")
     assert [(each.value, each.origin) for each in shown_keys(reading, key)] == [(None, "default")]
     assert main.main(["show", "vbar_approach", key]) == 0
     assert capsys.readouterr().out.startswith(f"{key} = not given\n  from: default\n")
+
+
+def test_of_a_section_whose_keys_are_all_left_out_each_is_told() -> None:
+    found = shown_keys(scenario_loader.read("vbar_approach"), "goal")
+    assert [(each.key, each.value) for each in found] == [("goal.phase", None), ("goal.at", None)]
 
 
 @pytest.mark.parametrize("name", scenario_loader.packaged_names())
