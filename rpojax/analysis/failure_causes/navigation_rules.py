@@ -44,7 +44,13 @@ _ADVICE: Final = {
 _SUSPECTS: Final = {
     "size": ("navigation.target_size",),
     "box_variance": ("navigation.edge_noise_px", "navigation.target_size", "attitude_filter.star_tracker_noise_deg"),
-    "box_bias": ("navigation.bearing_bias_sigma_deg", "attitude_filter.star_tracker_noise_deg"),
+    # Of a box the size has a mean, too, by which a wrong size shows as well as a mounting.
+    "box_bias": (
+        "navigation.bearing_bias_sigma_deg",
+        "navigation.target_size",
+        "navigation.initial_relative",
+        "attitude_filter.star_tracker_noise_deg",
+    ),
     "contradictions": (
         "navigation.bearing_bias_sigma_deg",
         "navigation.target_size",

@@ -225,6 +225,11 @@ def test_a_belief_that_no_failed_test_suspects_is_no_cause(tests: tuple[str, ...
     assert first(suspected)[:2] == ("belief", int(FAILED.sum()))
 
 
+def test_the_bias_of_boxes_suspects_a_wrong_size() -> None:
+    evidence = planted(file_of(target={"scale": 1.6}), signs={"failed_tests": bits("box_bias")})
+    assert "navigation.target_size_m is wrong" in first(evidence)[2]
+
+
 @pytest.mark.parametrize("metrics", [{}, {"sigma3_coverage": 0.4, "nees_relative_mean": 40.0}])
 def test_a_belief_that_doubts_too_much_is_no_cause(metrics: dict[str, float]) -> None:
     file = file_of(navigation={"bearing_bias_sigma_deg": 5.0})
