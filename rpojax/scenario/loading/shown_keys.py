@@ -15,6 +15,7 @@ from rpojax.scenario.loading.table_merging import dispersion_name, key_names
 from rpojax.scenario.numbers.key_units import unit_symbol
 from rpojax.scenario.setting_meanings import setting_meaning
 from rpojax.scenario.warnings.key_uses import USES, keys_of
+from rpojax.value_types import ChangesOf
 
 DEFAULT: Final = "default"
 """Origin of a key that no file gives."""
@@ -22,7 +23,9 @@ _OVERRIDE: Final = "--set"
 _FURTHER_UNITS: Final = {"_m_px": "m/pixel", "_hz": "Hz"}
 """Units of settings that are no parameters, by suffix."""
 _NUMBERED: Final = "requirements"
-_WHOLE: Final = ("phases", "servicers", _NUMBERED, "design")
+_BY_NAME: Final = ("phases", "servicers", "thrusters")
+"""Lists of which each part has a name."""
+_WHOLE: Final = (*_BY_NAME, _NUMBERED, "design")
 """What a file replaces as a whole (`table_merging.merge`); overrides set keys in place."""
 
 
@@ -31,7 +34,7 @@ class ShownKey:
     """A key of a scenario as it is simulated.
 
     Attributes:
-        key: with its section; that of a phase or servicer has its name, that of a requirement its number
+        key: with its section; that of a phase, servicer or thruster has its name, of a requirement its number
         value: in its unit, None for one that may be left out and is
         unit: empty for what is no number, or has none
         origin: name of the file that gives it, `--set`, or `default`
@@ -52,14 +55,14 @@ class ShownKey:
 
 
 def shown_keys(reading: ScenarioReading, wanted: str = "") -> list[ShownKey]:
-    """Keys of a scenario in the order of its schema: all, those of a section, or one.
+    """Keys of a scenario in the order of its schema: all, those of a section, or one; `phases.0` is the first phase.
 
     Raises:
         ScenarioError: the scenario is not acceptable.
         UnknownKeyError: it has no such key or section.
     """
     file = reading.scenario()
-    tables = file.model_dump()
+    wanted, tables = _by_name(file, wanted), file.model_dump()
     varied = _varied_keys(tables)
     leaves = [
         leaf
@@ -71,6 +74,16 @@ def shown_keys(reading: ScenarioReading, wanted: str = "") -> list[ShownKey]:
         known = [key for key, _, _ in _leaves(file, tables, "")]
         raise UnknownKeyError(wanted, _hint(wanted, known) or ", expected a key or section of the scenario")
     return found
+
+
+def _by_name(file: BaseModel, wanted: str) -> str:
+    """A key with the name of what it gives by its place in a list, as errors of a scenario do."""
+    section, _, rest = wanted.partition(".")
+    number, *inner = rest.split(".")
+    held = getattr(file, section, None)
+    if section not in _BY_NAME or not number.isdecimal() or not isinstance(held, list) or int(number) >= len(held):
+        return wanted
+    return ".".join((section, held[int(number)].name, *inner))
 
 
 def _hint(wanted: str, known: Sequence[str]) -> str:
@@ -88,8 +101,8 @@ def _left_out(file: BaseModel, wanted: str) -> Iterator[tuple[str, Any, str]]:
     model: Any = file
     parts, kind = wanted.split("."), type(file)
     for place, part in enumerate(parts):
-        if isinstance(model, list):
-            model = next((each for each in model if getattr(each, "name", None) == part), None)
+        if isinstance(model, list | dict):
+            model = model.get(part) if isinstance(model, dict) else _named(model, part)
             kind = type(model)
         elif (field := getattr(kind, "model_fields", {}).get(part)) is not None:
             model, kind = getattr(model, part, None), _section(field.annotation)
@@ -102,10 +115,15 @@ def _left_out(file: BaseModel, wanted: str) -> Iterator[tuple[str, Any, str]]:
             yield from _left_out(file, f"{wanted}.{name}")
 
 
+def _named(models: Sequence[BaseModel], name: str) -> BaseModel | None:
+    return next((each for each in models if getattr(each, "name", None) == name), None)
+
+
 def _section(annotation: Any) -> type | None:
-    """The section that an annotation allows beside None; None where there is not just one."""
-    found = [each for each in (annotation, *get_args(annotation)) if isinstance(each, type)]
-    sections = [each for each in found if issubclass(each, BaseModel)]
+    """The section that an annotation allows beside None, whole or in part; None where there is not just one."""
+    found = [annotation, *get_args(annotation)]
+    found += [mark.section for each in found for mark in get_args(each) if isinstance(mark, ChangesOf)]
+    sections = [each for each in found if isinstance(each, type) and issubclass(each, BaseModel)]
     return sections[0] if len(sections) == 1 else None
 
 
@@ -122,6 +140,9 @@ def _leaves(model: BaseModel, tables: Mapping[str, Any], prefix: str) -> Iterato
                 yield from _leaves(part, value[inner], f"{key}.{inner}.")
         elif isinstance(held, list) and held and isinstance(held[0], BaseModel):
             yield from _of_list(name, held, value)
+        elif isinstance(held, dict) and held and key != "design.values":  # Files are merged in it key by key.
+            for inner, part in held.items():
+                yield f"{key}.{inner}", part, setting_meaning(f"{key}.{inner}") or meaning
         else:
             yield key, value, meaning
 
@@ -149,13 +170,15 @@ def _shown(reading: ScenarioReading, key: str, value: Any, meaning: str, varied:
 
 
 def _givers(reading: ScenarioReading, key: str) -> list[tuple[Any, str]]:
-    """What each file, and the overrides, give for a key, and the name of each, in their order."""
-    layers, section = list(reading.layers), key.partition(".")[0]
-    if section in _WHOLE:
-        whole = [place for place, layer in enumerate(layers) if _is_whole(layer, section)]
-        layers = layers[whole[-1] :] if whole else layers
-    found = [(value, _name(layer)) for layer in layers if (value := _given(layer.changes, key)) is not None]
-    if section == "dispersions" and (value := _given(reading.tables, key)) != _given(layers[-1].before, key):
+    """What each file, and the overrides, give for a key, and the name of each, in their order, since it was absent."""
+    section, found = key.partition(".")[0], []
+    results = [*(layer.before for layer in reading.layers[1:]), reading.tables]
+    for layer, result in zip(reading.layers, results, strict=True):
+        if (section in _WHOLE and _is_whole(layer, section)) or _given(result, key) is None:
+            found = []
+        if (value := _given(layer.changes, key)) is not None and _given(result, key) is not None:
+            found.append((value, _name(layer)))
+    if section == "dispersions" and (value := _given(reading.tables, key)) != _given(reading.layers[-1].before, key):
         found.append((value, _OVERRIDE))  # The changes of overrides are without dispersions.
     design = reading.tables.get("design")
     if key == "design.values" and not found and isinstance(design, dict) and design.get("values"):

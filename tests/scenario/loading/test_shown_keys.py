@@ -105,6 +105,69 @@ def test_of_a_section_whose_keys_are_all_left_out_each_is_told() -> None:
     assert [(each.key, each.value) for each in found] == [("goal.phase", None), ("goal.at", None)]
 
 
+def _chain(folder: Path, *texts: str) -> Path:
+    """The last of files each of which extends the one before."""
+    for number, text in enumerate(texts):
+        extends = "" if number == 0 else f'extends = "{number - 1}.toml"\n'
+        (folder / f"{number}.toml").write_text(extends + text)
+    return folder / f"{len(texts) - 1}.toml"
+
+
+def test_what_a_thruster_of_a_later_list_leaves_out_is_a_default(tmp_path: Path) -> None:
+    thrusters = scenario_loader.read("final_approach").tables["thrusters"]
+    kept = ("name", "position_m", "direction", "force_n", "isp_s")
+    parts = ["[[thrusters]]\n" + "".join(f"{key} = {json.dumps(each[key])}\n" for key in kept) for each in thrusters]
+    path = _chain(tmp_path, 'extends = "final_approach"\n', "\n".join(parts))
+    origins = {each.key: (each.value, each.origin, each.before) for each in shown_keys(scenario_loader.read(path))}
+    assert origins["thrusters.t01.minimum_on_s"] == (0.0, "default", None)
+    assert origins["thrusters.t01.force_n"] == (0.25, str(path), None)
+
+
+def test_a_dispersion_that_a_file_removed_is_replaced_by_none(tmp_path: Path) -> None:
+    entry, key = '[[dispersions]]\nkey = "servicer.mass_kg"\nkind = ', "dispersions.servicer.mass_kg"
+    path = _chain(tmp_path, f'extends = "inspection"\n{entry}"none"\n', f'{entry}"normal"\nsigma = 1.0\n')
+    (shown,) = shown_keys(scenario_loader.read(path), key)
+    assert (shown.origin, shown.before) == (str(path), None)
+
+
+def test_keys_of_a_table_that_files_share_each_have_an_origin(tmp_path: Path) -> None:
+    path = _chain(
+        tmp_path,
+        'extends = "vbar_approach"\n[tuning.metrics]\ndelta_v_m_s = 0.5\n',
+        "[tuning.metrics]\nformation_error_rms_m = 0.7\n",
+    )
+    found = {each.key: Path(each.origin).name for each in shown_keys(scenario_loader.read(path), "tuning.metrics")}
+    assert found == {"tuning.metrics.delta_v_m_s": "0.toml", "tuning.metrics.formation_error_rms_m": "1.toml"}
+
+
+def test_a_table_set_as_a_whole_leaves_nothing_of_the_one_before(tmp_path: Path) -> None:
+    table = '[design]\nkind = "grid"\n[design.values]\n"servicer.mass_kg" = [29.0, 31.0]\n'
+    none = '[[dispersions]]\nkey = "servicer.mass_kg"\nkind = "none"\n'
+    path = _chain(tmp_path, f'extends = "inspection"\n{table}{none}')
+    reading = scenario_loader.read(path, ["design={kind='sobol'}"])
+    assert [(each.key, each.origin) for each in shown_keys(reading, "design")] == [("design.kind", "--set")]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "key", "shown"),
+    [
+        ("vbar_approach", "phases.0.control_period_s", "phases.hold_100.control_period_s = 140.0 s\n  from: vbar_app"),
+        ("thruster_failure", "thrusters.11.force_n", "thrusters.t12.force_n = 0.25 N\n  from: final_approach"),
+        ("cooperative_inspection", "servicers.0.servicer.mass_kg", "servicers.first.servicer.mass_kg = not given\n"),
+        (
+            "cooperative_inspection",
+            "servicers.third.phases.inspect.reference.radial_phase_deg",
+            "servicers.third.phases.inspect.reference.radial_phase_deg = 180.0 deg\n  from: cooperative_inspection",
+        ),
+    ],
+)
+def test_a_part_of_a_list_is_found_by_name_or_number(
+    scenario: str, key: str, shown: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main.main(["show", scenario, key]) == 0
+    assert capsys.readouterr().out.startswith(shown)
+
+
 @pytest.mark.parametrize("name", scenario_loader.packaged_names())
 def test_every_key_of_the_packaged_scenarios_has_a_meaning(name: str) -> None:
     lists = {"phases", "servicers", "thrusters", "requirements", "dispersions"}
@@ -137,6 +200,7 @@ def test_the_command_prints_one_key_a_section_and_json(mine: str, capsys: pytest
         ("qqq", "expected a key or section"),
         ("phases.approach.corridr", "did you mean"),
         ("link.rate_m", "unknown key"),
+        ("phases.3.control", "unknown key"),
     ],
 )
 def test_an_unknown_key_gets_the_nearest_one(key: str, hint: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,7 @@ def show(asked: ShowCommand) -> int:
         found = shown_keys(scenario_loader.read(asked.scenario, asked.overrides), asked.key)
     if asked.as_json:
         print_json({"scenario": asked.scenario, "keys": [_record(each) for each in found]})
-    elif len(found) == 1 and found[0].key == asked.key:
+    elif len(found) == 1 and found[0].key.count(".") == asked.key.count("."):  # No section of one key.
         print("\n".join(_one(found[0])))
     else:
         print("\n".join(_table(found)))
