@@ -14,7 +14,7 @@ from rpojax.cli.options.analysis import CompareCommand
 from rpojax.cli.standard_streams import print_json
 from rpojax.report.labels import format_number, metric_label
 from rpojax.report.page import comparison_page
-from rpojax.report.page.comparison_page import interval_text, signed
+from rpojax.report.page.comparison_page import few_pairs_text, interval_text, signed
 from rpojax.runtime.progress import stage
 
 _TITLE_WIDTH = 26
@@ -76,6 +76,8 @@ def _show(compared: CampaignComparison) -> None:
     console.print(table)
     if any(change.is_changed for change in found.metrics):
         console.print("change: the 95 % interval excludes none; so it does by chance for 1 in 20 metrics without one")
+    if independent and (few := few_pairs_text(found)):
+        console.print(few, soft_wrap=True)
     events = Table(title="pairs by outcome")
     events.add_column("event")
     for heading in ("both", "first alone", "second alone", "neither", "p (McNemar)"):

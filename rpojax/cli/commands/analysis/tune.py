@@ -12,6 +12,7 @@ from rich.table import Table
 
 from rpojax.analysis.gradients.tuning import tunable_parameters
 from rpojax.analysis.gradients.tuning import tune as analysis
+from rpojax.analysis.statistics.paired_comparison import MIN_PAIRS
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.analysis import TuneCommand
 from rpojax.cli.output_paths import claim, resumable
@@ -89,8 +90,8 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
         of_sensors = [name for name in judged["means"] if name.startswith("nis_") and "@" not in name]
         for name in dict.fromkeys([*SHOWN, *of_sensors, *weights]):
             if change := judged["means"].get(name):
-                label, (low, high) = metric_label(name), change["ratio_95"]
-                interval = f"{format_number(low, 3)} to {format_number(high, 3)}"
+                label, ends = metric_label(name), change["ratio_95"]
+                interval = " to ".join(format_number(end, 3) for end in ends) if ends else format_number(None)
                 cells = (
                     format_number(change["first"]),
                     format_number(change["second"]),
@@ -108,7 +109,7 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
                     soft_wrap=True,
                 )
         if verdict := _verdict(judged["means"], weights):
-            shown.print(verdict)
+            shown.print(verdict, soft_wrap=True)
     shown.print(f"tuned scenario: {out}")
 
 
@@ -133,7 +134,7 @@ def _failed_line(judged: Mapping[str, Any]) -> str:
 
 
 def _verdict(means: dict[str, Any], weights: Mapping[str, float]) -> str:
-    """A warning where the tuning made metrics worse or changed none of them significantly."""
+    """A warning where means got worse, none of them changed significantly, or runs are too few to tell."""
     names = [name for name in SHOWN if not name.startswith(("nees", "nis"))]
     # Less is better, but of metrics with a negative weight.
     signs = {
@@ -143,8 +144,10 @@ def _verdict(means: dict[str, Any], weights: Mapping[str, float]) -> str:
     ends = {
         name: sorted(sign * (end - 1.0) for end in means[name]["ratio_95"])
         for name, sign in signs.items()
-        if name in means
+        if name in means and means[name]["ratio_95"]
     }
+    if not ends:
+        return f"No interval: it needs a value in {MIN_PAIRS} runs with both, so that nothing is said beyond chance."
     better = [name for name, (_, high) in ends.items() if high < 0.0]
     worse = [name for name, (low, _) in ends.items() if low > 0.0]
     if not better and not worse:
