@@ -100,7 +100,7 @@ def test_what_is_no_number_of_a_run_is_refused(run_ids: object) -> None:
 
 @pytest.mark.parametrize("name", [["range_m"], {}, 3])
 def test_what_is_no_name_is_refused(name: object) -> None:
-    with pytest.raises(RpojaxError, match="^x: found .*, expected one of "):
+    with pytest.raises(RpojaxError, match=r"^x: found .*, expected one of "):
         campaign_figures._known("x", name, {"range_m": np.zeros(3)})
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from rpojax.analysis.gradients.tuning import tunable_parameters
 from rpojax.analysis.gradients.tuning import tune as analysis
@@ -18,6 +17,7 @@ from rpojax.cli.options.analysis import TuneCommand
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
+from rpojax.cli.terminal_tables import print_table
 from rpojax.errors import OutputError
 from rpojax.report.labels import format_number, metric_label
 
@@ -84,9 +84,7 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
     for line in _undefined_lines(content["steps"], content["settings"]["runs"]):
         shown.print(line, soft_wrap=True)
     if judged := content.get("judged"):
-        table = Table(title=f"{judged['runs']} unseen runs, seed {judged['seed']}: means")
-        for heading in ("metric", "unit", "start", "tuned", "ratio", "95 % interval"):
-            table.add_column(heading, justify="left" if heading in ("metric", "unit") else "right")
+        rows = []
         of_sensors = [name for name in judged["means"] if name.startswith("nis_") and "@" not in name]
         for name in dict.fromkeys([*SHOWN, *of_sensors, *weights]):
             if change := judged["means"].get(name):
@@ -98,8 +96,11 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
                     format_number(change["ratio"], 3),
                     interval,
                 )
-                table.add_row(label.title, label.unit, *cells)
-        shown.print(table)
+                rows.append((label.title, label.unit, *cells))
+        title = f"{judged['runs']} unseen runs, seed {judged['seed']}: means"
+        print_table(
+            shown, ("metric", "unit", "start", "tuned", "ratio", "95 % interval"), rows, title=title, words=("unit",)
+        )
         shown.print(_failed_line(judged), soft_wrap=True)
         for name, (start, tuned) in judged["undefined"].items():
             if start != tuned:
