@@ -53,14 +53,17 @@ def _show(content: dict[str, Any], out: Path) -> None:
     console = Console(highlight=False)
     rule = f"{content['metric']} {content['bound']} {content['limit']:g} {content['unit']}"
     distance, run = f"{content['distance_sigmas']:.2f} sigmas", f"run {content['run_id']} of seed {content['seed']}"
-    if content["found"]:
+    if content["breaks_at_median"]:
+        told = f"{rule}: the median run is beyond it already, {run}: nothing is searched, and there is no probability; "
+        console.print(told + "another --limit or --bound may be meant", soft_wrap=True)
+    elif content["found"]:
         told = f"{rule}: broken {distance} from the median in {run}, first-order probability "
         console.print(told + f"{content['probability_first_order']:.2g} with that run's noise", soft_wrap=True)
-        if content["undefined"]:
-            console.print(f"there {content['metric']} has no value, which counts as broken", soft_wrap=True)
     else:
         told = f"{rule}: no violation found; closest is {format_number(content['value'])} {content['unit']} "
         console.print(told + f"at {distance} in {run}", soft_wrap=True)
+    if content["undefined"]:
+        console.print(f"there {content['metric']} has no value, which counts as broken", soft_wrap=True)
     rows = []
     for entry in content["dispersions"]:
         sigmas = ", ".join(f"{value:+.2f}" for value in entry["sigmas"].values())
