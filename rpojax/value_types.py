@@ -2,10 +2,11 @@
 
 import functools
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date
-from typing import Annotated, Any
+from typing import Annotated, Any, SupportsIndex
 
 import numpy as np
 from pydantic import (
@@ -111,6 +112,16 @@ Inertia = Annotated[Matrix3, AfterValidator(_check_inertia)]
 Axes = Annotated[Matrix3, AfterValidator(_check_axes)]
 Covariance = Annotated[list[list[Finite]], Field(min_length=1, max_length=64), AfterValidator(_check_covariance)]
 Hull = Annotated[list[Vector], Field(min_length=4, max_length=64)]
+
+
+def whole_number(value: object) -> int | None:
+    """An integer of Python or NumPy as one of Python; None for everything else, truth values included."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, SupportsIndex):
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:  # an array of one dimension or more
+        return None
 
 
 class Section(BaseModel):

@@ -228,6 +228,18 @@ def rerendered_images(run: ReplayedRun, ticks: Sequence[int]) -> Iterator[PosedI
     return rerender.render_images(run.file, run.seed, run.run_id, run.poses, ticks, run.run_range, run.servicer)
 
 
+def compare_all(runs: Sequence[ReplayedRun], campaign: Campaign) -> ReplayAgreement | None:
+    """Comparison of all servicers: samples of each, their largest difference, and whether all have the same end."""
+    found = [each for run in runs if (each := compare_with_campaign(run, campaign)) is not None]
+    if not found:
+        return None
+    return ReplayAgreement(
+        min(each.samples for each in found),
+        max(each.range_difference_m for each in found),
+        all(each.same_end for each in found),
+    )
+
+
 def compare_with_campaign(run: ReplayedRun, campaign: Campaign) -> ReplayAgreement | None:
     """Comparison of a replay with the campaign's record of the run; None where there is no record yet."""
     rows = np.flatnonzero(campaign.run_ids == run.run_id)

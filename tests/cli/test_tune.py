@@ -115,6 +115,11 @@ def test_a_tuning_that_changes_nothing_says_so() -> None:
     worse = _verdict({"formation_error_rms_m": more, "delta_v_m_s": same}, {})
     assert worse == "Beyond chance, worse than the start: formation_error_rms_m."
     assert _verdict({"seen": more, "delta_v_m_s": same}, {"seen": -2.0}) == ""
+    few = {"formation_error_rms_m": {"ratio_95": None}}
+    assert (
+        _verdict(few, {})
+        == "No interval: it needs a value in 10 runs with both, so that nothing is said beyond chance."
+    )
     assert _verdict({"seen": more}, {"seen": 1.0}) == "Beyond chance, worse than the start: seen."
 
 

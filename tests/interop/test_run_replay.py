@@ -161,3 +161,16 @@ def test_a_team_is_replayed_for_each_servicer(
         recorded = team.history(0, number)["rho_H"]
         replayed = np.stack([run.tick(k).relative.position for k in range(run.ticks)])
         np.testing.assert_allclose(replayed, recorded, atol=1e-3)
+
+
+def test_a_team_agrees_as_well_as_the_servicer_that_agrees_least(monkeypatch: pytest.MonkeyPatch) -> None:
+    found: dict[Any, Any] = {
+        "near": run_replay.ReplayAgreement(20, 0.1, True),
+        "far": run_replay.ReplayAgreement(18, 0.4, False),
+        "unrecorded": None,
+    }
+    monkeypatch.setattr(run_replay, "compare_with_campaign", lambda run, _: found[run])
+    compare: Any = run_replay.compare_all
+    compare = getattr(compare, "__wrapped__", compare)
+    assert compare(["near", "far", "unrecorded"], None) == run_replay.ReplayAgreement(18, 0.4, False)
+    assert compare(["unrecorded"], None) is None

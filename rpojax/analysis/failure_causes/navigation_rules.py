@@ -23,8 +23,6 @@ _NEES: Final = 6.0 * 3.0
 """Mean relative NEES from which on it is, too."""
 _REJECTED: Final = 0.25
 """Share of true boxes that the gate rejects from which on it is a cause. A choice: of `inspection` it is 1 %."""
-_UNKNOWN: Final = 0.3
-"""Sigma of the range over the range from which on burns are not planned by it; as `health.range_limit`."""
 _UNCONFIDENT: Final = 0.5
 """Share of ten minutes without confidence that counts."""
 _CERTAIN: Final = 2.0
@@ -44,7 +42,13 @@ _ADVICE: Final = {
 _SUSPECTS: Final = {
     "size": ("navigation.target_size",),
     "box_variance": ("navigation.edge_noise_px", "navigation.target_size", "attitude_filter.star_tracker_noise_deg"),
-    "box_bias": ("navigation.bearing_bias_sigma_deg", "attitude_filter.star_tracker_noise_deg"),
+    # Of a box the size has a mean, too, by which a wrong size shows as well as a mounting.
+    "box_bias": (
+        "navigation.bearing_bias_sigma_deg",
+        "navigation.target_size",
+        "navigation.initial_relative",
+        "attitude_filter.star_tracker_noise_deg",
+    ),
     "contradictions": (
         "navigation.bearing_bias_sigma_deg",
         "navigation.target_size",
@@ -197,16 +201,19 @@ def unknown_range(evidence: RunEvidence) -> Finding:
     """The range is not known well enough to burn by it."""
     sigma = evidence.trace("nav_relative_sigma3_m") / 3.0
     ratio = sigma / np.maximum(evidence.trace("range_m"), 1e-3)
-    limit = min(_UNKNOWN, evidence.file.formation.range_uncertainty_limit)
+    of_burns, of_health = evidence.value("formation.range_uncertainty_limit"), evidence.value("health.range_limit")
+    limit = np.minimum(of_burns, of_health)
     known = np.isfinite(ratio)
-    above = known & (ratio > limit)
+    above = known & (ratio > limit[:, None])
     share = above.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     worst = np.max(np.where(known, ratio, 0.0), axis=1, initial=0.0)
 
     def words(chosen: Flags) -> str:
+        ends_burns = median(of_burns, chosen) <= median(of_health, chosen)
+        what = "no burn is planned" if ends_burns else "navigation has no confidence"
         return (
-            f"the range is known to {percent(median(worst, chosen))} only, and no burn is planned beyond "
-            f"{percent(limit)} ({percent(median(share, chosen))} of the time)"
+            f"the range is known to {percent(median(worst, chosen))} only, and {what} beyond "
+            f"{percent(median(limit, chosen))} ({percent(median(share, chosen))} of the time)"
         )
 
     at_s = evidence.first_s(above)

@@ -14,15 +14,17 @@ class LimitChoice:
         requirement: metric of one of the scenario's requirements
         metric: another metric, in place of `requirement`
         limit: of `metric`, in its unit
-        bound: side of `limit` on which the metric must stay, 'at most' or 'at least'
+        bound: side of `limit` on which the metric must stay, 'at most' or 'at least'; None for as the metric is worse
     """
 
     requirement: Annotated[
         str | None, arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric.")
     ] = None
-    metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit and --bound.")] = None
+    metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit.")] = None
     limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None
-    bound: Annotated[str, arg(metavar="SIDE", help="'at most' or 'at least'.")] = "at most"
+    bound: Annotated[
+        str | None, arg(metavar="SIDE", help="'at most' or 'at least'; by default as the metric is worse.")
+    ] = None
 
 
 @dataclass(frozen=True)

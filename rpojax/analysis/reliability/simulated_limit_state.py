@@ -4,13 +4,13 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import numpy as np
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
-from rpojax.analysis.reliability.search_settings import LimitChoice
+from rpojax.analysis.reliability.search_settings import Bound, LimitChoice
 from rpojax.errors import RpojaxError
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.plugins import plugin_registry
@@ -34,7 +34,7 @@ class MetricLimit:
     """
 
     metric: str
-    bound: Literal["at most", "at least"]
+    bound: Bound
     limit: float
 
     def margins(self, values: np.ndarray) -> np.ndarray:
@@ -65,14 +65,25 @@ def select_limit(file: ScenarioFile, choice: LimitChoice) -> MetricLimit:
     if requirement is not None:
         if limit is not None:
             raise RpojaxError.of_argument("limit", f"found {limit}, expected it with metric only")
+        if choice.bound is not None:
+            raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected it with metric only")
         return _limit_of_requirement(file, requirement)
     assert metric is not None
     check_metric(file, "metric", metric)
     if limit is None or not math.isfinite(limit):
         raise RpojaxError.of_argument("limit", f"found {limit}, expected a number, with metric")
-    if choice.bound not in ("at most", "at least"):
-        raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected 'at most' or 'at least'")
-    return MetricLimit(metric, "at most" if choice.bound == "at most" else "at least", limit)
+    return MetricLimit(metric, side(choice.bound, plugin_registry.catalogue_of(file)[metric].low_is_bad), limit)
+
+
+def side(bound: str | None, low_is_bad: bool) -> Bound:
+    """Side of a limit on which a metric must stay: as named, else that where it is better.
+
+    Raises:
+        RpojaxError: the name is none of a side.
+    """
+    if bound not in (None, "at most", "at least"):
+        raise RpojaxError.of_argument("bound", f"found {bound!r}, expected 'at most' or 'at least'")
+    return "at least" if bound == "at least" or (bound is None and low_is_bad) else "at most"
 
 
 def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:

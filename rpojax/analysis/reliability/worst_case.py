@@ -86,8 +86,18 @@ class WorstCase(Summarised):
 
     @property
     def probability(self) -> float | None:
-        """First-order probability of a violation in runs with this run's noise; None without a violation."""
-        return None if self.search.nearest_violation is None else float(ndtr(-self.search.nearest_violation.distance))
+        """First-order probability of a violation in runs with this run's noise; None without one, or at the median.
+
+        A limit that the median run breaks has no nearest point beyond it: the probability is that of staying within.
+        """
+        found = self.search.nearest_violation
+        return None if found is None or self.breaks_at_median else float(ndtr(-found.distance))
+
+    @property
+    def breaks_at_median(self) -> bool:
+        """Whether the limit is broken with every dispersion at its median already."""
+        found = self.search.nearest_violation
+        return found is not None and found.distance == 0.0
 
     @property
     def pinned_scenario(self) -> ScenarioFile:
@@ -126,6 +136,7 @@ class WorstCase(Summarised):
             "value_flown": self.simulated_value,
             "confirmed": self.confirmed,
             "undefined": self.undefined,
+            "breaks_at_median": self.breaks_at_median,
             "dispersions": self._dispersions(),
             "held": list(self.space.unmapped),
             "cost": self._cost(),
@@ -158,6 +169,8 @@ class WorstCase(Summarised):
         where = f"{point.distance:.2f} sigmas from the median, run {point.replicate} of seed {self.seed}"
         found = self.search.nearest_violation is not None
         yield ("nearest" if found else "closest"), f"{number(value)} {unit} at {where}"
+        if self.breaks_at_median:
+            yield "probability", "none: the median run is beyond the limit already"
         if self.probability is not None:
             yield "probability", f"{self.probability:.2g}, first order, with that run's noise"
         if self.simulated_value is not None:
@@ -229,7 +242,7 @@ def worst_case(
     requirement: str | None = None,
     metric: str | None = None,
     limit: float | None = None,
-    bound: str = "at most",
+    bound: str | None = None,
     starts: int = 4,
     budget: float = 400.0,
     seed: int = 0,
@@ -244,7 +257,7 @@ def worst_case(
         requirement: metric of one of the scenario's requirements
         metric: another metric, in place of `requirement`
         limit: of `metric`, in its unit
-        bound: side of `limit` on which the metric must stay, 'at most' or 'at least'
+        bound: side of `limit` on which the metric must stay, 'at most' or 'at least'; by default where it is better
         starts: searches at a time, each with the sensor noise of another run
         budget: greatest cost of the search, in runs
         seed: master seed of the runs

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rpojax.analysis.statistics.paired_comparison import (
+    MIN_PAIRS,
     MedianChange,
     PairedComparison,
     PairedEvents,
@@ -128,7 +129,15 @@ class CampaignComparison(Summarised):
         if (more := len(found) - _SHOWN_ROWS) > 0:
             yield "medians", f"and {counted(more, 'further metric')} beyond chance"
         if not found:
-            yield "medians", "none differs beyond chance" if self.independent else "no intervals: dependent draws"
+            yield "medians", self._without_change()
+
+    def _without_change(self) -> str:
+        """Why no median is said to differ."""
+        if not self.independent:
+            return "no intervals: dependent draws"
+        if all(each.difference.interval_95 is None for each in self.runs.metrics):
+            return f"no intervals: they need {MIN_PAIRS} pairs of runs with a value"
+        return "none differs beyond chance"
 
     def _warnings(self) -> Iterator[tuple[str, str]]:
         yield from (("warning", each) for each in self.warnings)

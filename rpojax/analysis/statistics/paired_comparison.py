@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.stats import binomtest
@@ -13,8 +14,8 @@ from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.outcomes.outcome_kinds import Outcome, is_failed
 
 _LEVELS = (0.90, 0.95)
-_MIN_PAIRS = 10
-"""With fewer pairs no interval is given."""
+MIN_PAIRS: Final = 10
+"""With fewer pairs no interval is given, of a comparison and of a tuning."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,11 @@ class PairedComparison:
     outcomes: tuple[PairedEvents, ...]
     requirements: tuple[PairedEvents, ...]
     metrics: tuple[MedianChange, ...]
+
+    @property
+    def few(self) -> int:
+        """Number of metrics, without those of single servicers, with values in some pairs but too few for intervals."""
+        return sum(0 < change.pairs < MIN_PAIRS and "/" not in change.metric for change in self.metrics)
 
 
 def compare_paired_runs(
@@ -203,7 +209,7 @@ def _median_changes(one: RunMetrics, other: RunMetrics, rng: np.random.Generator
         pairs = both[group[0]]
         columns = np.array([[runs.metrics[name][pairs] for name in group] for runs in (one, other)], dtype=np.float64)
         samples = np.zeros((*columns.shape[:2], 0))
-        if rng is not None and pairs.sum() >= _MIN_PAIRS:
+        if rng is not None and pairs.sum() >= MIN_PAIRS:
             samples = resampled_medians(columns.reshape(-1, columns.shape[2]), rng).reshape(*columns.shape[:2], -1)
         found |= {name: _median_change(name, columns[:, i], samples[:, i]) for i, name in enumerate(group)}
     return tuple(found[name] for name in names)

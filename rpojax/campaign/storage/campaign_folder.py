@@ -23,7 +23,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 
@@ -51,6 +51,7 @@ from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent, listed_events
 from rpojax.simulation.outcomes.outcome_kinds import REASONS
 from rpojax.summary_text import Summarised, Summary
+from rpojax.value_types import whole_number
 
 if TYPE_CHECKING:
     import pandas
@@ -413,31 +414,35 @@ class Campaign(Summarised):
         options = self.configuration.options
         return zarr_reader.stored_history_ids(self.directory, options.first_run, options.runs)
 
-    def history(self, run_id: int, servicer: int | str | None = None) -> dict[str, np.ndarray]:
+    def history(self, run_id: SupportsIndex, servicer: SupportsIndex | str | None = None) -> dict[str, np.ndarray]:
         """Stored history of a run, time first; of a team the servicers are the second axis.
 
         Args:
             run_id: number of the run
-            servicer: number or name of the servicer of a team whose history is wanted; without effect for a single one
+            servicer: number or name of the servicer of a team whose history is wanted; a single one has the number 0
 
         Raises:
             ResultError: the run has no history, the team no such servicer, or it cannot be read.
         """
-        number = None if servicer is None or not self.servicer_names else self.servicer_number(servicer)
-        if run_id not in (stored := self.history_ids):
+        number = None if servicer is None else self.servicer_number(servicer)
+        if (run := whole_number(run_id)) not in (stored := self.history_ids):
             raise ResultError(f"run {run_id}: found no history, expected one of {stored}")
-        history = zarr_reader.read_history(self.directory, self.configuration, run_id)
-        return history if number is None else of_servicer(history, number)
+        history = zarr_reader.read_history(self.directory, self.configuration, run)
+        return of_servicer(history, number) if number is not None and self.servicer_names else history
 
-    def servicer_number(self, servicer: int | str) -> int:
-        """Number of a servicer of a team, by it or by its name."""
+    def servicer_number(self, servicer: SupportsIndex | str) -> int:
+        """Number of a servicer of a team, by it or by its name; 0 without a team.
+
+        Raises:
+            ResultError: there is no such servicer.
+        """
         names = list(self.servicer_names)
-        if servicer in names:
-            return names.index(str(servicer))
-        if isinstance(servicer, str) or not 0 <= servicer < len(names):
-            expected = f"one of {', '.join(names)}, or a number from 0 to {len(names) - 1}"
+        number = names.index(servicer) if isinstance(servicer, str) and servicer in names else whole_number(servicer)
+        if number is None or not 0 <= number < max(1, len(names)):
+            several = f"one of {', '.join(names)}, or a number from 0 to {len(names) - 1}"
+            expected = several if names else "none, as the campaign has no team"
             raise ResultError(f"servicer: found {servicer!r}, expected {expected}")
-        return servicer
+        return number
 
     @property
     def plot(self) -> CampaignPlots:

@@ -1,8 +1,8 @@
 """Figures of a campaign for consoles and notebooks; the drawing loads on first use."""
 
 import pkgutil
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -14,12 +14,12 @@ class CampaignPlots:
     def __init__(self, campaign: Any) -> None:
         self._campaign = campaign
 
-    def envelope(self, channel: str = "range_m", servicer: int | str | None = None) -> "Figure":
+    def envelope(self, channel: str = "range_m", servicer: SupportsIndex | str | None = None) -> "Figure":
         """Median, bands of 50 % and 90 % of the runs, and extremes of a channel of the traces over time.
 
         Args:
             channel: one of `campaign.traces`
-            servicer: number or name of a servicer of a team; None for the channel of the team
+            servicer: number or name of a servicer of a team; None for the channel of the team, or of a single servicer
 
         Raises:
             RpojaxError: there is no such channel or servicer, or no finished run.
@@ -49,7 +49,7 @@ class CampaignPlots:
         """
         return _draw("scatter", self._campaign, x, y)
 
-    def path(self, run_ids: Sequence[int] | int | None = None) -> "Figure":
+    def path(self, run_ids: Iterable[SupportsIndex] | SupportsIndex | None = None) -> "Figure":
         """Paths of servicers around the target in the Hill frame [m], of runs with a stored history, with keep-out.
 
         Args:

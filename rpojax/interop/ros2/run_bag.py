@@ -54,9 +54,9 @@ def namespaced_topics(name: str) -> dict[Topic, Topic]:
 def namespaced(
     messages: Iterator[TimedMessage], name: str, renamed: dict[Topic, Topic], is_first: bool
 ) -> Iterator[TimedMessage]:
-    """Messages of a servicer alone, renamed for a team; messages common to all come from the first servicer only."""
+    """Messages of a servicer alone, renamed for a team, without mountings; what is common to all is from the first."""
     for each in messages:
-        if each.topic in _OF_ALL and not is_first:
+        if each.topic is topics.TF_STATIC or (each.topic in _OF_ALL and not is_first):
             continue
         message = _renamed(each.message, name)
         if each.topic is topics.TF and not is_first:
@@ -170,7 +170,17 @@ def team_messages(
         messages = run_messages(run, image_storage, own, on_progress if number == 0 else _no_progress)
         renamed = namespaced_topics(run.servicer_name)
         streams.append(namespaced(messages, run.servicer_name, renamed, number == 0))
-    return heapq.merge(*streams, key=lambda each: each.time_ns)
+    return heapq.merge(_mountings(runs), *streams, key=lambda each: each.time_ns)
+
+
+def _mountings(runs: Sequence[ReplayedRun[RosTickValues]]) -> Iterator[TimedMessage]:
+    """Cameras of all servicers in one message: late subscribers get the last one of the topic, and it alone."""
+    time_ns = message_builders.nanoseconds(float(runs[0].tick(0).time_s))
+    found = [
+        _renamed(message_builders.camera_transform(time_ns, run.tick(0)), run.servicer_name or "").transforms
+        for run in runs
+    ]
+    yield TimedMessage(time_ns, topics.TF_STATIC, message_builders.tf_message([each for own in found for each in own]))
 
 
 def provenance(run: ReplayedRun[RosTickValues]) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final
+from typing import Final, SupportsIndex
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,6 +23,7 @@ from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.scenario.numbers import key_units
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.simulation.metrics.decimated_traces import TRACE_UNITS
+from rpojax.value_types import whole_number
 
 _SIZE_INCHES: Final = (8.0, 4.6)
 _DOTS_PER_INCH: Final = 110
@@ -41,7 +42,7 @@ class ShownFigure(Figure):
         return stream.getvalue()
 
 
-def envelope(campaign: Campaign, channel: str, servicer: int | str | None = None) -> Figure:
+def envelope(campaign: Campaign, channel: str, servicer: SupportsIndex | str | None = None) -> Figure:
     """Figure of `CampaignPlots.envelope`."""
     values, title = _trace(campaign, channel, servicer)
     label = _CHANNELS.get(
@@ -135,10 +136,10 @@ def scatter(campaign: Campaign, x: str, y: str) -> Figure:
     return figure
 
 
-def path(campaign: Campaign, run_ids: Sequence[int] | int | None = None) -> Figure:
+def path(campaign: Campaign, run_ids: Iterable[SupportsIndex] | SupportsIndex | None = None) -> Figure:
     """Figure of `CampaignPlots.path`."""
     stored = campaign.history_ids
-    chosen = stored[:_MAX_PATHS] if run_ids is None else [run_ids] if isinstance(run_ids, int) else list(run_ids)
+    chosen = stored[:_MAX_PATHS] if run_ids is None else _run_numbers(run_ids)
     if not chosen:
         raise RpojaxError.of_argument("run_ids", "found no run with a history, expected one: histories= keeps them")
     figure = ShownFigure(figsize=(10.0, 5.0), layout="constrained", facecolor="white")
@@ -171,25 +172,35 @@ def path(campaign: Campaign, run_ids: Sequence[int] | int | None = None) -> Figu
     return figure
 
 
-def _trace(campaign: Campaign, channel: str, servicer: int | str | None) -> tuple[np.ndarray, str]:
+def _run_numbers(run_ids: object) -> list[int]:
+    """Numbers of runs, from one or several of Python or NumPy, each once."""
+    given = [run_ids] if whole_number(run_ids) is not None else run_ids
+    numbers = list(map(whole_number, given)) if isinstance(given, Iterable) and not isinstance(given, str) else [None]
+    if None in numbers:
+        raise RpojaxError.of_argument("run_ids", f"found {run_ids!r}, expected a number of a run or several")
+    return list(dict.fromkeys(number for number in numbers if number is not None))
+
+
+def _trace(campaign: Campaign, channel: str, servicer: SupportsIndex | str | None) -> tuple[np.ndarray, str]:
     """Channel (runs, samples) of the traces, of a servicer of a team where one is named, and what the title adds."""
     values = _known("channel", channel, campaign.traces)
-    if servicer is None or not campaign.servicer_names:
+    number = None if servicer is None else campaign.servicer_number(servicer)
+    if number is None or not campaign.servicer_names:
         return values, ""
-    number = campaign.servicer_number(servicer)
-    return campaign.servicers("traces")[channel][:, number], f", {campaign.servicer_names[number]}"
+    own = _known("channel", channel, campaign.servicers("traces"))
+    return own[:, number], f", {campaign.servicer_names[number]}"
 
 
-def _known(argument: str, name: str, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
+def _known(argument: str, name: object, numbers: Mapping[str, np.ndarray]) -> np.ndarray:
     """Values of a name; one that is unknown is refused with the nearest, or the first names."""
-    if name in numbers:
+    if isinstance(name, str) and name in numbers:
         return np.asarray(numbers[name])
     if not numbers:
         raise RpojaxError.of_argument(argument, f"found {name!r}, but no run is finished yet")
     raise RpojaxError.of_argument(argument, f"found {name!r}, expected one of {_expected(name, numbers)}")
 
 
-def _expected(name: str, known: Iterable[str]) -> str:
+def _expected(name: object, known: Iterable[str]) -> str:
     """The nearest known name, or the first ones."""
     names = list(known)
     hint = did_you_mean(str(name), names)

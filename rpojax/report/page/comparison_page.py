@@ -14,7 +14,12 @@ from rpojax.analysis.statistics.campaign_comparison import (
     without,
 )
 from rpojax.analysis.statistics.intervals import percentiles_over_runs
-from rpojax.analysis.statistics.paired_comparison import IntervalEstimate, MedianChange
+from rpojax.analysis.statistics.paired_comparison import (
+    MIN_PAIRS,
+    IntervalEstimate,
+    MedianChange,
+    PairedComparison,
+)
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.errors import ResultError
 from rpojax.metrics import metric_catalogue
@@ -45,6 +50,7 @@ from rpojax.report.labels import (
 from rpojax.report.page import page_templates
 from rpojax.report.sections import requirement_verdict_section
 from rpojax.scenario.plugins import plugin_registry
+from rpojax.summary_text import counted
 
 _CHANCE = 0.05
 """Share of metrics without a change whose 95 % interval excludes it nevertheless."""
@@ -134,14 +140,22 @@ def comparison_sentence(found: CampaignComparison) -> str:
     failed = runs.failures.both + runs.failures.only_first, runs.failures.both + runs.failures.only_second
     alone = f" ({runs.unpaired} without a partner)" if runs.unpaired else ""
     parts = [f"{runs.pairs} pairs of runs{alone}"]
-    if found.independent:
+    if found.independent and judged:
         by_chance = _CHANCE * len(judged)
         parts.append(
             f"the median of {changed} of {len(judged)} metrics changed (about {by_chance:.0f} would seem to by chance)"
         )
+    if found.independent and runs.few:
+        parts.append(few_pairs_text(runs))
     p_value = "" if runs.failures.p_value is None else f" (p {format_p_value(runs.failures.p_value)})"
     parts.append(f"failed runs {failed[0]} \N{RIGHTWARDS ARROW} {failed[1]}{p_value}")
     return "; ".join(parts) + "."
+
+
+def few_pairs_text(runs: PairedComparison) -> str:
+    """Which metrics have no interval, as too few pairs of runs have a value of them; empty if all have one."""
+    which = "" if runs.pairs < MIN_PAIRS else f" for {counted(runs.few, 'metric')}"
+    return f"no interval{which}: it needs {MIN_PAIRS} pairs of runs" if runs.few else ""
 
 
 def requirement_table(campaigns: Sequence[CampaignResults]) -> list[tuple[str, list[tuple[str, str, str]]]]:
@@ -329,6 +343,7 @@ def _part(found: CampaignComparison, first: str, second: str) -> dict[str, Any]:
         "shown": [row for row in rows if row.is_changed][:_SHOWN_FIRST],
         "events": event_rows(found),
         "independent": found.independent,
+        "judged": any(change.difference.interval_95 is not None for change in found.runs.metrics),
     }
 
 

@@ -7,10 +7,11 @@ from typing import Any, Final
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, with_unit
+from rpojax.report.labels import format_number, format_p_value, with_unit
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
 from rpojax.report.sections.failure_section import detail_counts
 from rpojax.report.sections.requirement_verdict_section import limit_text, violation_kinds
+from rpojax.summary_text import counted
 
 _MOST_STEPS: Final = 6
 _MOST_CAUSES: Final = 3
@@ -164,10 +165,21 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
 
 
 def _influence(content: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
-    """The dispersed input on which a requirement's metric depends most, if that is known."""
+    """The dispersed input on which a requirement's metric depends most, beyond chance, or that none stands out.
+
+    P-values are corrected for the number of inputs. Without them, as of a design with dependent runs, nothing is said.
+    """
     name = entry.get("of", entry["metric"])
-    found = [each for each in content["sensitivity"] if each["metric"] == name and each["by_spearman"]]
-    return f"; it depends most on {found[0]['by_spearman'][0]}" if found else ""
+    ranked = next((each for each in content["sensitivity"] if each["metric"] == name), None)
+    if ranked is None or any(one["spearman_p"] is None for one in ranked["inputs"]):
+        return ""
+    count = counted(len(ranked["inputs"]), "dispersed number")
+    for measure, words in (("spearman", "rank correlation"), ("hsic", "no steady rise or fall, HSIC")):
+        if leading := ranked[f"by_{measure}"]:
+            most = next(one for one in ranked["inputs"] if one["name"] == leading[0])
+            p = format_p_value(most[f"{measure}_p"])
+            return f"; it depends most on {most['name']} ({words} {most[measure]:.2f}, p {p} among {count})"
+    return f"; of {count} none stands out from chance"
 
 
 def _more_runs(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
@@ -203,8 +215,8 @@ def _consistency(content: Mapping[str, Any]) -> list[NextStep]:
 def _nothing(content: Mapping[str, Any]) -> NextStep:
     """Where nothing failed and nothing is open: the input on which the smallest margin depends."""
     weakest = weakest_requirement(content["requirements"])
-    influence = "" if weakest is None else _influence(content, weakest).removeprefix("; it ")
+    influence = "" if weakest is None else _influence(content, weakest)
     if weakest is None or not influence:
         return NextStep("Nothing failed and nothing is open", "", "read the worst run and the limits of use", "run")
-    why = f"the smallest margin, of {limit_text(weakest)}, {influence}"
+    why = f"the smallest margin is that of {limit_text(weakest)}{influence}"
     return NextStep("Nothing failed and nothing is open", why, "", "sensitivity")

@@ -148,7 +148,9 @@ def _sensitivity(content: Mapping[str, Any], _: Mapping[str, Any]) -> str:
     found = [entry for entry in content["sensitivity"] if entry["by_spearman"]]
     if not found:
         return "No input stands out" if content["sensitivity"] else "Needs at least ten runs and a dispersed input"
-    return "; ".join(f"{_short(entry['title'])}: {entry['by_spearman'][0]}" for entry in found[:2])
+    told = "; ".join(f"{_short(entry['title'])}: {entry['by_spearman'][0]}" for entry in found[:2])
+    is_tested = all(one["spearman_p"] is not None for entry in found[:2] for one in entry["inputs"])
+    return told if is_tested else f"Greatest, not tested against chance: {told}"
 
 
 def _failures(content: Mapping[str, Any], _: Mapping[str, Any]) -> str:

@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from pydantic import BaseModel
 
@@ -15,6 +15,7 @@ from rpojax.scenario.loading.table_merging import dispersion_name, key_names
 from rpojax.scenario.numbers.key_units import unit_symbol
 from rpojax.scenario.setting_meanings import setting_meaning
 from rpojax.scenario.warnings.key_uses import USES, keys_of
+from rpojax.value_types import ChangesOf
 
 DEFAULT: Final = "default"
 """Origin of a key that no file gives."""
@@ -22,6 +23,10 @@ _OVERRIDE: Final = "--set"
 _FURTHER_UNITS: Final = {"_m_px": "m/pixel", "_hz": "Hz"}
 """Units of settings that are no parameters, by suffix."""
 _NUMBERED: Final = "requirements"
+_BY_NAME: Final = ("phases", "servicers", "thrusters")
+"""Lists of which each part has a name."""
+_WHOLE: Final = (*_BY_NAME, _NUMBERED, "design")
+"""What a file replaces as a whole (`table_merging.merge`); overrides set keys in place."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +34,8 @@ class ShownKey:
     """A key of a scenario as it is simulated.
 
     Attributes:
-        key: with its section; that of a phase or servicer has its name, that of a requirement its number
-        value: in its unit
+        key: with its section; that of a phase, servicer or thruster has its name, of a requirement its number
+        value: in its unit, None for one that may be left out and is
         unit: empty for what is no number, or has none
         origin: name of the file that gives it, `--set`, or `default`
         before: value and origin that this replaces, None if it replaces none
@@ -50,24 +55,35 @@ class ShownKey:
 
 
 def shown_keys(reading: ScenarioReading, wanted: str = "") -> list[ShownKey]:
-    """Keys of a scenario in the order of its schema: all, those of a section, or one.
+    """Keys of a scenario in the order of its schema: all, those of a section, or one; `phases.0` is the first phase.
 
     Raises:
         ScenarioError: the scenario is not acceptable.
         UnknownKeyError: it has no such key or section.
     """
     file = reading.scenario()
-    tables = file.model_dump()
+    wanted, tables = _by_name(file, wanted), file.model_dump()
     varied = _varied_keys(tables)
-    found = [
-        _shown(reading.layers, key, value, meaning, varied)
-        for key, value, meaning in _leaves(file, tables, "")
-        if not wanted or key == wanted or key.startswith(f"{wanted}.")
+    leaves = [
+        leaf
+        for leaf in _leaves(file, tables, "")
+        if not wanted or leaf[0] == wanted or leaf[0].startswith(f"{wanted}.")
     ]
+    found = [_shown(reading, key, value, meaning, varied) for key, value, meaning in leaves or _left_out(file, wanted)]
     if not found:
         known = [key for key, _, _ in _leaves(file, tables, "")]
         raise UnknownKeyError(wanted, _hint(wanted, known) or ", expected a key or section of the scenario")
     return found
+
+
+def _by_name(file: BaseModel, wanted: str) -> str:
+    """A key with the name of what it gives by its place in a list, as errors of a scenario do."""
+    section, _, rest = wanted.partition(".")
+    number, *inner = rest.split(".")
+    held = getattr(file, section, None)
+    if section not in _BY_NAME or not number.isdecimal() or not isinstance(held, list) or int(number) >= len(held):
+        return wanted
+    return ".".join((section, held[int(number)].name, *inner))
 
 
 def _hint(wanted: str, known: Sequence[str]) -> str:
@@ -78,6 +94,37 @@ def _hint(wanted: str, known: Sequence[str]) -> str:
         return hint
     near = near or difflib.get_close_matches(wanted[:100], known, n=1, cutoff=0.5)
     return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def _left_out(file: BaseModel, wanted: str) -> Iterator[tuple[str, Any, str]]:
+    """A key that may be left out and is, or those of a section of which all are: no value, and the meaning of each."""
+    model: Any = file
+    parts, kind = wanted.split("."), type(file)
+    for place, part in enumerate(parts):
+        if isinstance(model, list | dict):
+            model = model.get(part) if isinstance(model, dict) else _named(model, part)
+            kind = type(model)
+        elif (field := getattr(kind, "model_fields", {}).get(part)) is not None:
+            model, kind = getattr(model, part, None), _section(field.annotation)
+            if place == len(parts) - 1 and model is None:
+                yield wanted, None, field.description or setting_meaning(wanted)
+        else:
+            return
+    if isinstance(model, BaseModel):
+        for name in type(model).model_fields:
+            yield from _left_out(file, f"{wanted}.{name}")
+
+
+def _named(models: Sequence[BaseModel], name: str) -> BaseModel | None:
+    return next((each for each in models if getattr(each, "name", None) == name), None)
+
+
+def _section(annotation: Any) -> type | None:
+    """The section that an annotation allows beside None, whole or in part; None where there is not just one."""
+    found = [annotation, *get_args(annotation)]
+    found += [mark.section for each in found for mark in get_args(each) if isinstance(mark, ChangesOf)]
+    sections = [each for each in found if isinstance(each, type) and issubclass(each, BaseModel)]
+    return sections[0] if len(sections) == 1 else None
 
 
 def _leaves(model: BaseModel, tables: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any, str]]:
@@ -93,6 +140,9 @@ def _leaves(model: BaseModel, tables: Mapping[str, Any], prefix: str) -> Iterato
                 yield from _leaves(part, value[inner], f"{key}.{inner}.")
         elif isinstance(held, list) and held and isinstance(held[0], BaseModel):
             yield from _of_list(name, held, value)
+        elif isinstance(held, dict) and held and key != "design.values":  # Files are merged in it key by key.
+            for inner, part in held.items():
+                yield f"{key}.{inner}", part, setting_meaning(f"{key}.{inner}") or meaning
         else:
             yield key, value, meaning
 
@@ -109,14 +159,37 @@ def _of_list(name: str, held: Sequence[BaseModel], tables: Sequence[dict[str, An
             yield from _leaves(model, table, f"{name}.{table['name']}.")
 
 
-def _shown(layers: Sequence[Layer], key: str, value: Any, meaning: str, varied: Mapping[str, str]) -> ShownKey:
-    givers = [(found, layer) for layer in layers if (found := _given(layer.changes, key)) is not None]
-    origin = _name(givers[-1][1]) if givers else DEFAULT
-    before = None
-    if len(givers) > 1 and givers[-2][0] != givers[-1][0]:
-        before = (givers[-2][0], _name(givers[-2][1]))
+def _shown(reading: ScenarioReading, key: str, value: Any, meaning: str, varied: Mapping[str, str]) -> ShownKey:
+    givers = _givers(reading, key)
+    if key == "design.file" and givers:
+        value = givers[-1][0]  # As given: its values have been read.
+    origin = givers[-1][1] if givers else DEFAULT
+    before = givers[-2] if len(givers) > 1 and givers[-2][0] != givers[-1][0] else None
     needs = dict.fromkeys(use.needs for use in USES if any(key in keys_of(pattern) for pattern in use.keys))
     return ShownKey(key, value, _unit(key, value), origin, before, meaning, varied.get(key, ""), "; ".join(needs))
+
+
+def _givers(reading: ScenarioReading, key: str) -> list[tuple[Any, str]]:
+    """What each file, and the overrides, give for a key, and the name of each, in their order, since it was absent."""
+    section, found = key.partition(".")[0], []
+    results = [*(layer.before for layer in reading.layers[1:]), reading.tables]
+    for layer, result in zip(reading.layers, results, strict=True):
+        if (section in _WHOLE and _is_whole(layer, section)) or _given(result, key) is None:
+            found = []
+        if (value := _given(layer.changes, key)) is not None and _given(result, key) is not None:
+            found.append((value, _name(layer)))
+    if section == "dispersions" and (value := _given(reading.tables, key)) != _given(reading.layers[-1].before, key):
+        found.append((value, _OVERRIDE))  # The changes of overrides are without dispersions.
+    design = reading.tables.get("design")
+    if key == "design.values" and not found and isinstance(design, dict) and design.get("values"):
+        found += [(design["values"], str(file)) for file, _ in _givers(reading, "design.file")]
+    return found
+
+
+def _is_whole(layer: Layer, section: str) -> bool:
+    """Whether a layer replaces what those before it give of a section."""
+    given = layer.changes.get(section)
+    return isinstance(given, list) or (given is not None and not layer.is_override)
 
 
 def _name(layer: Layer) -> str:

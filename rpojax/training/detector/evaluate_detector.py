@@ -60,6 +60,8 @@ _LARGE_ENOUGH = outside_size_range(MIN_SIDE_PX)
 EMPTY_SHARE = 0.01
 """Fraction of empty images whose best box is to reach the threshold."""
 _LEAST_IMAGES = 100
+_FEWEST_RESAMPLED = 10
+"""Fewest images with a box that counts of which resamples tell anything: those of a single one are all the same."""
 
 
 def implausible_labels(
@@ -256,19 +258,23 @@ def _boxes_in_empty_frames(found: ImageDetections, data: DetectionDataset) -> np
 
 
 def _intervals(matches: Sequence[Matches], best: Sequence[np.ndarray], empty: np.ndarray) -> dict[str, Any]:
-    """Intervals of 95 % of the metrics; of false alarms that of the fraction of empty frames with a box."""
+    """Intervals of 95 % of the metrics; of false alarms that of the fraction of empty frames with a box.
+
+    Those by resampling are None with fewer than ten images with a box.
+    """
     images, overlaps = len(best), np.concatenate(best)
     image = np.repeat(np.arange(images), [len(values) for values in best])
 
     def median_of(repeats: np.ndarray) -> float:
         return float(np.median(np.repeat(overlaps, repeats[image].astype(int)))) if repeats[image].any() else np.nan
 
+    def mean_precision(times: np.ndarray) -> float:
+        return float(np.mean([each.average_precision(times) for each in matches]))
+
+    resampled = {"map50": matches[0].average_precision, "map50_95": mean_precision, "median_iou": median_of}
+    is_few = sum(len(values) > 0 for values in best) < _FEWEST_RESAMPLED
     return {
-        "map50": bootstrap_interval(matches[0].average_precision, images),
-        "map50_95": bootstrap_interval(
-            lambda times: float(np.mean([m.average_precision(times) for m in matches])), images
-        ),
-        "median_iou": bootstrap_interval(median_of, images),
+        **{name: None if is_few else bootstrap_interval(each, images) for name, each in resampled.items()},
         "recall": wilson_interval(int((overlaps >= 0.5).sum()), len(overlaps)),
         "empty_frames_with_a_box": wilson_interval(int((empty > 0).sum()), len(empty)),
     }

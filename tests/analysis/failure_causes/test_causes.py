@@ -164,7 +164,7 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
     belief: ("belief", ("a factor of 1.6", "navigation.target_size_m = 1.7")),
     sure_and_wrong: ("sure_and_wrong", ("inside 3 sigma in 40 %", "NEES / 6 6.67")),
     gate: ("gate", ("4 sigma rejects 78 % of true boxes",)),
-    unknown_range: ("unknown_range", ("known to 44 % only", "beyond 20 %")),
+    unknown_range: ("unknown_range", ("known to 44 % only", "no burn is planned beyond 20 %")),
     confidence: ("confidence", ("by the test range", "100 % of ten minutes")),
     corridor: ("corridor", ("approach is left at 24.3 m, 6 m from its axis", "5.73 m wide to each side")),
     phase: ("phase", ("hold_100 does not end in 9000 s", "range_sigma_m = 6")),
@@ -180,6 +180,26 @@ def test_the_first_cause_is_the_planted_one_with_its_numbers(plant: Callable[[],
     found, runs, text = first(plant())
     assert (found, runs) == (name, int(FAILED.sum())), text
     assert [each for each in numbers if each not in text] == [], text
+
+
+@pytest.mark.parametrize(
+    ("of_burns", "of_health", "words"),
+    [
+        (0.35, 0.4, "no burn is planned beyond 35 %"),
+        (0.4, 0.35, "navigation has no confidence beyond 35 %"),
+        (0.1, 0.1, "no burn is planned beyond 10 %"),
+    ],
+)
+def test_limits_of_the_range_are_those_of_the_scenario(of_burns: float, of_health: float, words: str) -> None:
+    file = file_of(formation={"range_uncertainty_limit": of_burns}, health={"range_limit": of_health})
+    name, _, text = first(planted(file, traces={"nav_relative_sigma3_m": 40.0}))
+    assert name == "unknown_range"
+    assert words in text
+
+
+def test_a_range_within_both_limits_is_no_cause() -> None:
+    file = file_of(formation={"range_uncertainty_limit": 0.6}, health={"range_limit": 0.6})
+    assert causes(planted(file, traces={"nav_relative_sigma3_m": 40.0})).findings == []
 
 
 @pytest.mark.parametrize("scenario", ["inspection", "vbar_approach", "inspection_faults"])
@@ -223,6 +243,11 @@ def test_a_belief_that_no_failed_test_suspects_is_no_cause(tests: tuple[str, ...
     assert [each.name for each in causes(evidence).findings] == ["misses"]
     suspected = planted(noisy, signs={"failed_tests": bits("box_variance", *tests)})
     assert first(suspected)[:2] == ("belief", int(FAILED.sum()))
+
+
+def test_the_bias_of_boxes_suspects_a_wrong_size() -> None:
+    evidence = planted(file_of(target={"scale": 1.6}), signs={"failed_tests": bits("box_bias")})
+    assert "navigation.target_size_m is wrong" in first(evidence)[2]
 
 
 @pytest.mark.parametrize("metrics", [{}, {"sigma3_coverage": 0.4, "nees_relative_mean": 40.0}])

@@ -54,6 +54,27 @@ def test_a_bound_that_is_no_side_is_refused(mission: ScenarioFile) -> None:
         simulated_limit_state.select_limit(mission, LimitChoice(None, "min_range_m", 3.0, "below"))
 
 
+@pytest.mark.parametrize(
+    ("metric", "bound", "expected"),
+    [
+        ("min_range_m", None, "at least"),
+        ("delta_v_m_s", None, "at most"),
+        ("min_range_m", "at most", "at most"),
+        ("delta_v_m_s", "at least", "at least"),
+    ],
+)
+def test_without_a_side_that_where_the_metric_is_worse_breaks_the_limit(
+    mission: ScenarioFile, metric: str, bound: str | None, expected: str
+) -> None:
+    assert simulated_limit_state.select_limit(mission, LimitChoice(None, metric, 3.0, bound)).bound == expected
+    assert choose_failure(mission, FailureChoice(metric=metric, limit=3.0, bound=bound)).bound == expected
+
+
+def test_a_requirement_has_its_own_side(mission: ScenarioFile) -> None:
+    with pytest.raises(RpojaxError, match=r"^bound: found 'at most', expected it with metric only$"):
+        simulated_limit_state.select_limit(mission, LimitChoice("min_range_m", None, None, "at most"))
+
+
 def test_requirements_in_windows_and_of_outcomes_are_no_limits_of_whole_runs(mission: ScenarioFile) -> None:
     tables = mission.model_dump()
     tables["requirements"] = [

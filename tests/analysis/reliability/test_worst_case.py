@@ -209,6 +209,11 @@ def test_the_command_keeps_existing_files(tmp_path: Path, capsys: pytest.Capture
     [
         (16.0, 16.2, ["broken 3.", "first-order probability 0.00", "confirmed", "8: 0.71 s against 0.1 s a run"]),
         (16.0, 15.0, ["NOT confirmed: the run keeps the limit"]),
+        (
+            -5.0,
+            12.0,
+            ["delta_v_m_s at most -5 m/s: the median run is beyond it already", "is no probability", "confirmed"],
+        ),
         (99.0, 21.9, ["no violation found; closest is 22 m/s at 6.00 sigmas", "simulated: 21.90 m/s"]),
     ],
 )
@@ -236,6 +241,8 @@ def test_the_command_writes_a_scenario_that_is_the_point(
     shown = " ".join(capsys.readouterr().out.split())
     assert [word for word in words if word not in shown] == []
     content = json.loads((out / "worst_case.json").read_text())
+    assert (content["probability_first_order"] is None) == (limit != 16.0)
+    assert content["breaks_at_median"] == (limit == -5.0)
     file = scenario_loader.load(out / "worst_case.toml")
     text = (out / "worst_case.toml").read_text()
     told = ["rpojax", "run", str(out / "worst_case.toml"), "--seed", "5", "--run-id", str(content["run_id"])]

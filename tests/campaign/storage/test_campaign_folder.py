@@ -173,8 +173,9 @@ def test_blocks_of_an_older_version_are_read_beside_those_of_this_one(empty: Cam
 
 def test_a_servicer_of_a_team_is_named_or_numbered() -> None:
     team = SimpleNamespace(servicer_names=("near", "far"))
-    assert [Campaign.servicer_number(team, one) for one in ("far", 1, 0)] == [1, 1, 0]  # pyright: ignore[reportArgumentType]
-    for one in ("third", 2, -1):
+    given = ("far", 1, 0, np.int64(1))
+    assert [Campaign.servicer_number(team, one) for one in given] == [1, 1, 0, 1]  # pyright: ignore[reportArgumentType]
+    for one in ("third", 2, -1, True):
         with pytest.raises(
             ResultError, match=r"^servicer: found .*, expected one of near, far, or a number from 0 to 1$"
         ):

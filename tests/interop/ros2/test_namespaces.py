@@ -46,7 +46,9 @@ def test_what_is_the_same_for_all_is_there_once(
     children = [part.child_frame_id for part in transforms]
     for child in ("hill", "target/base_link", "first/servicer/base_link", "second/servicer/base_link"):
         assert children.count(child) == burn_interval.ticks
-    mountings = [each.message.transforms[0] for each in messages if each.topic is topics.TF_STATIC]
+    [latched] = [each for each in messages if each.topic is topics.TF_STATIC]
+    assert messages[0] is latched, "a late subscriber gets the last message of the topic, so there must be one for all"
+    mountings = latched.message.transforms
     assert [(each.header.frame_id, each.child_frame_id) for each in mountings] == [
         (f"{name}/servicer/base_link", f"{name}/servicer/camera_optical_frame") for name in NAMES
     ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
+from rpojax.report.figures import campaign_figures
 from rpojax.report.figures.axis_scale import axis_ends
 from rpojax.scenario.loading import scenario_loader
 
@@ -73,12 +75,33 @@ def test_a_notebook_shows_a_figure(campaign: Campaign) -> None:
         (lambda plot: plot.histogram("xyz"), "metric: found 'xyz', expected one of min_range_m"),
         (lambda plot: plot.scatter("min_range_m", "?"), r"y: found '\?', expected one of "),
         (lambda plot: plot.path(7), "run 7: found no history"),
+        (lambda plot: plot.envelope("range_m", servicer="bogus"), "servicer: found 'bogus', expected none, as the"),
+        (lambda plot: plot.envelope("range_m", servicer=1), "servicer: found 1, expected none"),
+        (lambda plot: plot.path([True]), r"run_ids: found \[True\], expected a number"),
+        (lambda plot: plot.path(np.array([[0]])), r"run_ids: found array\(\[\[0\]\]\), expected a number"),
     ],
 )
 def test_an_unknown_name_is_one_line(campaign: Campaign, draw: Callable[..., Figure], message: str) -> None:
     with pytest.raises(RpojaxError, match=message) as caught:
         draw(campaign.plot)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("run_ids", [np.int64(0), np.array(0), np.array([0]), (0, 0), {0}, range(1)])
+def test_runs_are_numbers_of_python_or_numpy(campaign: Campaign, run_ids: Any) -> None:
+    assert "paths in the Hill frame, run 0" in texts(campaign.plot.path(run_ids))
+
+
+@pytest.mark.parametrize("run_ids", ["0", 0.0, None, [0.0], [[0]]])
+def test_what_is_no_number_of_a_run_is_refused(run_ids: object) -> None:
+    with pytest.raises(RpojaxError, match=r"^run_ids: found .*, expected a number of a run or several$"):
+        campaign_figures._run_numbers(run_ids)
+
+
+@pytest.mark.parametrize("name", [["range_m"], {}, 3])
+def test_what_is_no_name_is_refused(name: object) -> None:
+    with pytest.raises(RpojaxError, match=r"^x: found .*, expected one of "):
+        campaign_figures._known("x", name, {"range_m": np.zeros(3)})
 
 
 def test_a_few_runs_far_away_do_not_set_the_scale() -> None:

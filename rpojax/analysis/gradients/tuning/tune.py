@@ -13,7 +13,7 @@ from rpojax.analysis.gradients.tuning import gradient_descent, tunable_parameter
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult, TuningStep
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.statistics import paired_comparison
-from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMetrics
+from rpojax.analysis.statistics.paired_comparison import MIN_PAIRS, PairedComparison, RunMetrics
 from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size
 from rpojax.campaign.experiment_design import make_design
@@ -50,14 +50,18 @@ _SUMMARY_METRICS = (
 
 @dataclass(frozen=True)
 class MeanChange:
-    """Mean of a metric over runs that have it in both settings, and 95 % intervals from resampled pairs."""
+    """Mean of a metric over runs that have it in both settings, and 95 % intervals from resampled pairs.
 
+    The intervals are None with fewer pairs than `paired_comparison.MIN_PAIRS`.
+    """
+
+    pairs: int
     first: float
     second: float
-    first_95: tuple[float, float]
-    second_95: tuple[float, float]
+    first_95: tuple[float, float] | None
+    second_95: tuple[float, float] | None
     ratio: float
-    ratio_95: tuple[float, float]
+    ratio_95: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -138,15 +142,17 @@ def compare_means(one: RunMetrics, other: RunMetrics) -> dict[str, MeanChange]:
     for name in one.metrics:
         pair = np.stack([one.metrics[name], other.metrics[name]]).astype(float)
         pair = pair[:, np.isfinite(pair).all(axis=0)]
-        if pair.shape[1] < 2:
+        pairs = pair.shape[1]
+        if pairs == 0:
             continue
-        drawn = rng.integers(pair.shape[1], size=(_RESAMPLES, pair.shape[1]))
+        drawn = rng.integers(pairs, size=(_RESAMPLES, pairs))
         resampled = pair[:, drawn].mean(axis=2)
         first, second = map(float, pair.mean(axis=1))
         if resampled[0].min() <= 0.0 <= resampled[0].max():
             continue
-        first_95, second_95, ratio_95 = map(_interval_95, (*resampled, resampled[1] / resampled[0]))
-        found[name] = MeanChange(first, second, first_95, second_95, second / first, ratio_95)
+        samples = (*resampled, resampled[1] / resampled[0])
+        first_95, second_95, ratio_95 = map(_interval_95, samples) if pairs >= MIN_PAIRS else (None, None, None)
+        found[name] = MeanChange(pairs, first, second, first_95, second_95, second / first, ratio_95)
     return found
 
 
@@ -235,9 +241,10 @@ class Tuning(Summarised):
         yield "unseen", f"{counted(len(found.baseline.run_ids), 'run')}, failed {start} -> {tuned}"
         for name in _SUMMARY_METRICS:
             if change := found.means.get(name):
-                low, high = change.ratio_95
+                ends = change.ratio_95
+                interval = f"{ends[0]:.3g} to {ends[1]:.3g}" if ends else f"no interval from {change.pairs} pairs"
                 means = f"{change.first:.4g} -> {change.second:.4g}"
-                yield "means", f"{name}: {means}, ratio {change.ratio:.3g} ({low:.3g} to {high:.3g})"
+                yield "means", f"{name}: {means}, ratio {change.ratio:.3g} ({interval})"
 
     def write(self, path: Path | str, force: bool = False, extends: str | Path | None = None) -> None:
         """Writes the tuned scenario as TOML, and beside it a JSON file of the same name.

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from rpojax.analysis.reliability.search_settings import Bound, FailureChoice
-from rpojax.analysis.reliability.simulated_limit_state import with_one_limit
+from rpojax.analysis.reliability.simulated_limit_state import side, with_one_limit
 from rpojax.errors import RpojaxError
 from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
 from rpojax.metrics import metric_catalogue
@@ -93,11 +93,7 @@ def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
     if choice.limit is None or not -1e300 < choice.limit < 1e300:
         raise RpojaxError.of_argument("limit", f"found {choice.limit}, expected a number, with metric")
     metric = metric_catalogue.find(choice.metric)
-    default: Bound = "at least" if metric is not None and metric.low_is_bad else "at most"
-    if choice.bound not in (None, "at most", "at least"):
-        raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected 'at most' or 'at least'")
-    bound: Bound = default if choice.bound is None else "at most" if choice.bound == "at most" else "at least"
-    return Failure(choice.metric, bound, choice.limit)
+    return Failure(choice.metric, side(choice.bound, metric is not None and metric.low_is_bad), choice.limit)
 
 
 def _of_outcome(file: ScenarioFile, name: str) -> Failure:

@@ -3,7 +3,6 @@
 import sys
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from rpojax.analysis.statistics import campaign_comparison
@@ -12,13 +11,11 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import output_paths
 from rpojax.cli.options.analysis import CompareCommand
 from rpojax.cli.standard_streams import print_json
+from rpojax.cli.terminal_tables import Row, print_table
 from rpojax.report.labels import format_number, metric_label
 from rpojax.report.page import comparison_page
-from rpojax.report.page.comparison_page import interval_text, signed
+from rpojax.report.page.comparison_page import few_pairs_text, interval_text, signed
 from rpojax.runtime.progress import stage
-
-_TITLE_WIDTH = 26
-"""Longest title of a metric in the table, so that a row is a line of 100 columns."""
 
 
 def compare(asked: CompareCommand) -> int:
@@ -57,12 +54,7 @@ def _show(compared: CampaignComparison) -> None:
     for each in changed:
         console.print(f"{each.key}: {each.first!r} -> {each.second!r}", markup=False, soft_wrap=True)
     title = f"{found.pairs} pairs of runs, {found.unpaired} without a partner"
-    table = Table(title=title, box=None, padding=(0, 1, 0, 0), title_justify="left")
-    table.add_column("metric", no_wrap=True, max_width=_TITLE_WIDTH)
-    table.add_column("unit", no_wrap=True)
-    for heading in ("first", "second", "difference", "95 % interval"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("change", no_wrap=True)
+    rows: list[Row] = []
     for change in comparison_page.ranked_changes(compared):
         shown, (words, tone) = metric_label(change.metric), comparison_page.change_words(change)
         cells = (
@@ -72,17 +64,19 @@ def _show(compared: CampaignComparison) -> None:
             interval_text(change.difference),
             Text(words, style={"good": "green", "alert": "red"}.get(tone, "")),
         )
-        table.add_row(shown.title, shown.unit, *cells)
-    console.print(table)
+        rows.append((shown.title, shown.unit, *cells))
+    headings = ("metric", "unit", "first", "second", "difference", "95 % interval", "change")
+    print_table(console, headings, rows, title=title, words=("unit", "change"), optional=("difference",), boxed=False)
     if any(change.is_changed for change in found.metrics):
-        console.print("change: the 95 % interval excludes none; so it does by chance for 1 in 20 metrics without one")
-    events = Table(title="pairs by outcome")
-    events.add_column("event")
-    for heading in ("both", "first alone", "second alone", "neither", "p (McNemar)"):
-        events.add_column(heading, justify="right")
+        told = "change: the 95 % interval excludes none; so it does by chance for 1 in 20 metrics without one"
+        console.print(told, soft_wrap=True)
+    if independent and (few := few_pairs_text(found)):
+        console.print(few, soft_wrap=True)
+    headings = ("event", "both", "first alone", "second alone", "neither", "p (McNemar)")
+    rows = []
     for event in (found.failures, *found.outcomes, *found.requirements):
         counts = event.both, event.only_first, event.only_second, event.neither
-        events.add_row(event.event, *map(str, counts), format_number(event.p_value, 3))
-    console.print(events)
+        rows.append((event.event, *map(str, counts), format_number(event.p_value, 3)))
+    print_table(console, headings, rows, title="pairs by outcome", optional=("neither", "both"))
     if not independent:
         console.print("the runs of these designs are not independent draws: no intervals and no p-values")

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from rich.console import Console
-from rich.table import Table
 
 from rpojax.analysis.gradients import derivative_sensitivity
 from rpojax.analysis.gradients.derivative_sensitivity import SensitivityAnalysis
@@ -13,11 +12,13 @@ from rpojax.cli.options.analysis import SensitivityCommand
 from rpojax.cli.output_paths import claim
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
+from rpojax.cli.terminal_tables import print_table
 from rpojax.report.labels import format_number
 
 _WIDE = 110
 """Columns of a terminal from which on the table has place for whole keys."""
-_LONGEST = 24
+_OPTIONAL = ("most of one run", "median run")
+"""Columns that a narrow terminal does without."""
 
 
 def sensitivity(asked: SensitivityCommand) -> int:
@@ -44,25 +45,22 @@ def _show(found: SensitivityAnalysis) -> None:
     console = Console(highlight=False)
     for one, other in zip(found.metrics, found.agreements, strict=True):
         without = f" ({one.undefined} more have no value)" if one.undefined else ""
-        table = Table(
-            title=f"{one.metric}: {format_number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs{without}"
-        )
-        table.add_column("input", no_wrap=True)
-        for heading in (f"trend [{one.unit}]", "sigma", "median run", "most of one run", "by sampling"):
-            table.add_column(heading, justify="right")
-        shown = one.shares[:10]
+        title = f"{one.metric}: {format_number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs{without}"
+        headings = ("input", f"trend [{one.unit}]", "sigma", "median run", "most of one run", "by sampling")
+        shown, rows = one.shares[:10], []
         names = shown_names([share.name for share in shown], console.width)
         for share in shown:
             strength = None if other is None else other.strengths.get(share.name)
             cells = (
+                names[share.name],
                 format_number(share.trend),
                 format_number(share.sigma),
                 format_number(share.nominal),
                 f"{share.one_run:.0%}",
                 format_number(strength, 2),
             )
-            table.add_row(names[share.name], *cells)
-        console.print(table)
+            rows.append(cells)
+        print_table(console, headings, rows, title=title, optional=_OPTIONAL)
         if other is not None:
             console.print(
                 f"{other.runs} sampled runs: standard deviation {format_number(other.std)} {one.unit}, "
@@ -77,17 +75,7 @@ def _show(found: SensitivityAnalysis) -> None:
 
 
 def shown_names(names: Sequence[str], width: int) -> dict[str, str]:
-    """Names of inputs in a table of a terminal: without sections, and shortened, where they stay distinct."""
-    shown = dict(zip(names, names, strict=True))
-    if width >= _WIDE:
-        return shown
-    for shorter in (lambda name: name.partition(".")[2] or name, _shortened):
-        found = {name: shorter(text) for name, text in shown.items()}
-        shown = found if len(set(found.values())) == len(found) else shown
-    return shown
-
-
-def _shortened(name: str) -> str:
-    """A name without its middle, so that it is no longer than has place."""
-    half = (_LONGEST - 1) // 2
-    return name if len(name) <= _LONGEST else f"{name[:half]}\N{HORIZONTAL ELLIPSIS}{name[-half:]}"
+    """Names of inputs in a table of a terminal: in a narrow one without sections, where they stay distinct."""
+    whole = dict(zip(names, names, strict=True))
+    found = {name: name.partition(".")[2] or name for name in names}
+    return found if width < _WIDE and len(set(found.values())) == len(found) else whole

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from rpojax.analysis.gradients.tuning import tunable_parameters
 from rpojax.analysis.gradients.tuning import tune as analysis
+from rpojax.analysis.statistics.paired_comparison import MIN_PAIRS
 from rpojax.cli.exit_status import Status
 from rpojax.cli.options.analysis import TuneCommand
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
+from rpojax.cli.terminal_tables import print_table
 from rpojax.errors import OutputError
 from rpojax.report.labels import format_number, metric_label
 
@@ -83,22 +84,23 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
     for line in _undefined_lines(content["steps"], content["settings"]["runs"]):
         shown.print(line, soft_wrap=True)
     if judged := content.get("judged"):
-        table = Table(title=f"{judged['runs']} unseen runs, seed {judged['seed']}: means")
-        for heading in ("metric", "unit", "start", "tuned", "ratio", "95 % interval"):
-            table.add_column(heading, justify="left" if heading in ("metric", "unit") else "right")
+        rows = []
         of_sensors = [name for name in judged["means"] if name.startswith("nis_") and "@" not in name]
         for name in dict.fromkeys([*SHOWN, *of_sensors, *weights]):
             if change := judged["means"].get(name):
-                label, (low, high) = metric_label(name), change["ratio_95"]
-                interval = f"{format_number(low, 3)} to {format_number(high, 3)}"
+                label, ends = metric_label(name), change["ratio_95"]
+                interval = " to ".join(format_number(end, 3) for end in ends) if ends else format_number(None)
                 cells = (
                     format_number(change["first"]),
                     format_number(change["second"]),
                     format_number(change["ratio"], 3),
                     interval,
                 )
-                table.add_row(label.title, label.unit, *cells)
-        shown.print(table)
+                rows.append((label.title, label.unit, *cells))
+        title = f"{judged['runs']} unseen runs, seed {judged['seed']}: means"
+        print_table(
+            shown, ("metric", "unit", "start", "tuned", "ratio", "95 % interval"), rows, title=title, words=("unit",)
+        )
         shown.print(_failed_line(judged), soft_wrap=True)
         for name, (start, tuned) in judged["undefined"].items():
             if start != tuned:
@@ -108,7 +110,7 @@ def _show(content: dict[str, Any], out: Path, weights: Mapping[str, float]) -> N
                     soft_wrap=True,
                 )
         if verdict := _verdict(judged["means"], weights):
-            shown.print(verdict)
+            shown.print(verdict, soft_wrap=True)
     shown.print(f"tuned scenario: {out}")
 
 
@@ -133,7 +135,7 @@ def _failed_line(judged: Mapping[str, Any]) -> str:
 
 
 def _verdict(means: dict[str, Any], weights: Mapping[str, float]) -> str:
-    """A warning where the tuning made metrics worse or changed none of them significantly."""
+    """A warning where means got worse, none of them changed significantly, or runs are too few to tell."""
     names = [name for name in SHOWN if not name.startswith(("nees", "nis"))]
     # Less is better, but of metrics with a negative weight.
     signs = {
@@ -143,8 +145,10 @@ def _verdict(means: dict[str, Any], weights: Mapping[str, float]) -> str:
     ends = {
         name: sorted(sign * (end - 1.0) for end in means[name]["ratio_95"])
         for name, sign in signs.items()
-        if name in means
+        if name in means and means[name]["ratio_95"]
     }
+    if not ends:
+        return f"No interval: it needs a value in {MIN_PAIRS} runs with both, so that nothing is said beyond chance."
     better = [name for name, (_, high) in ends.items() if high < 0.0]
     worse = [name for name, (low, _) in ends.items() if low > 0.0]
     if not better and not worse:

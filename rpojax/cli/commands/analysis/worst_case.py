@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from rpojax.analysis.reliability import worst_case as analysis
 from rpojax.campaign.storage.atomic_outputs import check_replaceable
@@ -14,6 +13,7 @@ from rpojax.cli.options.analysis import WorstCaseCommand
 from rpojax.cli.output_paths import claim_folder
 from rpojax.cli.scenario_files import load, show_unused_keys
 from rpojax.cli.standard_streams import print_json
+from rpojax.cli.terminal_tables import print_table
 from rpojax.report.labels import format_number
 
 _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
@@ -53,22 +53,23 @@ def _show(content: dict[str, Any], out: Path) -> None:
     console = Console(highlight=False)
     rule = f"{content['metric']} {content['bound']} {content['limit']:g} {content['unit']}"
     distance, run = f"{content['distance_sigmas']:.2f} sigmas", f"run {content['run_id']} of seed {content['seed']}"
-    if content["found"]:
+    if content["breaks_at_median"]:
+        told = f"{rule}: the median run is beyond it already, {run}: nothing is searched, and there is no probability; "
+        console.print(told + "another --limit or --bound may be meant", soft_wrap=True)
+    elif content["found"]:
         told = f"{rule}: broken {distance} from the median in {run}, first-order probability "
         console.print(told + f"{content['probability_first_order']:.2g} with that run's noise", soft_wrap=True)
-        if content["undefined"]:
-            console.print(f"there {content['metric']} has no value, which counts as broken", soft_wrap=True)
     else:
         told = f"{rule}: no violation found; closest is {format_number(content['value'])} {content['unit']} "
         console.print(told + f"at {distance} in {run}", soft_wrap=True)
-    table = Table()
-    for heading in ("dispersion", "sigmas", "value", "nominal"):
-        table.add_column(heading, justify="left" if heading == "dispersion" else "right")
+    if content["undefined"]:
+        console.print(f"there {content['metric']} has no value, which counts as broken", soft_wrap=True)
+    rows = []
     for entry in content["dispersions"]:
         sigmas = ", ".join(f"{value:+.2f}" for value in entry["sigmas"].values())
         cells = [_numbers(list(entry[side].values())) for side in ("values", "nominal")]
-        table.add_row(entry["name"], sigmas, *cells)
-    console.print(table)
+        rows.append((entry["name"], sigmas, *cells))
+    print_table(console, ("dispersion", "sigmas", "value", "nominal"), rows, optional=("nominal",))
     cost = content["cost"]
     console.print(
         f"cost: {cost['run_equivalents']:g} run-equivalents ({cost['flights']} runs, {cost['gradients']} gradients "

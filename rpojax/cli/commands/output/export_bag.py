@@ -25,7 +25,7 @@ def export_bag(asked: ExportBagCommand) -> int:
     kind = run_bag.resolve_image_storage(found.configuration.scenario["camera"]["model"], asked.images)
     begin = time.perf_counter()
     runs = replay.replay_servicers(found, asked.run_id, message_values.observe_tick, asked.as_json)
-    agreement = run_replay.compare_with_campaign(run := runs[0], found)
+    run, agreement = runs[0], run_replay.compare_all(runs, found)
     replayed, storage = time.perf_counter(), mcap_or_sqlite3_writer.BagFormat(asked.form)
     with items("writing ticks", quiet=asked.as_json) as watch:
         if found.file.servicers:

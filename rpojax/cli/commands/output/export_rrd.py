@@ -27,7 +27,7 @@ def export_rrd(asked: ExportRrdCommand) -> int:
 
     found = Campaign(asked.directory)
     runs = replay.replay_servicers(found, asked.run_id, rrd_chunks.observe_tick, asked.as_json)
-    agreement = run_replay.compare_with_campaign(run := runs[0], found)
+    run, agreement = runs[0], run_replay.compare_all(runs, found)
     with items("writing the recording", quiet=asked.as_json) as watch:
         written = rrd_recording.write_servicers(runs, asked.out, [_shots(each, asked.every, watch) for each in runs])
     if asked.as_json:

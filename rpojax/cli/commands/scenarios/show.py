@@ -24,7 +24,7 @@ def show(asked: ShowCommand) -> int:
         found = shown_keys(scenario_loader.read(asked.scenario, asked.overrides), asked.key)
     if asked.as_json:
         print_json({"scenario": asked.scenario, "keys": [_record(each) for each in found]})
-    elif len(found) == 1 and found[0].key == asked.key:
+    elif len(found) == 1 and found[0].key.count(".") == asked.key.count("."):  # No section of one key.
         print("\n".join(_one(found[0])))
     else:
         print("\n".join(_table(found)))
@@ -76,7 +76,9 @@ def _place(key: str) -> tuple[str, str]:
 
 
 def _text(value: Any) -> str:
-    """A value as in TOML."""
+    """A value as in TOML, in words where there is none."""
+    if value is None:
+        return "not given"
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {_text(each)}" for key, each in value.items()) + "}"
     if isinstance(value, list):

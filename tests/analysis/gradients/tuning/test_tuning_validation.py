@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpojax.analysis.gradients.tuning.tune import compare_means
-from rpojax.analysis.statistics.paired_comparison import RunMetrics
+from rpojax.analysis.statistics.paired_comparison import MIN_PAIRS, RunMetrics, compare_paired_runs
 
 RUNS = 40
 
@@ -23,3 +23,18 @@ def test_ratios_are_of_runs_with_both_values_and_left_out_where_a_mean_may_have_
     assert found["negative"].ratio == pytest.approx(0.5)
     assert found["some_m"].first == pytest.approx(error[3:].mean())
     assert found["some_m"].ratio == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("runs", "has_interval"), [(1, False), (MIN_PAIRS - 1, False), (MIN_PAIRS, True)])
+def test_means_have_intervals_from_as_many_pairs_as_a_comparison(runs: int, has_interval: bool) -> None:
+    error = np.random.default_rng(4).uniform(1.0, 2.0, RUNS)
+    start = np.where(np.arange(RUNS) < runs, error, np.nan)
+    one, other = (
+        RunMetrics(np.arange(RUNS), np.full(RUNS, "completed"), {"error_m": values}) for values in (start, 2.0 * error)
+    )
+    change = compare_means(one, other)["error_m"]
+    assert (change.pairs, change.ratio) == (runs, pytest.approx(2.0))
+    median = compare_paired_runs(one, other, (), independent=True).metrics[0]
+    assert median.pairs == runs
+    assert {each is not None for each in (change.first_95, change.second_95, change.ratio_95)} == {has_interval}
+    assert (median.difference.interval_95 is not None) == has_interval

@@ -99,3 +99,14 @@ def test_more_campaigns_than_colours_are_refused(three, tmp_path):
     with pytest.raises(ResultError, match="found 7 folders, expected at most 6"):
         write_comparison(three[:1] * 7, [], tmp_path / "c.html")
     assert not (tmp_path / "c.html").exists()
+
+
+def test_with_few_pairs_nothing_is_said_of_chance_and_the_least_number_is(three, tmp_path):
+    for campaign in three[:2]:
+        for name, values in campaign.metrics.items():
+            campaign.metrics[name] = np.where(np.arange(40) < 9, values, np.nan)
+    words = page_text(ReportPage(write_comparison(three[:2], compared(three[:2]), tmp_path / "c.html").read_text()))
+    assert "no interval for 18 metrics: it needs 10 pairs of runs" in words
+    assert "by chance)" not in words
+    assert "No median changed" not in words
+    assert "no intervals: they need 10 pairs of runs" in str(compared(three[:2])[0])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rpojax.training.detector.average_precision import bootstrap_interval, wilson_interval
+from rpojax.training.detector.average_precision import bootstrap_interval, match_detections, wilson_interval
+from rpojax.training.detector.evaluate_detector import _intervals
 
 
 def test_wilson_interval_matches_worked_values() -> None:
@@ -22,3 +23,16 @@ def test_bootstrap_interval_of_a_mean_is_that_of_the_normal() -> None:
     assert interval[0] == pytest.approx(values.mean() - half, abs=0.25 * half)
     assert interval[1] == pytest.approx(values.mean() + half, abs=0.25 * half)
     assert bootstrap_interval(lambda times: float("nan"), 3) is None
+
+
+@pytest.mark.parametrize(("with_box", "has_interval"), [(1, False), (9, False), (10, True)])
+def test_resampled_intervals_need_ten_images_with_a_box(with_box: int, has_interval: bool) -> None:
+    box, none = np.array([[10.0, 10.0, 40.0, 40.0]]), np.zeros((0, 4))
+    truth = [box if number < with_box else none for number in range(20)]
+    scores = [np.full(len(real), 0.9) for real in truth]
+    flags = [np.zeros(len(real), dtype=bool) for real in truth]
+    matches = match_detections(truth, scores, truth, flags, flags)
+    found = _intervals(matches, [np.full(len(real), 0.97) for real in truth], np.zeros(20 - with_box, int))
+    assert {found[name] is not None for name in ("map50", "map50_95", "median_iou")} == {has_interval}
+    assert found["recall"] is not None
+    assert found["recall"][0] < 1.0
