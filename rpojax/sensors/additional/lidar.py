@@ -74,8 +74,10 @@ class Lidar(AdditionalSensor):
         count = jnp.sum(jnp.where(present, 1.0, 0.0), axis=0)
         hit = count > 0.5
         number = jnp.where(hit, count, 1.0)
+        # Each return stands for the surface across its beam, which grows with the square of its distance.
         distance = jnp.where(present, found.distance, 0.0)
-        mean = jnp.sum(beams * distance[:, None], axis=0) / number
+        share = distance**2 / jnp.where(hit, jnp.sum(distance**2, axis=0), 1.0)
+        mean = jnp.sum(beams * (share * distance)[:, None], axis=0)
         line = jnp.where(hit, gradient_safe.normalize(jnp.where(hit, mean, cone.axis_B)), cone.axis_B)
         first, second = surface_ranging.across_axes(line)
         along = settings["bias"] + settings["noise"] * normals[0] / jnp.sqrt(number)
@@ -87,7 +89,10 @@ class Lidar(AdditionalSensor):
     def rows(
         beliefs: "Mapping[str, jax.Array]", view: "SensorView", measured: "Mapping[str, jax.Array]"
     ) -> "MeasurementRows":
-        """Centroid along the line of sight to it and across, where its offset from the centre of mass is a state."""
+        """Centroid along the predicted line of sight and across, where its offset from the centre of mass is a state.
+
+        Along the measured line, whose direction has the error of the rows across, these would seem to measure the range.
+        """
         import jax.numpy as jnp
 
         from rpojax.core import quaternion
@@ -98,7 +103,7 @@ class Lidar(AdditionalSensor):
         forward = jnp.array([1.0, 0.0, 0.0], dtype=view.q_BN.dtype)
         centroid = jnp.where(present, measured["lidar_centroid_m"], forward)
         distance = gradient_safe.norm(centroid)
-        line = centroid / distance
+        line = gradient_safe.normalize(quaternion.rotate(view.q_BN, view.relative.r_TS_N))
         axes = jnp.stack([line, *surface_ranging.across_axes(line)])
 
         def expected(estimate: "RelativeEstimate") -> "jax.Array":
