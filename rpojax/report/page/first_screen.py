@@ -69,11 +69,9 @@ def _passive_safety(safety: Mapping[str, Any]) -> list[VerdictTile]:
 
 
 def _worst(entry: Mapping[str, Any]) -> str:
-    """Addition of the worst value, where there is no margin."""
-    if entry["margin"] is not None or entry["worst"] is None:
-        return ""
-    unit = metric_label(entry.get("of", entry["metric"])).unit
-    return f"; worst {with_unit(format_number(entry['worst'], 3), unit)}"
+    """Addition of the worst value, where there is no margin or a run has none."""
+    worst = requirement_verdict_section.worst_text(entry)
+    return f"; worst {worst}" if worst and (entry["margin"] is None or entry["without_value"]) else ""
 
 
 def _of_runs(content: Mapping[str, Any]) -> list[VerdictTile]:

@@ -10,7 +10,7 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import format_number, with_unit
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
 from rpojax.report.sections.failure_section import detail_counts
-from rpojax.report.sections.requirement_verdict_section import limit_text, violation_kinds
+from rpojax.report.sections.requirement_verdict_section import limit_text, violations_text
 
 _MOST_STEPS: Final = 6
 _MOST_CAUSES: Final = 3
@@ -153,8 +153,7 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
         if not others and len(entry["violating_ids"]) == entry["violations"]:
             continue
         what = f"Not verified: {limit_text(entry)}"
-        count = f"{entry['violations']} of {entry['runs']} runs violate it{violation_kinds(entry)}"
-        why = f"{count}{_influence(content, entry)}"
+        why = f"{violations_text(entry)}{_influence(content, entry)}"
         # The runs without a value, which failed, come first among them.
         beyond = entry["violating_ids"][entry["without_value"] :]
         run = ([run for run in beyond if run in others] or others or beyond or entry["violating_ids"])[0]

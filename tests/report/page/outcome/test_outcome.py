@@ -29,6 +29,7 @@ def requirement(metric, bound, limit, verdict, margin, worst, **more):
         "violations": 0,
         "beyond_limit": 0,
         "without_value": 0,
+        "without_value_text": "",
         "allowed": 2,
         "rank": 498,
         "order_statistic": 1.0,
@@ -248,7 +249,7 @@ def test_leading_figures_are_range_weakest_channel_and_weakest_histogram():
         (
             {"verdict": "not verified", "violations": 9, "violating_ids": [3]},
             "Not verified: Formation error \N{LESS-THAN OR EQUAL TO} 2 m",
-            "9 of 500 runs violate it",
+            "9 of 500 violate it",
         ),
         (
             {"verdict": "needs more runs", "more_runs": 30},
@@ -295,7 +296,7 @@ def test_a_requirement_that_only_failed_runs_violate_has_no_row_of_its_own(campa
 def test_the_run_to_look_at_is_one_beyond_the_limit_and_not_one_that_failed(campaign):
     content = copy.deepcopy(CONTENT)
     violated = {"verdict": "not verified", "violations": 3, "violating_ids": [3, 7, 12], "without_value": 2}
-    content["requirements"][0] |= {**violated, "beyond_limit": 1}
+    content["requirements"][0] |= {**violated, "beyond_limit": 1, "without_value_text": "2 off station"}
     assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
     content["requirements"][0] |= {"violating_ids": [3, 7], "violations": 2, "beyond_limit": 0}
     assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
@@ -309,7 +310,8 @@ def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(bui
     words = page_text(rendered_page(campaign))
     assert "2 over the limit 1 m/s" in words
     assert "2 failed and have no value" in words
-    assert "(2 beyond the limit, 2 without a value)" in words
+    assert "2 of 60 violate it, 2 without a value" in words
+    assert "worst without a value: 2 " in words
     keeps = np.sort(np.where(np.isnan(values := campaign.metrics["delta_v_m_s"]), np.inf, values))
     entry = report_json.report_content(campaign, [])["requirements"][0]
     assert entry["order_statistic"] == keeps[entry["rank"] - 1]
