@@ -123,7 +123,9 @@ def _passive_safety(campaign: CampaignResults, content: Mapping[str, Any]) -> li
         steps.append(NextStep(what, why + _nearest_text(nearest), change, "safety", *_nearest(campaign, nearest)))
     stuck = safety["stuck_on"]
     if (below := stuck["below_keep_out"]) is not None and below["count"]:
-        what = f"{below['count']} of {below['runs']} runs are not safe from a burn that does not end"
+        which = "runs" if below["runs"] == ended_runs(content) else f"the {below['runs']} runs that burn"
+        of = f"{below['count']} of {below['runs']} runs" if which == "runs" else f"{below['count']} of {which}"
+        what = f"{of} are not safe from a burn that does not end"
         why = "after it they could drift into the keep-out sphere within 24 h" + _nearest_text(stuck["least_range"])
         change = "consider how a stuck thruster is shut off"
         steps.append(NextStep(what, why, change, "safety", *_nearest(campaign, stuck["least_range"])))
