@@ -6,11 +6,14 @@ Both are made from the content of report.json.
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict
-from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.labels import format_number, format_percent_interval, metric_label, with_unit
 from rpojax.report.sections import failure_section
 from rpojax.report.sections.requirement_verdict_section import limit_text
 
+_FEW_RUNS: Final = 100
+"""Number of runs from which on their share tells the probability to some percents without its interval."""
 _NO_VERDICT: Final = (Verdict.NO_RUNS, Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
 
 
@@ -46,10 +49,18 @@ def _result(content: Mapping[str, Any]) -> str:
         begin = (
             f"all {ended} runs failed" if runs["failed"] == ended > 1 else f"{runs['failed']} of {ended} runs failed"
         )
-        return f"{begin}: {_kinds(runs['outcomes'])}."
+        return f"{begin}{_interval(content)}: {_kinds(runs['outcomes'])}."
     if runs["not_judged"]:
         return f"{_not_judged(content)}, and {_verified(content['requirements'])}."
     return f"none of {ended} runs failed, and {_verified(content['requirements'])}."
+
+
+def _interval(content: Mapping[str, Any]) -> str:
+    """95 % interval of the probability of failure in brackets, where it is from few and independent runs."""
+    ended = ended_runs(content)
+    if not 1 < ended < _FEW_RUNS or not content["design"]["independent"]:
+        return ""
+    return f" (95 %: {format_percent_interval(*clopper_pearson_interval(content['runs']['failed'], ended))})"
 
 
 def _kinds(outcomes: Mapping[str, int]) -> str:
@@ -73,7 +84,7 @@ def _verified(requirements: Sequence[Mapping[str, Any]]) -> str:
         return "no requirement is stated"
     kinds = (
         (verdicts.count(Verdict.VERIFIED), "is verified", "are verified"),
-        (verdicts.count(Verdict.NOT_VERIFIED), "is not verified", "are not verified"),
+        (verdicts.count(Verdict.NOT_VERIFIED), "is violated", "are violated"),
         (verdicts.count(Verdict.MORE_RUNS), "needs more runs", "need more runs"),
         (sum(verdict in _NO_VERDICT for verdict in verdicts), "has no verdict", "have no verdict"),
     )

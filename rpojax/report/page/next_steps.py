@@ -154,7 +154,7 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
             continue
         if not others and len(entry["violating_ids"]) == entry["violations"]:
             continue
-        what = f"Not verified: {limit_text(entry)}"
+        what = f"Violated: {limit_text(entry)}"
         why = f"{violations_text(entry)}{_influence(content, entry)}"
         # The runs without a value, which failed, come first among them.
         beyond = entry["violating_ids"][entry["without_value"] :]

@@ -24,6 +24,9 @@ from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE_RUNS: "open"}
 
+ALL_FAILED = "open: all runs failed"
+"""Verdict in words on a requirement that is kept in runs of which all failed: more of these tell nothing."""
+
 
 @dataclass(frozen=True)
 class RequirementRow:
@@ -112,12 +115,14 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
     found = evaluate_requirement(
         requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted, sealed
     )
+    # One run alone says whether it kept the limit.
+    is_hopeless = found.verdict is Verdict.MORE_RUNS and len(campaign.failed) > 1 and bool(np.all(campaign.failed))
     return {
         "text": _requirement_phrase(requirement),
         **requirement.model_dump(),
         "unit": metric_label(requirement.metric_name).unit or "-",
         "verdict": str(found.verdict),
-        "verdict_text": found.text,
+        "verdict_text": ALL_FAILED if is_hopeless else found.text,
         "more_runs": found.more_runs,
         "runs": found.runs,
         "violations": found.violations,

@@ -38,7 +38,7 @@ def test_verified_requirement_has_order_statistic_margin_and_risk(build):
 
 
 @pytest.mark.parametrize(
-    ("runs", "limit", "verdict"), [(230, 1.0, "verified"), (200, 1.0, "needs 30 more runs"), (200, 0.3, "not verified")]
+    ("runs", "limit", "verdict"), [(230, 1.0, "verified"), (200, 1.0, "needs 30 more runs"), (200, 0.3, "violated")]
 )
 def test_verdict_texts_and_colours(build, runs, limit, verdict):
     campaign = build(runs=runs, seconds=30, kept=())
@@ -46,7 +46,7 @@ def test_verdict_texts_and_colours(build, runs, limit, verdict):
     assert found["verdict_text"] == verdict
     row = requirement_verdict_section.rows([found])[0]
     assert row.verdict == verdict
-    assert row.css_class == {"verified": "good", "not verified": "alert"}.get(verdict, "open")
+    assert row.css_class == {"verified": "good", "violated": "alert"}.get(verdict, "open")
     assert row.title == f"Delta-v \N{LESS-THAN OR EQUAL TO} {limit:g} m/s"
 
 

@@ -94,7 +94,7 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
         "1 requirement needs more runs: no run violates too much, but 500 are too few to tell.",
     ]
     safe["requirements"][1] |= {"verdict": "not verified", "violations": 9}
-    every = "None of 500 runs failed, and of 3 requirements 1 is verified, 1 is not verified and 1 needs more runs."
+    every = "None of 500 runs failed, and of 3 requirements 1 is verified, 1 is violated and 1 needs more runs."
     assert headline(safe)[0] == every
     assert headline(safe)[1] == "9 of 500 runs violate Minimum range \N{GREATER-THAN OR EQUAL TO} 15 m."
 
@@ -103,7 +103,7 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
     ("verdict", "words"),
     [
         ("verified", "its requirement is verified."),
-        ("not verified", "its requirement is not verified."),
+        ("not verified", "its requirement is violated."),
         ("needs more runs", "its requirement needs more runs."),
         ("unfinished: no verdict", "its requirement has no verdict."),
     ],
@@ -248,7 +248,7 @@ def test_leading_figures_are_range_weakest_channel_and_weakest_histogram():
     [
         (
             {"verdict": "not verified", "violations": 9, "violating_ids": [3]},
-            "Not verified: Formation error \N{LESS-THAN OR EQUAL TO} 2 m",
+            "Violated: Formation error \N{LESS-THAN OR EQUAL TO} 2 m",
             "9 of 500 violate it",
         ),
         (
@@ -288,7 +288,7 @@ def test_a_requirement_that_only_failed_runs_violate_has_no_row_of_its_own(campa
     content["requirements"][0] |= violated
     steps = next_steps(campaign, content)
     assert steps[0].what == "All 3 failed runs"
-    assert not any(step.what.startswith("Not verified") for step in steps)
+    assert not any(step.what.startswith("Violated") for step in steps)
     content["requirements"][0] |= {"violations": 4, "violating_ids": [3, 4, 5, 6]}
     assert any(step.run_id == 6 for step in next_steps(campaign, content))
 
@@ -297,9 +297,9 @@ def test_the_run_to_look_at_is_one_beyond_the_limit_and_not_one_that_failed(camp
     content = copy.deepcopy(CONTENT)
     violated = {"verdict": "not verified", "violations": 3, "violating_ids": [3, 7, 12], "without_value": 2}
     content["requirements"][0] |= {**violated, "beyond_limit": 1, "without_value_text": "2 off station"}
-    assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
+    assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Violated" in step.what)
     content["requirements"][0] |= {"violating_ids": [3, 7], "violations": 2, "beyond_limit": 0}
-    assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
+    assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Violated" in step.what)
 
 
 def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(build):
@@ -328,3 +328,15 @@ def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(bui
 
 def test_statistics_of_complete_campaigns_have_no_dagger(build):
     assert "\N{DAGGER}" not in page_text(rendered_page(build(runs=20))).partition("Monte Carlo campaign report")[2]
+
+
+def test_more_runs_are_not_asked_for_where_all_failed_and_few_have_an_interval(build):
+    campaign = build(runs=8, failed=())
+    campaign.outcomes[:] = str(Outcome.ABORTED)
+    campaign.completed[:], campaign.failed[:] = False, True
+    entry = {"metric": "delta_v_m_s", "bound": "at most", "limit": 1e6, "probability": 0.99, "consumer_risk": 0.1}
+    campaign.info["scenario"]["requirements"] = [entry, {**entry, "limit": 0.0}]
+    kept, broken = report_json.report_content(campaign, [])["requirements"]
+    assert (kept["verdict_text"], kept["more_runs"]) == ("open: all runs failed", 222)
+    assert (broken["verdict"], broken["verdict_text"]) == ("not verified", "violated")
+    assert headline(report_json.report_content(campaign, []))[0] == "All 8 runs failed (95 %: 63 to 100 %): aborted."
