@@ -241,8 +241,6 @@ def violations_text(entry: Mapping[str, Any]) -> str:
     if not entry["without_value"]:
         return f"{entry['violations']} of {entry['runs']} violate it"
     lacking = f"{entry['without_value']} without a value"
-    if not entry["beyond_limit"]:
-        return f"{lacking} of {entry['runs']}, none of the others violates it"
     return f"{entry['beyond_limit']} of {entry['runs']} violate it, {lacking}"
 
 
@@ -253,7 +251,7 @@ def worst_text(entry: Mapping[str, Any]) -> str:
     if not entry["without_value"]:
         return value
     reason = entry["without_value_text"]
-    return f"without a value: {reason}" + (f"; of the others {value}" if value else "")
+    return f"no value ({reason})" + (f", of the others {value}" if value else "")
 
 
 def _worst_cell(entry: Mapping[str, Any]) -> tuple[str, str]:

@@ -175,7 +175,7 @@ def test_a_failed_run_without_a_value_is_the_worst(build):
     kind = Outcome(str(campaign.outcomes[2]))
     worst = with_unit(format_number(np.nanmin(campaign.metrics["min_range_m"]), 3), "m")
     assert found["without_value_text"] == f"1 {kind.reason}"
-    assert requirement_verdict_section.worst_text(found) == f"without a value: 1 {kind.reason}; of the others {worst}"
+    assert requirement_verdict_section.worst_text(found) == f"no value (1 {kind.reason}), of the others {worst}"
     [row] = requirement_verdict_section.rows([found])
     assert "7 of 8 violate it, 1 without a value" in row.note
     assert row.cells[0][0] == "no value"
