@@ -7,10 +7,11 @@ from typing import Any, Final
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, with_unit
+from rpojax.report.labels import format_number
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
 from rpojax.report.sections.failure_section import detail_counts
 from rpojax.report.sections.requirement_verdict_section import limit_text, violations_text
+from rpojax.report.sections.safety_section import nearest_text
 
 _MOST_STEPS: Final = 6
 _MOST_CAUSES: Final = 3
@@ -120,22 +121,25 @@ def _passive_safety(campaign: CampaignResults, content: Mapping[str, Any]) -> li
         why = f"after a loss of thrust they could drift into the keep-out sphere within {horizon}"
         nearest = nearest_drift(safety)
         change = "accept the risk, or choose a passively safe orbit such as that of safety_ellipse"
-        steps.append(NextStep(what, why + _nearest_text(nearest), change, "safety", *_nearest(campaign, nearest)))
+        steps.append(
+            NextStep(
+                what, f"{why}{_after(nearest_text(safety, nearest))}", change, "safety", *_nearest(campaign, nearest)
+            )
+        )
     stuck = safety["stuck_on"]
     if (below := stuck["below_keep_out"]) is not None and below["count"]:
         which = "runs" if below["runs"] == ended_runs(content) else f"the {below['runs']} runs that burn"
         of = f"{below['count']} of {below['runs']} runs" if which == "runs" else f"{below['count']} of {which}"
         what = f"{of} are not safe from a burn that does not end"
-        why = "after it they could drift into the keep-out sphere within 24 h" + _nearest_text(stuck["least_range"])
+        why = "after it they could drift into the keep-out sphere within 24 h"
+        why += _after(nearest_text(safety, stuck["least_range"]))
         change = "consider how a stuck thruster is shut off"
         steps.append(NextStep(what, why, change, "safety", *_nearest(campaign, stuck["least_range"])))
     return steps
 
 
-def _nearest_text(nearest: Mapping[str, Any] | None) -> str:
-    if nearest is None:
-        return ""
-    return f"; nearest {with_unit(format_number(nearest['value'], 3), 'm')}, run {nearest['run_id']}"
+def _after(text: str) -> str:
+    return f"; {text}" if text else ""
 
 
 def _nearest(campaign: CampaignResults, nearest: Mapping[str, Any] | None) -> tuple[str, int | None]:

@@ -110,7 +110,7 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
 )
 def test_what_is_open_is_told_apart_from_what_is_refuted(verdict, words):
     stated = {**CONTENT, "requirements": [requirement("delta_v_m_s", "at most", 1.0, verdict, None, 0.5)]}
-    assert headline(stated)[0] == f"None of 500 runs failed, and {words}"
+    assert headline(stated)[0] == f"None of 500 runs failed, {'but' if 'violated' in words else 'and'} {words}"
 
 
 def test_headline_of_failures_is_how_many_and_the_main_cause():
@@ -340,3 +340,30 @@ def test_more_runs_are_not_asked_for_where_all_failed_and_few_have_an_interval(b
     assert (kept["verdict_text"], kept["more_runs"]) == ("open: all runs failed", 222)
     assert (broken["verdict"], broken["verdict_text"]) == ("not verified", "violated")
     assert headline(report_json.report_content(campaign, []))[0] == "All 8 runs failed (95 %: 63 to 100 %): aborted."
+
+
+def test_a_violated_drift_is_told_as_passive_safety_beside_the_requirements():
+    stated = copy.deepcopy(CONTENT)
+    drift = requirement("passive_range_24_h_m", "at least", 10.0, "not verified", -9.5, 0.5, violations=498)
+    stated["requirements"].append(drift)
+    assert headline(stated) == [
+        "None of 500 runs failed, but 1 of 4 requirements is violated.",
+        "498 of 500 runs are not passively safe: without thrust they could drift to within 10 m in 24 h.",
+    ]
+
+
+def test_a_drift_into_the_target_hits_it(campaign):
+    content = copy.deepcopy(CONTENT)
+    content["safety"] |= {"target_radius_m": 0.25}
+    content["safety"]["free_drift"][1]["least_range"]["value"] = 0.00129
+    assert "nearest 0.001 m, which hits the target, run 7" in next_steps(campaign, content)[0].why
+    assert "nearest 0.001 m, which hits the target, run 7" in verdict_tiles(content)[0].note
+
+
+def test_terms_of_the_first_screen_have_their_meaning(build):
+    campaign = build(runs=8, failed=())
+    campaign.outcomes[:2] = str(Outcome.OFF_STATION)
+    campaign.completed[:2], campaign.failed[:2] = False, True
+    page = campaign.directory / "report.html"
+    rendered_page(campaign)
+    assert '<abbr title="farther from its place than limits.off_station_m' in page.read_text(encoding="utf-8")
