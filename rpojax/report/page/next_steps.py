@@ -4,19 +4,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import format_number
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
 from rpojax.report.sections.failure_section import detail_counts
-from rpojax.report.sections.requirement_verdict_section import limit_text, violations_text
+from rpojax.report.sections.requirement_verdict_section import limit_text, violations_text, worst_text
 from rpojax.report.sections.safety_section import nearest_text
 
 _MOST_STEPS: Final = 6
 _MOST_CAUSES: Final = 3
 _MOST_VIOLATIONS: Final = 2
 _NEES_COMPONENTS: Final = 6
+_OVERCONFIDENT: Final = "The filter is overconfident"
 _INCONSISTENT: Final = 1.3
 """Ratio of the mean relative NEES to its expectation from which the filter is called overconfident."""
 
@@ -46,8 +49,9 @@ def next_steps(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
         *_not_judged(content),
         *_passive_safety(campaign, content),
         *_violations(campaign, content),
+        *_consequences(campaign, content),
         *_more_runs(campaign, content),
-        *_consistency(content),
+        *_consistency(campaign, content),
     ]
     if not steps:
         steps = [_nothing(content)]
@@ -79,7 +83,7 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
         )
         for cause in why["causes"][:_MOST_CAUSES]
     ]
-    explained = {run for cause in why["causes"] for run in cause["run_ids"]}
+    explained = _explained(content)
     without = [failure for failure in content["failures"] if failure["run_id"] not in explained]
     if without:
         what = _count_of_failed(len(without), runs["failed"])
@@ -168,6 +172,27 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
     return steps[:_MOST_VIOLATIONS]
 
 
+def _consequences(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
+    """One row of the requirements that only failed runs with a cause violate, by their values."""
+    explained, found = _explained(content), []
+    drifts = bool(_passive_safety(campaign, content))
+    for entry in content["requirements"]:
+        beyond = entry["violating_ids"][entry["without_value"] :]
+        complete = len(entry["violating_ids"]) == entry["violations"]
+        of_passive_safety = str(entry["metric"]).startswith("passive_range") and drifts
+        if entry["verdict"] == Verdict.NOT_VERIFIED and beyond and complete and not of_passive_safety:
+            if explained.issuperset(entry["violating_ids"]):
+                found.append(
+                    f"{limit_text(entry)} ({entry['beyond_limit']} of {entry['runs']}, worst {worst_text(entry)})"
+                )
+    if not found:
+        return []
+    why = f"only runs that failed by a cause above violate {'it' if len(found) == 1 else 'them'}"
+    return [
+        NextStep(f"Violated, too: {'; '.join(found)}", why, "follows from that cause: mend it first", "requirements")
+    ]
+
+
 def _influence(content: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
     """The dispersed input on which a requirement's metric depends most, if that is known."""
     name = entry.get("of", entry["metric"])
@@ -196,13 +221,28 @@ def _more_runs(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
     ]
 
 
-def _consistency(content: Mapping[str, Any]) -> list[NextStep]:
+def _consistency(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
+    """Row of an overconfident filter: that it follows from the causes of failure, else which beliefs are suspected."""
     entry = content["metrics"].get("nees_relative_mean")
     if not entry or entry["mean"] is None or entry["mean"] < _INCONSISTENT * _NEES_COMPONENTS:
         return []
     ratio = format_number(entry["mean"] / _NEES_COMPONENTS, 3)
     why = f"NEES / 6 of the relative state is {ratio} in the mean, and 1 is right"
-    return [NextStep("The filter is overconfident", why, "larger sigmas in [navigation]", "consistency")]
+    wrong = np.asarray(campaign.metrics["nees_relative_mean"]) > _INCONSISTENT * _NEES_COMPONENTS
+    explained = _explained(content)
+    if wrong.any() and explained.issuperset(campaign.run_ids[wrong].tolist()):
+        why += f"; only in {int(wrong.sum())} runs that failed, by a cause above"
+        return [NextStep(_OVERCONFIDENT, why, "follows from that cause: mend it first", "consistency")]
+    beliefs = [line.partition(":")[0] for line in content["warnings"] if "the filter believes" in line]
+    change = "`rpojax robustness` tells which belief is narrowest"
+    if beliefs:
+        change = f"{' and '.join(beliefs)}, which the scenario contradicts (see its warnings)"
+    return [NextStep(_OVERCONFIDENT, why, change, "consistency")]
+
+
+def _explained(content: Mapping[str, Any]) -> set[int]:
+    """Numbers of the failed runs that have a cause."""
+    return {run for cause in content["why_failed"]["causes"] for run in cause["run_ids"]}
 
 
 def _nothing(content: Mapping[str, Any]) -> NextStep:

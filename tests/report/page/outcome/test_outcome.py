@@ -367,3 +367,26 @@ def test_terms_of_the_first_screen_have_their_meaning(build):
     page = campaign.directory / "report.html"
     rendered_page(campaign)
     assert '<abbr title="farther from its place than limits.off_station_m' in page.read_text(encoding="utf-8")
+
+
+def test_what_only_failed_runs_with_a_cause_show_follows_from_it(build):
+    campaign = build(runs=8, failed=())
+    campaign.metrics["nees_relative_mean"] = np.where(np.arange(8) < 3, 6e7, 6.0)
+    content = ended(497, lost=3) | {"warnings": [], "metrics": {"nees_relative_mean": {"mean": 2.2e7}}}
+    content["failures"] = [{"run_id": run, "detail": ""} for run in (0, 1, 2)]
+    cause = {"name": "misses", "title": "boxes are missing", "text": "", "mend": "", "runs": 3, "run_ids": [0, 1, 2]}
+    content["why_failed"] |= {"failed": 3, "causes": [cause]}
+    violated = {"verdict": "not verified", "violations": 2, "beyond_limit": 2, "violating_ids": [0, 2], "worst": 2.5}
+    content["requirements"][0] |= violated
+    steps = {step.what: step for step in next_steps(campaign, content)}
+    limit = "Formation error \N{LESS-THAN OR EQUAL TO} 2 m"
+    consequence = steps[f"Violated, too: {limit} (2 of 500, worst 2.50 m)"]
+    assert consequence.change == "follows from that cause: mend it first"
+    filter_row = steps["The filter is overconfident"]
+    assert "only in 3 runs that failed" in filter_row.why
+    assert filter_row.change == "follows from that cause: mend it first"
+    # A run that did not fail shows it, too: the belief that the scenario contradicts is named.
+    campaign.metrics["nees_relative_mean"][5] = 60.0
+    belief = "navigation.edge_noise_px: the filter believes 1, the truth is 6 by camera.edge_noise_px"
+    steps = {step.what: step for step in next_steps(campaign, content | {"warnings": [belief]})}
+    assert steps["The filter is overconfident"].change.startswith("navigation.edge_noise_px, which")
