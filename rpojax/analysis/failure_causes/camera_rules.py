@@ -267,7 +267,7 @@ def false_boxes(evidence: RunEvidence) -> Finding:
         lost = median(past / looking, chosen)
         return (
             f"{percent(median(share, chosen))} of frames have a false box in the worst ten minutes; {left}, {through}"
-            + (f", and the camera looked past the target in {percent(lost)} of its looks" if lost > _PAST else "")
+            + (f", and the camera looked past the target in {percent(lost)} of all frames" if lost > _PAST else "")
         )
 
     def mend(_: Flags) -> str:

@@ -177,20 +177,23 @@ def _consequences(campaign: CampaignResults, content: Mapping[str, Any]) -> list
     explained, found = _explained(content), []
     drifts = bool(_passive_safety(campaign, content))
     for entry in content["requirements"]:
-        beyond = entry["violating_ids"][entry["without_value"] :]
-        complete = len(entry["violating_ids"]) == entry["violations"]
         of_passive_safety = str(entry["metric"]).startswith("passive_range") and drifts
-        if entry["verdict"] == Verdict.NOT_VERIFIED and beyond and complete and not of_passive_safety:
-            if explained.issuperset(entry["violating_ids"]):
-                found.append(
-                    f"{limit_text(entry)} ({entry['beyond_limit']} of {entry['runs']}, worst {worst_text(entry)})"
-                )
+        beyond = _beyond_limit(campaign, entry)
+        if entry["verdict"] != Verdict.NOT_VERIFIED or of_passive_safety or not beyond or not explained >= beyond:
+            continue
+        found.append(f"{limit_text(entry)} ({entry['beyond_limit']} of {entry['runs']}, worst {worst_text(entry)})")
     if not found:
         return []
-    why = f"only runs that failed by a cause above violate {'it' if len(found) == 1 else 'them'}"
-    return [
-        NextStep(f"Violated, too: {'; '.join(found)}", why, "follows from that cause: mend it first", "requirements")
-    ]
+    what = "A requirement is violated, too" if len(found) == 1 else f"{len(found)} requirements are violated, too"
+    why = f"{'; '.join(found)}: only by runs that failed by a cause above"
+    return [NextStep(what, why, "follows from that cause: mend it first", "requirements")]
+
+
+def _beyond_limit(campaign: CampaignResults, entry: Mapping[str, Any]) -> set[int]:
+    """Numbers of the runs with a value beyond a requirement's limit."""
+    values = np.asarray(campaign.metrics[str(entry.get("of", entry["metric"]))], dtype=float)
+    beyond = values > entry["limit"] if entry["bound"] == "at most" else values < entry["limit"]
+    return set(campaign.run_ids[beyond].tolist())
 
 
 def _influence(content: Mapping[str, Any], entry: Mapping[str, Any]) -> str:

@@ -372,6 +372,7 @@ def test_terms_of_the_first_screen_have_their_meaning(build):
 def test_what_only_failed_runs_with_a_cause_show_follows_from_it(build):
     campaign = build(runs=8, failed=())
     campaign.metrics["nees_relative_mean"] = np.where(np.arange(8) < 3, 6e7, 6.0)
+    campaign.metrics["formation_error_rms_m"] = np.where(np.isin(np.arange(8), (0, 2)), 2.5, 0.5)
     content = ended(497, lost=3) | {"warnings": [], "metrics": {"nees_relative_mean": {"mean": 2.2e7}}}
     content["failures"] = [{"run_id": run, "detail": ""} for run in (0, 1, 2)]
     cause = {"name": "misses", "title": "boxes are missing", "text": "", "mend": "", "runs": 3, "run_ids": [0, 1, 2]}
@@ -380,7 +381,8 @@ def test_what_only_failed_runs_with_a_cause_show_follows_from_it(build):
     content["requirements"][0] |= violated
     steps = {step.what: step for step in next_steps(campaign, content)}
     limit = "Formation error \N{LESS-THAN OR EQUAL TO} 2 m"
-    consequence = steps[f"Violated, too: {limit} (2 of 500, worst 2.50 m)"]
+    consequence = steps["A requirement is violated, too"]
+    assert consequence.why == f"{limit} (2 of 500, worst 2.50 m): only by runs that failed by a cause above"
     assert consequence.change == "follows from that cause: mend it first"
     filter_row = steps["The filter is overconfident"]
     assert "only in 3 runs that failed" in filter_row.why
