@@ -48,8 +48,8 @@ def rendered_page(campaign: CampaignResults, run_id: int | None = None) -> Repor
 
 
 def page_text(page: ReportPage) -> str:
-    """Text of a page with single spaces."""
-    return re.sub(r"\s+", " ", " ".join(page.text))
+    """Text of a page with single spaces, and none before the stop that follows an explained term."""
+    return re.sub(r" ([.,;:])(?= |$)", r"\1", re.sub(r"\s+", " ", " ".join(page.text)))
 
 
 def shown_commands(page: Path) -> list[str]:

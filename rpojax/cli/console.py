@@ -12,6 +12,7 @@ from rich.text import Text
 from rpojax.metrics.metric_catalogue import find
 from rpojax.report.labels import format_number, metric_label
 from rpojax.report.sections.failure_section import without_time
+from rpojax.report.sections.requirement_verdict_section import worst_text
 from rpojax.runtime.progress import count_runs
 
 _KEY_METRICS = (
@@ -59,7 +60,9 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
         console.print(line, markup=False, soft_wrap=True)
     for judged in summary["requirements"]:
         reached = f"; {judged['reached_text']}" if "reached_text" in judged else ""
-        console.print(f"{judged['verdict_text']}: {judged['text']}{reached}", markup=False, soft_wrap=True)
+        worst = worst_text(judged) if ended > 1 else ""
+        text = f"{judged['verdict_text']}: {judged['text']}{reached}" + (f"; worst {worst}" if worst else "")
+        console.print(text, markup=False, soft_wrap=True)
     if summary["requirements"] and runs.get("not_judged"):
         console.print("requirements count the runs that are not judged, too, up to where these end", markup=False)
 

@@ -64,7 +64,11 @@ def _requirements(campaign: Campaign) -> Iterator[tuple[str, str]]:
     open_ones = [entry for entry in entries if entry["verdict"] != Verdict.VERIFIED]
     for entry in sorted(open_ones, key=lambda entry: -entry["violations"])[:_SHOWN_REQUIREMENTS]:
         kept = f"{entry['runs'] - entry['violations']} of {entry['runs']} runs keep it"
-        yield "requirements", f"{entry['verdict_text']}: {entry['text']}; {kept}"
+        worst = requirement_verdict_section.worst_text(entry)
+        yield (
+            "requirements",
+            f"{entry['verdict_text']}: {entry['text']}; {kept}" + (f"; worst {worst}" if worst else ""),
+        )
     if (more := len(open_ones) - _SHOWN_REQUIREMENTS) > 0:
         yield "requirements", f"and {counted(more, 'further one')}"
 
@@ -76,4 +80,5 @@ def _spread(campaign: Campaign, name: str) -> str:
     tail, worst = (5.0, np.min) if label.low_is_bad else (95.0, np.max)
     found = f"median {format_number(float(np.median(defined)))}, p{tail:.0f} "
     found += f"{format_number(float(np.percentile(defined, tail)))}, worst {format_number(float(worst(defined)))}"
-    return with_unit(found, label.unit)
+    lacking = int(np.sum(~np.isfinite(values) & np.asarray(campaign.failed, dtype=bool)))
+    return with_unit(found, label.unit) + (f"; {counted(lacking, 'failed run')} without a value" if lacking else "")

@@ -135,7 +135,7 @@ def test_a_table_for_people_says_what_came_out_and_where_it_is(call: Call, finis
         "p95",
         "p99",
         "0 completed, 0 failed, 3 not judged",
-        "not verified: Formation error at most 2 m",
+        "violated: Formation error at most 2 m",
         "needs 227 more runs: Minimum range",
     ):
         assert text in result.out

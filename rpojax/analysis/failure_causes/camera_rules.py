@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
+from rpojax.analysis.failure_causes.present_values import at_least, at_most, change
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
-from rpojax.scenario.warnings.attitude_authority import attitude_warnings
+from rpojax.scenario.warnings.attitude_authority import lacking_torques
 from rpojax.scenario.warnings.target_light import light_warnings
 from rpojax.scenario.warnings.target_size import least_half_frame
 
@@ -33,6 +34,8 @@ _DARK: Final = 0.25
 """Share of the time without light from which on it may be too dark; `inspection_eclipse` copes with a third."""
 _ROOM: Final = 1.3
 """Room around the target in a frame that holds it, and over the least size in pixels."""
+_LENS, _HANDOVER = "camera.field_of_view_deg", "navigation.initial_relative_position_sigma_m"
+_MISSES, _SLEWS = "navigation.miss_probability", "pointing.slew_acceleration_mrad_s2"
 _NEARER, _FARTHER = 0.7, 1.5
 """Of the planned ranges: outside of these a picture too large or too small is a consequence of having drifted away."""
 
@@ -72,7 +75,10 @@ def frame(evidence: RunEvidence) -> Finding:
         share / _CUT,
         at_s,
         words,
-        lambda _: f"a lens of {holding_lens_deg(evidence, nearest):.0f} deg holds it at {number(nearest)} m",
+        lambda _: (
+            f"{change(evidence.file, _LENS, holding_lens_deg(evidence, nearest))}, which holds it at "
+            f"{number(nearest)} m"
+        ),
     )
 
 
@@ -106,7 +112,8 @@ def too_small(evidence: RunEvidence) -> Finding:
     def mend(chosen: Flags) -> str:
         factor = 2.0 * _ROOM * least / max(median(smallest, chosen), 1e-3)
         lens = 2.0 * math.degrees(math.atan(math.tan(math.radians(0.5 * file.camera.field_of_view_deg)) / factor))
-        return f"a lens of {number(min(lens, narrower))} deg, or {number(factor)} times the pixels, shows it"
+        pixels = change(file, "camera.width_px", math.ceil(factor) * file.camera.width_px)
+        return f"{change(file, _LENS, min(lens, narrower))}, or {pixels} and the height with it"
 
     return Finding(
         "too_small", "the target is too small in the picture", Depth.ROOT, share / _MISSED, at_s, words, mend
@@ -136,14 +143,16 @@ def out_of_view(evidence: RunEvidence) -> Finding:
 
     def words(chosen: Flags) -> str:
         return (
-            f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes: half its field of "
-            f"view is {number(half_deg)} deg, and the start is known to {number(sigma_deg)} deg (1 sigma)"
+            f"the camera looks past the target in {percent(median(share, chosen))} of the worst ten minutes: half its "
+            f"field of view is {number(half_deg)} deg, and the start is known to {number(sigma_deg)} deg (1 sigma)"
         )
 
     def mend(_: Flags) -> str:
         if not is_narrow:
             return "see why the estimate of the target went wrong before"
-        return f"a lens of {5.0 * math.ceil(1.2 * sigma_deg):.0f} deg, or a better hand-over"
+        lens = change(evidence.file, _LENS, 5.0 * math.ceil(1.2 * sigma_deg))
+        known_m = start_m * math.tan(math.radians(half_deg))
+        return f"{lens}, or a better hand-over: {at_most(evidence.file, _HANDOVER, known_m)}"
 
     depth = Depth.ROOT if is_narrow else Depth.CONSEQUENCE
     title = "the camera looks past the target"
@@ -152,25 +161,33 @@ def out_of_view(evidence: RunEvidence) -> Finding:
 
 def pointing(evidence: RunEvidence) -> Finding:
     """The camera looks past a target whose direction is known: a root where slews ask more torque than wheels have."""
-    half = math.atan(least_half_frame(evidence.file, evidence.reach))
+    file, half = evidence.file, math.atan(least_half_frame(evidence.file, evidence.reach))
     angle = evidence.in_intervals("nav_relative_error_m") / np.maximum(evidence.ranges_m, 1e-3)
     past, looking = (np.where(angle < _KNOWN * half, evidence.sign(name), 0) for name in ("out_of_view", "looking"))
     share, at_s = evidence.worst_share(past, looking)
-    torque = [line for line in attitude_warnings(evidence.file, evidence.reach, 0.0) if "N m of wheel" in line]
+    torque = lacking_torques(evidence.file, evidence.reach)
     total = np.sum(np.where(past > 0, angle * past, 0.0), axis=1)
     known_deg = np.degrees(total / np.maximum(past.sum(axis=1), 1))
 
     def words(chosen: Flags) -> str:
         found = (
-            f"the camera looks past the target in {percent(median(share, chosen))} of ten minutes, although navigation "
-            f"knows its direction to {number(median(known_deg, chosen))} deg"
+            f"the camera looks past the target in {percent(median(share, chosen))} of the worst ten minutes, although "
+            f"navigation knows its direction to {number(median(known_deg, chosen))} deg"
         )
-        return f"{found}: {torque[0].partition(', or')[0]}" if torque else found
+        if not torque:
+            return found
+        first = torque[0]
+        slews = f"{first.key} = {number(evidence.reach.high(first.key))} takes {number(first.needed_n_m)} N m"
+        return f"{found}: {slews} of wheel {first.wheel}, which gives {number(first.limit_n_m)}"
 
     def mend(_: Flags) -> str:
-        if torque:
-            return f"a smaller {torque[0].partition(':')[0]}, or wheels of more torque"
-        return "slower slews, a longer pointing.settle_time_s, or see attitude and star tracker"
+        if not torque:
+            return f"a smaller {_SLEWS}, a longer pointing.settle_time_s, or see attitude and star tracker"
+        slower = [
+            change(file, each.key, evidence.reach.high(each.key) * each.limit_n_m / each.needed_n_m) for each in torque
+        ]
+        stronger = at_least(file, f"wheels.torque_limit_n_m[{torque[0].wheel}]", torque[0].needed_n_m)
+        return f"{' and '.join(slower)}; or {stronger}"
 
     name, depth = ("wheels", Depth.ROOT) if torque else ("pointing", Depth.MECHANISM)
     title = "wheels give too little torque" if torque else "the attitude does not follow"
@@ -229,25 +246,42 @@ def misses(evidence: RunEvidence) -> Finding:
 
     def mend(chosen: Flags) -> str:
         missed = median(whole, chosen)
-        told = f", or navigation.miss_probability = {number(missed)}" if missed < _HOPELESS else ""
-        return f"a detector that finds it in {percent(1.0 - believed)} of them{told}"
+        told = f", or {change(evidence.file, _MISSES, missed)}" if missed < _HOPELESS else ""
+        better = f"a detector that finds it in {percent(1.0 - believed)} of them"
+        return f"{better}{_of_error_model(evidence, 'camera.miss_probability', believed)}{told}"
 
     strength = np.minimum(share / _MISSED, whole / max(_MORE * believed, _LEAST_MORE))
     return Finding("misses", "boxes are missing", Depth.ROOT, strength, at_s, words, mend)
 
 
 def false_boxes(evidence: RunEvidence) -> Finding:
-    """Boxes of something else."""
+    """Boxes of something else, in place of those of the target."""
     share, at_s = evidence.worst_share(evidence.sign("false_boxes"), evidence.sign("looking"))
-    accepted = evidence.sign("false_accepted").sum(axis=1).astype(float)
+    names = ("false_accepted", "good_boxes", "good_rejected", "in_view", "out_of_view", "looking")
+    accepted, good, rejected, seen, past, looking = (evidence.sign(name).sum(axis=1).astype(float) for name in names)
 
     def words(chosen: Flags) -> str:
+        left = f"{percent(median(good / seen, chosen))} of those that show the target have a true one"
+        through = f"the gate rejected {percent(median(rejected / good, chosen))} of these and let "
+        through += f"{median(accepted, chosen):.0f} false ones through in a run"
+        lost = median(past / looking, chosen)
         return (
-            f"{percent(median(share, chosen))} of frames have a false box "
-            f"({median(accepted, chosen):.0f} of them passed the gate in a run)"
+            f"{percent(median(share, chosen))} of frames have a false box in the worst ten minutes; {left}, {through}"
+            + (f", and the camera looked past the target in {percent(lost)} of all frames" if lost > _PAST else "")
         )
 
     def mend(_: Flags) -> str:
-        return f"a detector with less than {percent(_FALSE)}: a higher score threshold, or one that is trained further"
+        fewer = f"a detector with less than {percent(_FALSE)} of them"
+        score = evidence.file.camera.model == "rendered"
+        return (
+            f"{fewer}{_of_error_model(evidence, 'camera.outlier_probability', _FALSE)}: one that is trained further"
+            + (", or a higher camera.score_threshold" if score else "")
+        )
 
     return Finding("false_boxes", "boxes are false", Depth.ROOT, share / _FALSE, at_s, words, mend)
+
+
+def _of_error_model(evidence: RunEvidence, key: str, most: float) -> str:
+    """The key of a detector's error model and what it may be, in brackets; empty where it is so, or with images."""
+    declared = evidence.file.camera.model == "geometric" and evidence.reach.high(key) > most
+    return f" ({at_most(evidence.file, key, most)})" if declared else ""

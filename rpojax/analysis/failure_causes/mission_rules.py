@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number
+from rpojax.analysis.failure_causes.present_values import change
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
 from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.scenario.phases.phase_sections import PhaseSection
@@ -13,13 +14,15 @@ from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _CERTAIN: Final = 2.0
 _WEAK: Final = 1.0
+_LEAST_ANGLE_DEG, _LEAST_WIDTH_M = 5.0, 1.0
+"""Of a wider corridor. A choice: `vbar_approach` has 10 deg and 1.5 m."""
 _ENDS: Final = {
-    AbortReason.TIMEOUT: "a longer timeout_s of the phase, or a condition that it can meet",
-    AbortReason.KEEP_OUT_PREDICTED: "a smaller keep-out zone, a slower approach, or a relative orbit",
+    AbortReason.TIMEOUT: "a longer phases.PHASE.timeout_s, or a condition that it can meet",
+    AbortReason.KEEP_OUT_PREDICTED: "a smaller limits.keep_out_m, a slower approach, or a relative orbit",
     AbortReason.TARGET_LOST: "see what the camera saw before the abort",
     AbortReason.CONFIDENCE_LOST: "see which health test failed before the abort",
     AbortReason.THRUSTER_FAILED: "a second thruster, or a longer formation.thruster_retry_s",
-    AbortReason.COMMAND: "a goal that allows for it (goal.phase)",
+    AbortReason.COMMAND: "a goal.phase that allows for it",
 }
 
 
@@ -56,10 +59,10 @@ def _left_s(evidence: RunEvidence, phase: np.ndarray) -> Numbers:
 
 def corridors(evidence: RunEvidence) -> Iterator[Finding]:
     """The corridor was left, one finding for each phase with one."""
-    phase, left = last_phase(evidence), evidence.abort_reason == AbortReason.CORRIDOR_LEFT
+    file, phase, left = evidence.file, last_phase(evidence), evidence.abort_reason == AbortReason.CORRIDOR_LEFT
     unknown = np.full(evidence.count, np.nan)
     ahead_m, aside_m = (evidence.phases.get(f"corridor_{side}_m", unknown) for side in ("ahead", "aside"))
-    for row, section in enumerate(evidence.file.phases):
+    for row, section in enumerate(file.phases):
         here = left & (phase == row)
         if section.corridor is None or not here.any():
             continue
@@ -79,10 +82,12 @@ def corridors(evidence: RunEvidence) -> Iterator[Finding]:
                 f"{number(median(half, chosen))} m wide to each side"
             )
 
-        def mend(chosen: Flags, angle: Numbers = angle_deg, width: Numbers = width_m) -> str:
+        def mend(chosen: Flags, name: str = section.name, angle: Numbers = angle_deg, width: Numbers = width_m) -> str:
+            key = f"phases.{name}.corridor"
+            wider = change(file, f"{key}.half_angle_deg", max(2.0 * median(angle, chosen), _LEAST_ANGLE_DEG))
             return (
-                f"a wider corridor (half_angle_deg {number(max(2.0 * median(angle, chosen), 5.0))}, width_m "
-                f"{number(max(2.0 * median(width, chosen), 1.0))}) or smaller errors on the way"
+                f"{wider} and {change(file, f'{key}.width_m', max(2.0 * median(width, chosen), _LEAST_WIDTH_M))}, "
+                "or smaller errors on the way"
             )
 
         yield Finding(
@@ -151,7 +156,7 @@ def short(evidence: RunEvidence) -> Finding:
         )
 
     def mend(chosen: Flags) -> str:
-        return f"duration_s = {1000.0 * np.ceil(1.3e-3 * median(needed, chosen)):.0f}"
+        return change(file, "duration_s", 1000.0 * np.ceil(1.3e-3 * median(needed, chosen)))
 
     return Finding(
         "short",
@@ -180,8 +185,8 @@ def unmet(evidence: RunEvidence) -> Iterator[Finding]:
             return f"the phase {name} does not end in {number(median(stayed_s, chosen))} s: {wanted}"
 
         def mend(_: Flags, row: int = row, conditions: Condition = conditions) -> str:
-            keys = ", ".join(_KEYS[each] for each in Condition if each & conditions)
-            return f"{keys} of phases.{file.phases[row].name}.until that the runs can meet"
+            keys = [f"phases.{file.phases[row].name}.until.{_KEYS[each]}" for each in Condition if each & conditions]
+            return f"{', '.join(keys)} that the runs can meet"
 
         yield Finding(
             "phase",
@@ -253,7 +258,7 @@ def aborts(evidence: RunEvidence) -> Iterator[Finding]:
                 np.where(here, _WEAK, 0.0),
                 evidence.aborted_at_s,
                 words,
-                lambda _, reason=reason: _ENDS.get(reason, ""),
+                lambda _, reason=reason, name=section.name: _ENDS.get(reason, "").replace("PHASE", name),
             )
 
 
@@ -276,5 +281,9 @@ def keep_out(evidence: RunEvidence) -> Finding:
         np.where(entered, _WEAK, 0.0),
         evidence.failed_at_s,
         words,
-        lambda _: "a station farther away, or a passively safe relative orbit",
+        lambda _: (
+            "a station farther away"
+            + ("" if evidence.file.phases else " (formation.desired_position_m)")
+            + ", or a passively safe relative orbit"
+        ),
     )

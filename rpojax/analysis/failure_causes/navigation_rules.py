@@ -1,12 +1,13 @@
 """Causes in navigation: wrong beliefs, gate, range that is not known, confidence that was withdrawn."""
 
-import re
 from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
+from rpojax.analysis.failure_causes.belief_mends import belief_mend, believed_text
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
+from rpojax.analysis.failure_causes.present_values import change
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
 from rpojax.flight.navigation_health import TESTS
 from rpojax.scenario.warnings.filter_beliefs import belief_warnings, is_conservative
@@ -26,8 +27,6 @@ _REJECTED: Final = 0.25
 _UNCONFIDENT: Final = 0.5
 """Share of ten minutes without confidence that counts."""
 _CERTAIN: Final = 2.0
-_TRUTH: Final = re.compile(r"(?:the truth is|is up to|is down to|target\.scale is) ([0-9.e+-]+)")
-"""Value of the truth in a warning about a belief."""
 _ADVICE: Final = {
     "box_variance": "navigation.edge_noise_px and the beliefs of the target's shape that fit the boxes",
     "box_bias": "a calibration of the camera's mounting, or a larger navigation.bearing_bias_sigma_deg",
@@ -141,8 +140,8 @@ def beliefs(evidence: RunEvidence) -> Iterator[Finding]:
             Depth.ROOT,
             strength,
             at_s,
-            lambda _, key=key, found=found: f"{key} is wrong: {found}",
-            lambda _, key=key, found=found: _fitting(key, found),
+            lambda _, key=key, found=found: f"a wrong belief of {key}: {believed_text(evidence.file, key, found)}",
+            lambda _, key=key, found=found: belief_mend(evidence.file, evidence.reach, key, found),
         )
 
 
@@ -160,12 +159,6 @@ def _shown(evidence: RunEvidence, line: str) -> tuple[Numbers, Numbers]:
     signs = ((wrongness, wrong_s), (by_test, test_s), (rejected / _REJECTED, rejected_s))
     times = np.array([np.where(strength >= 1.0, at_s, np.nan) for strength, at_s in signs])
     return np.max([strength for strength, _ in signs], axis=0), np.fmin.reduce(times)
-
-
-def _fitting(key: str, words: str) -> str:
-    """A belief that fits, by what a warning says of the truth."""
-    value = _TRUTH.search(words)
-    return f"a belief that fits ({key})" if value is None else f"{key} = {value.group(1)}"
 
 
 def _is_elsewhere(line: str) -> bool:
@@ -236,11 +229,13 @@ def gate(evidence: RunEvidence) -> Finding:
 
     def words(chosen: Flags) -> str:
         return (
-            f"the gate of {number(sigma)} sigma rejects {percent(median(share, chosen))} of true boxes in ten minutes"
+            f"the gate of {number(sigma)} sigma rejects {percent(median(share, chosen))} of true boxes in the "
+            "worst ten minutes"
         )
 
     def mend(_: Flags) -> str:
-        return f"navigation.gate_sigma = {number(sigma + 1.0)}, or beliefs that allow for what the boxes show"
+        wider = change(evidence.file, "navigation.gate_sigma", sigma + 1.0)
+        return f"{wider}, or beliefs that allow for what the boxes show"
 
     return Finding("gate", "the gate rejects true boxes", Depth.MECHANISM, share / _REJECTED, at_s, words, mend)
 
@@ -261,7 +256,7 @@ def confidence(evidence: RunEvidence) -> Iterator[Finding]:
             since = median(evidence.interval_s * first.astype(float), chosen)
             return (
                 f"navigation lost its confidence near {number(since)} s by the test {TESTS[place]} "
-                f"({percent(median(share, chosen))} of ten minutes without it)"
+                f"({percent(median(share, chosen))} of the worst ten minutes without it)"
             )
 
         yield Finding(

@@ -6,10 +6,11 @@ from typing import Final
 import numpy as np
 
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
+from rpojax.analysis.failure_causes.present_values import at_least, at_most, change
 from rpojax.analysis.failure_causes.run_evidence import Flags, RunEvidence
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.physics.equipment_faults import KINDS
-from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
+from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s, longest_burns_s
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _CERTAIN: Final = 2.0
@@ -23,6 +24,7 @@ _PERIODS: Final = 4
 """Burn periods over which that is measured."""
 _BLIND: Final = 0.5
 """Share of the time without star tracker from which on it is blind."""
+_SLEWS: Final = "pointing.slew_acceleration_mrad_s2"
 _SIGHT: Final = np.array([0.0, 1.0, 0.0])
 
 
@@ -65,7 +67,7 @@ def faults(evidence: RunEvidence) -> Iterator[Finding]:
             strength,
             start_s,
             words,
-            lambda _: "equipment in reserve, or a shorter fault (fault.duration_s)",
+            lambda _: "equipment in reserve, or a shorter fault.duration_s",
         )
 
 
@@ -87,8 +89,11 @@ def wheels(evidence: RunEvidence) -> Finding:
 
     def mend(_: Flags) -> str:
         if loaded > 0.5:
-            return "wheels unloaded before the start (wheels.initial_speed_rad_s)"
-        return f"wheels of {number(2.0 * float(held.min()))} N m s or slower slews (pointing.slew_acceleration_mrad_s2)"
+            return f"{change(evidence.file, 'wheels.initial_speed_rad_s', 'near 0')} before the start"
+        faster = change(
+            evidence.file, "wheels.speed_limit_rad_s", [2.0 * each for each in wheels_of_file.speed_limit_rad_s]
+        )
+        return f"wheels of {number(2.0 * float(held.min()))} N m s ({faster}), or a smaller {_SLEWS}"
 
     strength = np.where(peak >= _SATURATED, _CERTAIN, peak / _SATURATED * 0.99)
     return Finding("wheels", "wheels are saturated", Depth.ROOT, strength, at_s, words, mend, may_follow=True)
@@ -123,7 +128,7 @@ def authority(evidence: RunEvidence) -> Finding:
 
     def mend(chosen: Flags) -> str:
         wanted = file.thruster.force_n * max(2.0, 1.5 * median(share, chosen) / _AT_LIMIT)
-        return f"a thruster of {number(wanted)} N, or a longer pointing.look_away_limit_s"
+        return f"{change(file, 'thruster.force_n', wanted)}, or a longer pointing.look_away_limit_s"
 
     title, strength = "the thruster is too weak", np.where(off.any(axis=1), share / _AT_LIMIT, 0.0)
     return Finding("authority", title, Depth.ROOT, strength, evidence.first_s(off), words, mend, may_follow=True)
@@ -137,30 +142,42 @@ def _off_station(evidence: RunEvidence) -> Flags:
 
 
 def coarse_burns(evidence: RunEvidence) -> Finding:
-    """The least burn is too much, or longer than a burn may be."""
+    """The least burn is too much, or longer than a burn may be, or the dead band is too wide."""
     file, available, period_s = evidence.file, _available_m_s(evidence), _periods_s(evidence)
-    thruster = file.thruster
-    acceleration = thruster.force_n * evidence.value("thruster.force_scale") / evidence.value("servicer.mass_kg")
-    least = np.maximum(thruster.minimum_on_time_s * acceleration, 1e-3 * file.formation.dead_band_mm_s)
-    drift_m = least * period_s
-    strength = 2.0 * drift_m / evidence.value("limits.off_station_m")
+    acceleration = file.thruster.force_n * evidence.value("thruster.force_scale") / evidence.value("servicer.mass_kg")
+    by_burn, by_band = file.thruster.minimum_on_time_s * acceleration, 1e-3 * file.formation.dead_band_mm_s
+    least = np.maximum(by_burn, by_band)
+    drift_m, off_m = least * period_s, evidence.value("limits.off_station_m")
+    strength = 2.0 * drift_m / off_m
     if available <= 0.0:
         strength = np.full(evidence.count, _CERTAIN)
+    left_s = float(longest_burns_s(file, _SIGHT, -_SIGHT)) if available <= 0.0 else np.inf
+    is_band = available > 0.0 and bool(np.median(by_burn) < by_band)
+    title = "the dead band is too wide" if is_band else "the least burn is too long"
 
     def words(chosen: Flags) -> str:
-        if available <= 0.0:
-            limit_s = number(file.pointing.look_away_limit_s)
-            return f"turns leave no time for a burn of {number(thruster.minimum_on_time_s)} s within {limit_s} s"
-        return (
-            f"errors below {number(1e3 * median(least, chosen))} mm/s are not corrected, which are "
-            f"{number(median(drift_m, chosen))} m in a burn period"
-        )
+        change_mm_s, metres = number(1e3 * median(least, chosen)), number(median(drift_m, chosen))
+        if is_band:
+            return f"{title}: errors below {change_mm_s} mm/s are not corrected, {metres} m in a burn period"
+        found = f"{title}: {number(file.thruster.minimum_on_time_s)} s give {change_mm_s} mm/s, {metres} m in a burn "
+        found += "period, and smaller errors are not corrected"
+        if available > 0.0:
+            return found
+        return f"{found}; half a turn and back leave {number(left_s)} s for a burn within the look-away limit"
 
-    def mend(_: Flags) -> str:
-        return "a shorter thruster.minimum_on_time_s, a smaller formation.dead_band_mm_s or a longer look-away"
+    def mend(chosen: Flags) -> str:
+        share = 0.5 * median(off_m, chosen) / median(drift_m, chosen)
+        if is_band:
+            return at_most(file, "formation.dead_band_mm_s", share * file.formation.dead_band_mm_s)
+        longest_s = min(share * file.thruster.minimum_on_time_s, left_s)
+        wanted = at_most(file, "thruster.minimum_on_time_s", longest_s)
+        if share < 1.0:
+            return wanted
+        longer_s = file.pointing.look_away_limit_s + file.thruster.minimum_on_time_s - left_s
+        return f"{wanted}, or {at_least(file, 'pointing.look_away_limit_s', longer_s)}"
 
     at_s = evidence.first_s(_off_station(evidence))
-    return Finding("authority", "burns are too coarse", Depth.ROOT, strength, at_s, words, mend)
+    return Finding("authority", title, Depth.ROOT, strength, at_s, words, mend)
 
 
 def propellant(evidence: RunEvidence) -> Finding:
@@ -179,9 +196,8 @@ def propellant(evidence: RunEvidence) -> Finding:
 
     def mend(_: Flags) -> str:
         if evidence.completed.any():
-            return (
-                f"limits.propellant_kg above the {number(float(most[evidence.completed].max()))} kg of completed runs"
-            )
+            taken_kg = float(most[evidence.completed].max())
+            return f"{at_least(file, 'limits.propellant_kg', taken_kg)}, as completed runs take"
         return "a larger limits.propellant_kg"
 
     return Finding(
@@ -203,12 +219,11 @@ def star_tracker(evidence: RunEvidence) -> Finding:
 
     def words(chosen: Flags) -> str:
         return (
-            f"the star tracker is blind in {percent(median(share, chosen))} of ten minutes "
+            f"the star tracker is blind in {percent(median(share, chosen))} of the worst ten minutes "
             f"({percent(median(whole, chosen))} of the time)"
         )
 
     def mend(_: Flags) -> str:
-        sun = evidence.file.star_tracker.sun_exclusion_deg
-        return f"another star_tracker.boresight, or a baffle for less than {number(sun)} deg from the Sun"
+        return "another star_tracker.boresight, or a baffle for a smaller star_tracker.sun_exclusion_deg"
 
     return Finding("star_tracker", "the star tracker is blind", Depth.ROOT, share / _BLIND, at_s, words, mend)

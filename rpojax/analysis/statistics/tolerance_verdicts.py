@@ -16,6 +16,8 @@ from rpojax.analysis.statistics.tolerance_bounds import allowed_failures, consum
 from rpojax.scenario.schema import RequirementSection
 
 _MAX_IDS = 20
+VIOLATED = "violated"
+"""A requirement in words that is not verified: the violations refute it, and no further runs can help."""
 
 
 class Verdict(StrEnum):
@@ -82,6 +84,8 @@ class RequirementEvaluation:
     @property
     def text(self) -> str:
         """The verdict in words, with the number of missing runs; of a single run, which cannot verify, what it did."""
+        if self.verdict is Verdict.NOT_VERIFIED:
+            return VIOLATED
         if self.more_runs is None:
             return self.verdict
         if self.runs == 1 and not self.not_counted:

@@ -7,10 +7,10 @@ from typing import Any, Final, Literal
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.metrics.passive_safety import horizon_metric_name
 from rpojax.report.figures.requirement_limits import CHANNEL_OF_METRIC
-from rpojax.report.labels import CHANNEL_LABELS, format_number, heading, metric_label, with_unit
+from rpojax.report.labels import CHANNEL_LABELS, heading, metric_label
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
 from rpojax.report.page.next_steps import nearest_drift
-from rpojax.report.sections import failure_section, requirement_verdict_section
+from rpojax.report.sections import failure_section, requirement_verdict_section, safety_section
 
 Colour = Literal["good", "alert", "open"]
 _FIGURES: Final = 3
@@ -63,17 +63,15 @@ def _passive_safety(safety: Mapping[str, Any]) -> list[VerdictTile]:
     count, runs = proportion["count"], proportion["runs"]
     note = f"keep-out sphere in free drift within {horizon}"
     if least is not None:
-        note += f"; nearest {with_unit(format_number(least['value'], 3), 'm')}, run {least['run_id']}"
+        note += f"; {safety_section.nearest_text(safety, least)}"
     value = f"fails: {count} of {runs}" if count else f"holds: {runs} of {runs}"
     return [VerdictTile("Passive safety", value, note, "alert" if count else "good", "safety")]
 
 
 def _worst(entry: Mapping[str, Any]) -> str:
-    """Addition of the worst value, where there is no margin."""
-    if entry["margin"] is not None or entry["worst"] is None:
-        return ""
-    unit = metric_label(entry.get("of", entry["metric"])).unit
-    return f"; worst {with_unit(format_number(entry['worst'], 3), unit)}"
+    """Addition of the worst value, where there is no margin or a run has none."""
+    worst = requirement_verdict_section.worst_text(entry)
+    return f"; worst {worst}" if worst and (entry["margin"] is None or entry["without_value"]) else ""
 
 
 def _of_runs(content: Mapping[str, Any]) -> list[VerdictTile]:

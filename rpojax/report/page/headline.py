@@ -3,14 +3,18 @@
 Both are made from the content of report.json.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict
-from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.labels import format_number, format_percent_interval, metric_label, with_unit
 from rpojax.report.sections import failure_section
 from rpojax.report.sections.requirement_verdict_section import limit_text
 
+_FEW_RUNS: Final = 100
+"""Number of runs from which on their share tells the probability to some percents without its interval."""
 _NO_VERDICT: Final = (Verdict.NO_RUNS, Verdict.NOT_INDEPENDENT, Verdict.UNFINISHED, Verdict.UNSEALED)
 
 
@@ -46,10 +50,19 @@ def _result(content: Mapping[str, Any]) -> str:
         begin = (
             f"all {ended} runs failed" if runs["failed"] == ended > 1 else f"{runs['failed']} of {ended} runs failed"
         )
-        return f"{begin}: {_kinds(runs['outcomes'])}."
+        return f"{begin}{_interval(content)}: {_kinds(runs['outcomes'])}."
     if runs["not_judged"]:
         return f"{_not_judged(content)}, and {_verified(content['requirements'])}."
-    return f"none of {ended} runs failed, and {_verified(content['requirements'])}."
+    beside = _verified(content["requirements"])
+    return f"none of {ended} runs failed, {'but' if beside.endswith('violated') else 'and'} {beside}."
+
+
+def _interval(content: Mapping[str, Any]) -> str:
+    """95 % interval of the probability of failure in brackets, where it is from few and independent runs."""
+    ended = ended_runs(content)
+    if not 1 < ended < _FEW_RUNS or not content["design"]["independent"]:
+        return ""
+    return f" (95 %: {format_percent_interval(*clopper_pearson_interval(content['runs']['failed'], ended))})"
 
 
 def _kinds(outcomes: Mapping[str, int]) -> str:
@@ -73,7 +86,7 @@ def _verified(requirements: Sequence[Mapping[str, Any]]) -> str:
         return "no requirement is stated"
     kinds = (
         (verdicts.count(Verdict.VERIFIED), "is verified", "are verified"),
-        (verdicts.count(Verdict.NOT_VERIFIED), "is not verified", "are not verified"),
+        (verdicts.count(Verdict.NOT_VERIFIED), "is violated", "are violated"),
         (verdicts.count(Verdict.MORE_RUNS), "needs more runs", "need more runs"),
         (sum(verdict in _NO_VERDICT for verdict in verdicts), "has no verdict", "have no verdict"),
     )
@@ -81,7 +94,7 @@ def _verified(requirements: Sequence[Mapping[str, Any]]) -> str:
     if len(found) == 1:
         return f"its requirement {found[0][1]}" if count == 1 else f"its {count} requirements {found[0][1]}"
     if not kinds[2][0] and not kinds[3][0]:
-        return f"{found[0][0]} of {count} requirements {found[0][1]}"
+        return f"{found[1][0]} of {count} requirements {found[1][1]}"
     words = [f"{number} {word}" for number, word in found]
     return f"of {count} requirements {', '.join(words[:-1])} and {words[-1]}"
 
@@ -93,7 +106,7 @@ def _reason(content: Mapping[str, Any]) -> str:
     requirements = content["requirements"]
     if violated := [entry for entry in requirements if entry["verdict"] == Verdict.NOT_VERIFIED]:
         worst = max(violated, key=lambda entry: float(entry["violations"]))
-        return f"{worst['violations']} of {worst['runs']} runs violate {limit_text(worst)}."
+        return _violation(worst)
     passive = passive_safety_count(content["safety"])
     if passive is not None and passive[1]["count"]:
         horizon, found = passive
@@ -106,6 +119,18 @@ def _reason(content: Mapping[str, Any]) -> str:
         noun = "requirement needs" if len(wanted) == 1 else "requirements need"
         return f"{which} {noun} more runs: no run violates too much, but {ended_runs(content)} are too few to tell."
     return _margin(requirements)
+
+
+def _violation(entry: Mapping[str, Any]) -> str:
+    """How many runs violate a requirement; of a range of free drift, what that means."""
+    count = f"{entry['violations']} of {entry['runs']} runs"
+    drift = re.fullmatch(r"passive_range(?:_(.+))?_m", str(entry.get("of", entry["metric"])))
+    if drift is None:
+        return f"{count} violate {limit_text(entry)}."
+    horizon = (drift[1] or "1_orbit").replace("_", " ")
+    return (
+        f"{count} are not passively safe: without thrust they could drift to within {entry['limit']:g} m in {horizon}."
+    )
 
 
 def _cause(content: Mapping[str, Any]) -> str:

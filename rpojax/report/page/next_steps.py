@@ -4,19 +4,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, format_p_value, with_unit
+from rpojax.report.labels import format_number, format_p_value
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
 from rpojax.report.sections.failure_section import detail_counts
-from rpojax.report.sections.requirement_verdict_section import limit_text, violation_kinds
+from rpojax.report.sections.requirement_verdict_section import limit_text, violations_text, worst_text
+from rpojax.report.sections.safety_section import nearest_text
 from rpojax.summary_text import counted
 
 _MOST_STEPS: Final = 6
 _MOST_CAUSES: Final = 3
 _MOST_VIOLATIONS: Final = 2
 _NEES_COMPONENTS: Final = 6
+_OVERCONFIDENT: Final = "The filter is overconfident"
 _INCONSISTENT: Final = 1.3
 """Ratio of the mean relative NEES to its expectation from which the filter is called overconfident."""
 
@@ -46,8 +50,9 @@ def next_steps(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
         *_not_judged(content),
         *_passive_safety(campaign, content),
         *_violations(campaign, content),
+        *_consequences(campaign, content),
         *_more_runs(campaign, content),
-        *_consistency(content),
+        *_consistency(campaign, content),
     ]
     if not steps:
         steps = [_nothing(content)]
@@ -79,7 +84,7 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
         )
         for cause in why["causes"][:_MOST_CAUSES]
     ]
-    explained = {run for cause in why["causes"] for run in cause["run_ids"]}
+    explained = _explained(content)
     without = [failure for failure in content["failures"] if failure["run_id"] not in explained]
     if without:
         what = _count_of_failed(len(without), runs["failed"])
@@ -121,20 +126,25 @@ def _passive_safety(campaign: CampaignResults, content: Mapping[str, Any]) -> li
         why = f"after a loss of thrust they could drift into the keep-out sphere within {horizon}"
         nearest = nearest_drift(safety)
         change = "accept the risk, or choose a passively safe orbit such as that of safety_ellipse"
-        steps.append(NextStep(what, why + _nearest_text(nearest), change, "safety", *_nearest(campaign, nearest)))
+        steps.append(
+            NextStep(
+                what, f"{why}{_after(nearest_text(safety, nearest))}", change, "safety", *_nearest(campaign, nearest)
+            )
+        )
     stuck = safety["stuck_on"]
     if (below := stuck["below_keep_out"]) is not None and below["count"]:
-        what = f"{below['count']} of {below['runs']} runs are not safe from a burn that does not end"
-        why = "after it they could drift into the keep-out sphere within 24 h" + _nearest_text(stuck["least_range"])
+        which = "runs" if below["runs"] == ended_runs(content) else f"the {below['runs']} runs that burn"
+        of = f"{below['count']} of {below['runs']} runs" if which == "runs" else f"{below['count']} of {which}"
+        what = f"{of} are not safe from a burn that does not end"
+        why = "after it they could drift into the keep-out sphere within 24 h"
+        why += _after(nearest_text(safety, stuck["least_range"]))
         change = "consider how a stuck thruster is shut off"
         steps.append(NextStep(what, why, change, "safety", *_nearest(campaign, stuck["least_range"])))
     return steps
 
 
-def _nearest_text(nearest: Mapping[str, Any] | None) -> str:
-    if nearest is None:
-        return ""
-    return f"; nearest {with_unit(format_number(nearest['value'], 3), 'm')}, run {nearest['run_id']}"
+def _after(text: str) -> str:
+    return f"; {text}" if text else ""
 
 
 def _nearest(campaign: CampaignResults, nearest: Mapping[str, Any] | None) -> tuple[str, int | None]:
@@ -153,15 +163,38 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
             continue
         if not others and len(entry["violating_ids"]) == entry["violations"]:
             continue
-        what = f"Not verified: {limit_text(entry)}"
-        count = f"{entry['violations']} of {entry['runs']} runs violate it{violation_kinds(entry)}"
-        why = f"{count}{_influence(content, entry)}"
+        what = f"Violated: {limit_text(entry)}"
+        why = f"{violations_text(entry)}{_influence(content, entry)}"
         # The runs without a value, which failed, come first among them.
         beyond = entry["violating_ids"][entry["without_value"] :]
         run = ([run for run in beyond if run in others] or others or beyond or entry["violating_ids"])[0]
         change = "look at one of these runs, or relax the limit"
         steps.append(NextStep(what, why, change, "requirements", *_repeat(campaign, run)))
     return steps[:_MOST_VIOLATIONS]
+
+
+def _consequences(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
+    """One row of the requirements that only failed runs with a cause violate, by their values."""
+    explained, found = _explained(content), []
+    drifts = bool(_passive_safety(campaign, content))
+    for entry in content["requirements"]:
+        of_passive_safety = str(entry["metric"]).startswith("passive_range") and drifts
+        beyond = _beyond_limit(campaign, entry)
+        if entry["verdict"] != Verdict.NOT_VERIFIED or of_passive_safety or not beyond or not explained >= beyond:
+            continue
+        found.append(f"{limit_text(entry)} ({entry['beyond_limit']} of {entry['runs']}, worst {worst_text(entry)})")
+    if not found:
+        return []
+    what = "A requirement is violated, too" if len(found) == 1 else f"{len(found)} requirements are violated, too"
+    why = f"{'; '.join(found)}: only by runs that failed by a cause above"
+    return [NextStep(what, why, "follows from that cause: mend it first", "requirements")]
+
+
+def _beyond_limit(campaign: CampaignResults, entry: Mapping[str, Any]) -> set[int]:
+    """Numbers of the runs with a value beyond a requirement's limit."""
+    values = np.asarray(campaign.metrics[str(entry.get("of", entry["metric"]))], dtype=float)
+    beyond = values > entry["limit"] if entry["bound"] == "at most" else values < entry["limit"]
+    return set(campaign.run_ids[beyond].tolist())
 
 
 def _influence(content: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
@@ -203,13 +236,28 @@ def _more_runs(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Ne
     ]
 
 
-def _consistency(content: Mapping[str, Any]) -> list[NextStep]:
+def _consistency(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
+    """Row of an overconfident filter: that it follows from the causes of failure, else which beliefs are suspected."""
     entry = content["metrics"].get("nees_relative_mean")
     if not entry or entry["mean"] is None or entry["mean"] < _INCONSISTENT * _NEES_COMPONENTS:
         return []
     ratio = format_number(entry["mean"] / _NEES_COMPONENTS, 3)
     why = f"NEES / 6 of the relative state is {ratio} in the mean, and 1 is right"
-    return [NextStep("The filter is overconfident", why, "larger sigmas in [navigation]", "consistency")]
+    wrong = np.asarray(campaign.metrics["nees_relative_mean"]) > _INCONSISTENT * _NEES_COMPONENTS
+    explained = _explained(content)
+    if wrong.any() and explained.issuperset(campaign.run_ids[wrong].tolist()):
+        why += f"; only in {int(wrong.sum())} runs that failed, by a cause above"
+        return [NextStep(_OVERCONFIDENT, why, "follows from that cause: mend it first", "consistency")]
+    beliefs = [line.partition(":")[0] for line in content["warnings"] if "the filter believes" in line]
+    change = "`rpojax robustness` tells which belief is narrowest"
+    if beliefs:
+        change = f"{' and '.join(beliefs)}, which the scenario contradicts (see its warnings)"
+    return [NextStep(_OVERCONFIDENT, why, change, "consistency")]
+
+
+def _explained(content: Mapping[str, Any]) -> set[int]:
+    """Numbers of the failed runs that have a cause."""
+    return {run for cause in content["why_failed"]["causes"] for run in cause["run_ids"]}
 
 
 def _nothing(content: Mapping[str, Any]) -> NextStep:

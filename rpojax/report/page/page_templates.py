@@ -11,6 +11,20 @@ from markupsafe import Markup, escape
 
 from rpojax.report.labels import format_number, format_p_value
 
+_TERMS: Final = {
+    "off station": "farther from its place than limits.off_station_m, after limits.arrive_by_s",
+    "look-away": "the camera is turned away from the target, so that the thruster points where a burn must push",
+    "the gate": "test by which the filter takes a box for one of the target or rejects it as a false one",
+    "dead band": "velocity errors too small to burn for",
+    "passively safe": "without any further burn the servicer stays outside of the keep-out sphere",
+    "keep-out sphere": "sphere about the target that the servicer must never enter",
+    "tolerance bound": "value that the demanded share of all possible runs keeps, wrong with at most the stated risk",
+    "NEES": "squared error of the estimate over the variance that the filter believes; divided by the number of its "
+    "components it is 1 in the mean where the filter is right",
+    "filter diverged": "its error is far outside of what it believes of it",
+    "lost the target": "no box was accepted for longer than limits.lost_after_s",
+}
+"""Terms of the first screen, and what they mean."""
 _HASH_DIGITS: Final = 16
 """Digits of the scenario's hash at the foot of a page; the identity section has all."""
 
@@ -46,6 +60,7 @@ def _environment() -> jinja2.Environment:
     environment.filters["breakable"] = _with_break_opportunities
     environment.filters["p_value"] = format_p_value
     environment.filters["with_runs"] = _with_runs
+    environment.filters["with_terms"] = _with_terms
     environment.filters["css_text"] = _css_text
     return environment
 
@@ -59,6 +74,16 @@ def _with_runs(text: str) -> Markup:
     """A text in which the number after "run" is a button that marks the run in every chart."""
     button = r'run <button type="button" class="run" data-pick="\1">\1</button>'
     return Markup(re.sub(r"\brun (\d+)\b", button, str(escape(text))))
+
+
+def _with_terms(text: str) -> Markup:
+    """A text in which each term has its meaning as a tooltip."""
+    pattern = "|".join(re.escape(term) for term in _TERMS)
+
+    def explained(found: re.Match[str]) -> str:
+        return f'<abbr title="{escape(_TERMS[found[0]])}">{found[0]}</abbr>'
+
+    return Markup(re.sub(rf"\b(?:{pattern})\b", explained, str(escape(text))))
 
 
 def _css_text(text: str) -> Markup:

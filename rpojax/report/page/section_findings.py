@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
+from rpojax.analysis.statistics.tolerance_verdicts import VIOLATED, Verdict
 from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.report.page.headline import ended_runs, passive_safety_count
 from rpojax.report.sections.failure_section import outcomes_text
@@ -55,7 +56,8 @@ def _requirements(content: Mapping[str, Any], _: Mapping[str, Any]) -> str:
         return "None are stated"
     counts: dict[str, int] = {}
     for entry in entries:
-        counts[str(entry["verdict"])] = counts.get(str(entry["verdict"]), 0) + 1
+        words = VIOLATED if entry["verdict"] == Verdict.NOT_VERIFIED else str(entry["verdict"])
+        counts[words] = counts.get(words, 0) + 1
     return ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
 
 

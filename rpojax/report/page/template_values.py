@@ -35,6 +35,7 @@ from rpojax.report.sections import (
     sensitivity_section,
     simulation_section,
     team_section,
+    trace_section,
 )
 
 _CAPTIONS = {
@@ -117,6 +118,8 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     shares = notes.part("Shares of phases", phase_visits.share_chart, campaign)
     charts |= {} if shares is None else {"phase-shares": shares}
     charts |= {f"sensitivity-{entry['metric']}": sensitivity_section.chart(entry) for entry in content["sensitivity"]}
+    traces = notes.derived("Single runs over time", lambda: trace_section.charts(campaign, content), [])
+    charts |= {} if campaign.history_ids else {trace.name: trace.chart for trace in traces}
     charts |= notes.derived("Rare failures", lambda: rare_failures.section_charts(content["rare_failures"]), {})
     template_values = {
         "envelopes": [channel for channel, _ in envelopes.values()],
@@ -126,6 +129,7 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
         "undefined": [entry["metric"].title for entry in histograms if not entry["defined"]],
         "convergence": [(name, title) for name, (title, _) in convergence.items()],
         "explorer": explorer is not None,
+        "traces": [trace for trace in traces if trace.name in charts],
     }
     return PageCharts(charts, explorer, runs, template_values)
 
@@ -135,7 +139,7 @@ def first_screen_values(campaign: CampaignResults, content: Mapping[str, Any], c
     requested, tiles = content["runs"]["requested"], verdict_tiles(content)
     return {
         "simulated": simulation_section.simulated_text(campaign.info, requested),
-        "simulation": simulation_section.rows(campaign, requested),
+        "simulation": simulation_section.rows(campaign, content["why_failed"]["causes"]),
         "headline": headline(content),
         "headline_colour": tiles[0].css_class if tiles else "open",
         "headline_notes": headline_notes(content),

@@ -7,6 +7,7 @@ import numpy as np
 
 from rpojax.analysis.failure_causes import ranking
 from rpojax.analysis.failure_causes.finding import Finding
+from rpojax.analysis.failure_causes.present_values import with_present_values
 from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.errors import ScenarioError
@@ -132,7 +133,7 @@ def _causes(campaign: CampaignResults, file: ScenarioFile, servicer: str, failed
                     "name": finding.name,
                     "title": begin + finding.title,
                     "text": begin + finding.evidence(chosen),
-                    "mend": finding.mend(chosen),
+                    "mend": with_present_values(file, finding.mend(chosen)),
                     "at_s": float(np.median(times)) if len(times) else None,
                     "run_ids": campaign.run_ids[chosen].tolist(),
                     "texts": {

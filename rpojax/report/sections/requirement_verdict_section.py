@@ -1,5 +1,6 @@
 """Requirements of the scenario with their tolerance verdicts."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,8 +20,12 @@ from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults, runs_are_independent
 from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.scenario.schema import RequirementSection
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE_RUNS: "open"}
+
+ALL_FAILED = "open: all runs failed"
+"""Verdict in words on a requirement that is kept in runs of which all failed: more of these tell nothing."""
 
 
 @dataclass(frozen=True)
@@ -110,12 +115,14 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
     found = evaluate_requirement(
         requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted, sealed
     )
+    # One run alone says whether it kept the limit.
+    is_hopeless = found.verdict is Verdict.MORE_RUNS and len(campaign.failed) > 1 and bool(np.all(campaign.failed))
     return {
         "text": _requirement_phrase(requirement),
         **requirement.model_dump(),
         "unit": metric_label(requirement.metric_name).unit or "-",
         "verdict": str(found.verdict),
-        "verdict_text": found.text,
+        "verdict_text": ALL_FAILED if is_hopeless else found.text,
         "more_runs": found.more_runs,
         "runs": found.runs,
         "violations": found.violations,
@@ -125,6 +132,7 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "order_statistic": found.order_statistic,
         "margin": found.margin,
         "without_value": found.without_value,
+        "without_value_text": _without_value(campaign, requirement, values, counted),
         "worst": found.worst,
         "sample_percentile": _sample_percentile(
             requirement, values if counted is None else values[counted], found.rank
@@ -136,6 +144,17 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         **({} if requirement.is_of_all_runs else {"of": requirement.metric_name, "not_counted": found.not_counted}),
         **({} if reached is None else _reached_entry(requirement, reached, of_outcome)),
     }
+
+
+def _without_value(
+    campaign: CampaignResults, requirement: RequirementSection, values: np.ndarray, counted: np.ndarray | None
+) -> str:
+    """Why runs have no value, the most frequent reason first, such as `1 entered the keep-out sphere`; else empty."""
+    lacking = ~np.isfinite(values) & (np.full(len(values), True) if counted is None else counted)
+    kinds = [Outcome(str(name)) for name in np.asarray(campaign.outcomes)[: len(values)][lacking]]
+    otherwise = "not defined" if requirement.phase is None else f"did not {_reach(requirement)}"
+    reasons = Counter(kind.reason if kind.is_failure else otherwise for kind in kinds)
+    return ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
 
 
 def _sample_percentile(requirement: RequirementSection, values: np.ndarray, rank: int | None) -> float | None:
@@ -164,8 +183,7 @@ def _row(entry: Mapping[str, Any]) -> RequirementRow:
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
         note=f"in {_share(entry)}"
         + _reached(entry)
-        + f"; {entry['violations']} of {entry['runs']} violate it"
-        + violation_kinds(entry)
+        + f"; {violations_text(entry)}"
         + _not_counted(entry)
         + _compared(entry, label.unit),
         cells=cells,
@@ -178,13 +196,16 @@ def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
     interval = entry["success_interval"]
     allowed = "too few runs" if entry["allowed"] is None else f"{entry['allowed']} allowed"
     no_verdict = str(entry["verdict"]).partition(":")[0]
-    with_value = entry["runs"] - entry["without_value"]
+    beside = f"{entry['without_value']} without a value; {no_verdict if interval is None else allowed}"
     return [
-        (format_number(entry["worst"]), f"of {with_value} runs with a value" if with_value < entry["runs"] else ""),
+        _worst_cell(entry),
         (sample_percentile_text(entry) or format_number(None), ""),
         (_order_statistic_text(entry), "" if entry["rank"] is None else f"rank {entry['rank']} of {entry['runs']}"),
         (_signed(entry["margin"]), ""),
-        (f"{entry['violations']} of {entry['runs']}", no_verdict if interval is None else allowed),
+        (
+            f"{entry['beyond_limit']} of {entry['runs']}",
+            beside if entry["without_value"] else beside.partition("; ")[2],
+        ),
         (
             format_number(None) if entry["success"] is None else _rounded_down(entry["success"]),
             "" if interval is None else f"{_rounded_down(interval[0])} to {_rounded_up(interval[1])}",
@@ -215,11 +236,29 @@ def sample_percentile_text(entry: Mapping[str, Any]) -> str:
     return f"p{percent:.4g} {with_unit(_rounded(value), unit)}"
 
 
-def violation_kinds(entry: Mapping[str, Any]) -> str:
-    """Words on the violating runs without a value, empty if there are none."""
+def violations_text(entry: Mapping[str, Any]) -> str:
+    """How many runs violate a requirement, and how many of them by having no value, in words."""
     if not entry["without_value"]:
-        return ""
-    return f" ({entry['beyond_limit']} beyond the limit, {entry['without_value']} without a value)"
+        return f"{entry['violations']} of {entry['runs']} violate it"
+    lacking = f"{entry['without_value']} without a value"
+    return f"{entry['beyond_limit']} of {entry['runs']} violate it, {lacking}"
+
+
+def worst_text(entry: Mapping[str, Any]) -> str:
+    """Worst run in words: one without a value is worse than all others; empty without runs."""
+    unit = metric_label(entry.get("of", entry["metric"])).unit
+    value = "" if entry["worst"] is None else with_unit(format_number(entry["worst"], 3), unit)
+    if not entry["without_value"]:
+        return value
+    reason = entry["without_value_text"]
+    return f"no value ({reason})" + (f", of the others {value}" if value else "")
+
+
+def _worst_cell(entry: Mapping[str, Any]) -> tuple[str, str]:
+    if not entry["without_value"]:
+        return format_number(entry["worst"]), ""
+    of_others = "" if entry["worst"] is None else f"; of the others {format_number(entry['worst'])}"
+    return "no value", entry["without_value_text"] + of_others
 
 
 def _share(entry: Mapping[str, Any]) -> str:

@@ -32,6 +32,7 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
     keep_out = keep_out_radii(campaign)
     return {
         "keep_out_m": _radius_content(keep_out),
+        "target_radius_m": _target_radius(campaign),
         "least_range": _least_range(campaign, keep_out, entered),
         "entries": {
             **_proportion(campaign, entered, np.ones(len(entered), dtype=bool)),
@@ -59,6 +60,25 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
         "longest_look_away": _worst_value(campaign, "look_away_peak_s"),
         "longest_unseen": _worst_value(campaign, "longest_unseen_s"),
     }
+
+
+def nearest_text(safety: Mapping[str, Any], nearest: Mapping[str, Any] | None) -> str:
+    """Nearest approach of a drift with its run, and whether it hits the target; empty without one."""
+    if nearest is None:
+        return ""
+    radius = safety.get("target_radius_m")
+    if radius is None or nearest["value"] >= radius:
+        return f"nearest {with_unit(format_number(nearest['value'], 3), 'm')}, run {nearest['run_id']}"
+    return f"nearest {nearest['value']:.3f} m, which hits the target, run {nearest['run_id']}"
+
+
+def _target_radius(campaign: CampaignResults) -> float | None:
+    """Radius [m] about the target's origin that its hull fills in any attitude, roughly; None without a hull."""
+    target = campaign.info.get("scenario", {}).get("target", {})
+    if not target.get("hull_m"):
+        return None
+    hull = np.asarray(target["hull_m"], dtype=float) * float(target.get("scale", 1.0))
+    return max(0.0, float(np.min([hull.max(axis=0), -hull.min(axis=0)])))
 
 
 def rows(safety: Mapping[str, Any]) -> list[SafetyRow]:

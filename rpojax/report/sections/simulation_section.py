@@ -7,6 +7,7 @@ import numpy as np
 
 from rpojax.report.campaign_results import CampaignResults, design_phrase, runs_are_independent
 from rpojax.report.labels import format_number
+from rpojax.scenario.numbers.key_units import unit_symbol
 
 _EARTH_RADIUS_M: Final = 6378137.0
 _MODELS: Final = {
@@ -17,17 +18,17 @@ _MODELS: Final = {
 _MOST_PHASES: Final = 6
 
 
-def rows(campaign: CampaignResults, requested: int) -> list[tuple[str, str]]:
-    """Title and text of each line; lines of which the scenario says nothing are left out."""
+def rows(campaign: CampaignResults, causes: Sequence[Mapping[str, Any]] = ()) -> list[tuple[str, str]]:
+    """Title and text of each line, with the beliefs that `causes` of report.json name; empty lines are left out."""
     scenario = campaign.info.get("scenario", {})
     found = [
-        ("Runs", _runs(campaign, scenario, requested)),
+        ("Runs", _runs(campaign, scenario)),
         ("Vehicle", _vehicle(scenario, campaign.servicer_names)),
         ("Orbit", _orbit(scenario.get("orbit", {}))),
         ("Camera", _camera(scenario)),
         ("Target", _target(scenario.get("target", {}))),
-        ("Phases", _phases(scenario)),
-        ("Keep-out", _keep_out(scenario)),
+        ("Mission", "; ".join(text for text in (_phases(scenario), _keep_out(scenario)) if text)),
+        ("Believed", _believed(scenario, causes)),
     ]
     return [(title, text) for title, text in found if text]
 
@@ -43,11 +44,11 @@ def simulated_text(info: Mapping[str, Any], runs: int) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _runs(campaign: CampaignResults, scenario: Mapping[str, Any], requested: int) -> str:
+def _runs(campaign: CampaignResults, scenario: Mapping[str, Any]) -> str:
     drawn = "each drawn by itself" if runs_are_independent(campaign) else f"drawn as {design_phrase(campaign)}"
     count = len(campaign.drawn)
-    dispersed = f"; {count} quantities dispersed" if count > 1 else "; 1 quantity dispersed" if count else ""
-    return simulated_text(campaign.info, requested) + (f"; {drawn}{dispersed}" if scenario else "")
+    dispersed = f", {count} quantities dispersed" if count > 1 else ", 1 quantity dispersed" if count else ""
+    return f"{drawn}{dispersed}" if scenario else ""
 
 
 def _vehicle(scenario: Mapping[str, Any], names: Sequence[str]) -> str:
@@ -60,8 +61,9 @@ def _vehicle(scenario: Mapping[str, Any], names: Sequence[str]) -> str:
         parts.append(f"{len(small)} small ones of {least if least == most else f'{least} to {most}'} N")
     if {"inertia_kg_m2", "speed_limit_rad_s"} <= wheels.keys():
         momenta = np.multiply(wheels["inertia_kg_m2"], wheels["speed_limit_rad_s"])
-        low, high = (f"{value:.3g}" for value in (np.min(momenta), np.max(momenta)))
-        parts.append(f"{len(momenta)} wheels of {low if low == high else f'{low} to {high}'} N m s")
+        torques = wheels.get("torque_limit_n_m") or []
+        torque = f" and {_ends(torques)} N m" if len(torques) else ""
+        parts.append(f"{len(momenta)} wheels of {_ends(momenta)} N m s{torque}")
     team = f"{len(names)} servicers ({', '.join(names)}), " + ("each " if parts else "") if names else ""
     return team + ", ".join(parts)
 
@@ -83,7 +85,11 @@ def _camera(scenario: Mapping[str, Any]) -> str:
     size = f", {camera['width_px']} \N{MULTIPLICATION SIGN} {camera['height_px']} px" if "width_px" in camera else ""
     rate = scenario.get("rates", {}).get("camera_hz")
     model = _MODELS.get(str(camera.get("model")), "")
-    parts = [f"lens of {camera['field_of_view_deg']:g} deg{size}", f"{rate:g} Hz" if rate is not None else "", model]
+    lens = f"lens of {camera['field_of_view_deg']:g} deg (full angle){size}"
+    parts = [lens, f"{rate:g} Hz" if rate is not None else "", model]
+    if camera.get("model") == "geometric" and {"miss_probability", "outlier_probability"} <= camera.keys():
+        shares = (100.0 * float(camera[name]) for name in ("miss_probability", "outlier_probability"))
+        parts.append("{:.3g} % missed and {:.3g} % false".format(*shares))
     return ", ".join(part for part in parts if part)
 
 
@@ -106,7 +112,7 @@ def _phases(scenario: Mapping[str, Any]) -> str:
     station = scenario.get("formation", {}).get("desired_position_m")
     if start is None or station is None:
         return ""
-    return f"none: from {_place(start)} to the station at {_place(station)}"
+    return f"from {_place(start)} to the station at {_place(station)}"
 
 
 def _place(position: Sequence[float]) -> str:
@@ -121,4 +127,18 @@ def _place(position: Sequence[float]) -> str:
 
 def _keep_out(scenario: Mapping[str, Any]) -> str:
     radius = scenario.get("limits", {}).get("keep_out_m")
-    return "" if radius is None else f"sphere of {radius:g} m about the target"
+    return "" if radius is None else f"keep-out sphere of {radius:g} m about the target"
+
+
+def _believed(scenario: Mapping[str, Any], causes: Sequence[Mapping[str, Any]]) -> str:
+    """Beliefs of the filter that causes name, with their values."""
+    names = [str(cause["title"]).rpartition("navigation.")[2] for cause in causes if cause["name"] == "belief"]
+    believed = scenario.get("navigation", {})
+    units = {name: unit_symbol(name) for name in names if isinstance(believed.get(name), int | float)}
+    return ", ".join(f"{name} {believed[name]:g}{'' if unit == '1' else f' {unit}'}" for name, unit in units.items())
+
+
+def _ends(values: Sequence[float] | np.ndarray) -> str:
+    """The value of equal numbers, or the least and the greatest one."""
+    low, high = (f"{value:.3g}" for value in (np.min(values), np.max(values)))
+    return low if low == high else f"{low} to {high}"

@@ -1,6 +1,7 @@
 """Whether wheels and search can do what slews, the thruster's lever arm and the field of view ask of them."""
 
 import math
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -32,8 +33,7 @@ def attitude_warnings(file: ScenarioFile, reach: DispersedReach, way_m_s: float)
         {**file.pointing.model_dump(), _ACCELERATION: reach.high(f"pointing.{_ACCELERATION}")},
     )
     to_wheels, rate = map(np.asarray, _of_flight_software(np.array(file.wheels.axes), pointing))
-    # Largest over all axes of rotation, by wheel.
-    inertia = np.linalg.norm(to_wheels @ np.array(file.servicer.inertia_kg_m2), axis=1)
+    inertia = _inertia(file, to_wheels)
     momentum = np.array(file.wheels.inertia_kg_m2) * (
         np.array(file.wheels.speed_limit_rad_s) - np.abs(file.wheels.initial_speed_rad_s)
     )
@@ -54,19 +54,44 @@ def _of_flight_software(axes: Float[Array, "3 3"], pointing: PointingTuning) -> 
     return allocation_matrix(axes), 2.0 * half_turn / slew_duration(pointing, half_turn)
 
 
-def _torque(file: ScenarioFile, reach: DispersedReach, inertia: np.ndarray) -> list[str]:
-    """Accelerations of slews that exceed the torque of a wheel."""
+@dataclass(frozen=True)
+class LackingTorque:
+    """An acceleration of slews, by its key, that asks more torque [N m] of a wheel than that gives."""
+
+    key: str
+    wheel: int
+    needed_n_m: float
+    limit_n_m: float
+
+
+def lacking_torques(file: ScenarioFile, reach: DispersedReach) -> list[LackingTorque]:
+    """Accelerations of slews that exceed the torque of a wheel, with the wheel that lacks most of it."""
+    return _lacking_torques(file, reach, _inertia(file, np.asarray(allocation_matrix(jnp.array(file.wheels.axes)))))
+
+
+def _inertia(file: ScenarioFile, to_wheels: np.ndarray) -> np.ndarray:
+    """Torque of each wheel over the acceleration [kg m2], the largest over all axes of rotation."""
+    return np.asarray(np.linalg.norm(to_wheels @ np.array(file.servicer.inertia_kg_m2), axis=1))
+
+
+def _lacking_torques(file: ScenarioFile, reach: DispersedReach, inertia: np.ndarray) -> list[LackingTorque]:
     limit = np.array(file.wheels.torque_limit_n_m)
     found = []
     for key in (f"pointing.{_ACCELERATION}", "pointing.search_acceleration_mrad_s2"):
         needed = 1e-3 * reach.high(key) * inertia
         worst = int(np.argmax(needed / limit))
         if needed[worst] > limit[worst]:
-            found.append(
-                f"{key}: takes {needed[worst]:.3g} N m of wheel {worst}, expected at most "
-                f"wheels.torque_limit_n_m[{worst}] = {limit[worst]:.3g}, or slews and settling last longer than planned"
-            )
+            found.append(LackingTorque(key, worst, float(needed[worst]), float(limit[worst])))
     return found
+
+
+def _torque(file: ScenarioFile, reach: DispersedReach, inertia: np.ndarray) -> list[str]:
+    """Accelerations of slews that exceed the torque of a wheel."""
+    return [
+        f"{each.key}: takes {each.needed_n_m:.3g} N m of wheel {each.wheel}, expected at most "
+        f"wheels.torque_limit_n_m[{each.wheel}] = {each.limit_n_m:.3g}, or slews and settling last longer than planned"
+        for each in _lacking_torques(file, reach, inertia)
+    ]
 
 
 def _slew_momentum(needed: np.ndarray, momentum: np.ndarray) -> list[str]:

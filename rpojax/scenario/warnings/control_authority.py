@@ -52,16 +52,24 @@ def control_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
 def largest_delta_v_m_s(file: ScenarioFile, reach: DispersedReach, sight: np.ndarray, push: np.ndarray) -> np.ndarray:
     """Largest velocity changes (...) [m/s] along `push` (..., 3) while the target is in the direction `sight` (..., 3).
 
-    The look-away limit leaves this on-time between two turns: from the camera's look at the target, and back.
+    They are zero where the look-away limit leaves less than the least burn.
+    """
+    on_time = longest_burns_s(file, sight, push)
+    on_time = np.where(on_time >= file.thruster.minimum_on_time_s, on_time, 0.0)
+    acceleration = reach.low("thruster.force_n") * reach.low("thruster.force_scale") / reach.high("servicer.mass_kg")
+    return np.asarray(acceleration * on_time)
+
+
+def longest_burns_s(file: ScenarioFile, sight: np.ndarray, push: np.ndarray) -> np.ndarray:
+    """Time (...) [s] for a burn along `push` (..., 3) that the look-away limit leaves between two turns.
+
+    They are from the camera's look at the target, in the direction `sight` (..., 3), and back.
     """
     pointing = _pointing_tuning(tuple(file.pointing.model_dump().items()))
     thruster, boresight = file.thruster, np.asarray(_boresight(np.array(file.camera.mounting)))
     # The roll about the line of sight is not known; off the boresight the thruster may have to turn by both angles.
     angle = np.minimum(_angle(sight, push) + _angle(boresight, np.array(thruster.direction)), np.pi)
-    on_time = np.asarray(_longest_on_times(pointing, angle.ravel(), 1.0 / file.rates.camera_hz)).reshape(angle.shape)
-    on_time = np.where(on_time >= thruster.minimum_on_time_s, on_time, 0.0)
-    acceleration = reach.low("thruster.force_n") * reach.low("thruster.force_scale") / reach.high("servicer.mass_kg")
-    return np.asarray(acceleration * on_time)
+    return np.asarray(_longest_on_times(pointing, angle.ravel(), 1.0 / file.rates.camera_hz)).reshape(angle.shape)
 
 
 @jax.jit

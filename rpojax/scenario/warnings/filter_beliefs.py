@@ -209,8 +209,10 @@ def _target_size(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     if abs(np.log(worst / believed)) <= tolerated:
         return []
     side = "" if low == high else "up to " if worst > believed else "down to "
+    spans = " x ".join(f"{span * worst / nominal:.3g}" for span in np.ptp(np.array(file.target.hull_m), axis=0))
     return [
-        f"{_SIZE}: the filter believes {believed:.4g}, and the mean size of the hull times target.scale is "
-        f"{side}{worst:.4g} m, a factor of {max(worst / believed, believed / worst):.3g}, expected at most "
-        f"{np.exp(tolerated):.3g} with {_SIZE_SIGMA} = {sigma:g}"
+        f"{_SIZE}: the filter believes {believed:.4g} m, and the root of width times height in the picture of a hull "
+        f"of {spans} m, target.scale included, in the mean over all attitudes is {side}{worst:.4g} m: ranges are "
+        f"estimated {max(worst / believed, believed / worst):.3g} times too {'near' if worst > believed else 'far'}, "
+        f"expected at most {np.exp(tolerated):.3g} with {_SIZE_SIGMA} = {sigma:g}"
     ]

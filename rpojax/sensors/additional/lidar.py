@@ -91,7 +91,7 @@ class Lidar(AdditionalSensor):
     ) -> "MeasurementRows":
         """Centroid along the predicted line of sight and across, where its offset from the centre of mass is a state.
 
-        Along the measured line, whose direction has the error of the rows across, these would seem to measure the range.
+        Along the measured line, which has the error of the rows across, these would seem to measure the range.
         """
         import jax.numpy as jnp
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from planted_evidence import FAILED, RUNS, file_of, phases_of, planted
 
+from rpojax.analysis.failure_causes.present_values import with_present_values
 from rpojax.analysis.failure_causes.ranking import all_findings, causes
 from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.flight.mission.mission_state import AbortReason, Condition
@@ -146,29 +147,41 @@ def keep_out() -> RunEvidence:
 
 
 PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
-    frame: ("frame", ("below 30 m (88 % of boxes cut)", "a lens of ")),
-    too_small: ("too_small", ("px, boxes from 4 px on", "a lens of ")),
-    out_of_view: ("out_of_view", ("in 100 % of ten minutes", "view is 1 deg")),
-    torque: ("wheels", ("80 % of ten minutes", "expected at most wheels.torque_limit_n_m")),
-    pointing: ("pointing", ("80 % of ten minutes", "knows its direction to 0.382 deg")),
+    frame: ("frame", ("below 30 m (88 % of boxes cut)", "camera.field_of_view_deg: now 2 -> 5 deg")),
+    too_small: ("too_small", ("px, boxes from 4 px on", "camera.field_of_view_deg: now 75 -> ")),
+    out_of_view: ("out_of_view", ("in 100 % of the worst ten minutes", "view is 1 deg")),
+    torque: (
+        "wheels",
+        ("takes 0.0168 N m of wheel 0, which gives 0.001", "now 16 -> 0.952 mrad/s2", "at least 0.0168 N m"),
+    ),
+    pointing: ("pointing", ("80 % of the worst ten minutes", "knows its direction to 0.382 deg")),
     dark: ("dark", ("in 60 % of the time", "phase angle")),
     misses: ("misses", ("in 90 % of the frames", "(10 % believed)")),
-    false_boxes: ("false_boxes", ("60 % of frames have a false box",)),
+    false_boxes: (
+        "false_boxes",
+        ("60 % of frames have a false box", "60 % of those that show the target have a true one"),
+    ),
     fault: ("fault", ("thruster off", "from 500 s on")),
     wheels: ("wheels", ("100 % of 0.502 N m s", "wheels of 1 N m s")),
-    authority: ("authority", ("burns took 4 mm/s", "a thruster of ")),
-    coarse_burns: ("authority", ("below 60 mm/s", "12 m in a burn period")),
-    long_burns: ("authority", ("a burn of 45 s within 110 s",)),
+    authority: ("authority", ("burns took 4 mm/s", "thruster.force_n: now 0.002 -> 0.00602 N")),
+    coarse_burns: (
+        "authority",
+        ("the dead band is too wide", "below 60 mm/s", "12 m in a burn period", "now 60, at most 25 mm/s"),
+    ),
+    long_burns: (
+        "authority",
+        ("the least burn is too long: 45 s give 45 mm/s", "leave 31.8 s", "now 45, at most 25 s"),
+    ),
     propellant: ("propellant", ("0.001 kg is used up at 3000 s",)),
-    star_tracker: ("star_tracker", ("in 100 % of ten minutes",)),
-    belief: ("belief", ("a factor of 1.6", "navigation.target_size_m = 1.7")),
+    star_tracker: ("star_tracker", ("in 100 % of the worst ten minutes",)),
+    belief: ("belief", ("1.6 times too near", "hull of 0.8 x 2.56 x 0.96 m", "target_size_m: now 1.06 -> 1.7 m")),
     sure_and_wrong: ("sure_and_wrong", ("inside 3 sigma in 40 %", "NEES / 6 6.67")),
     gate: ("gate", ("4 sigma rejects 78 % of true boxes",)),
     unknown_range: ("unknown_range", ("known to 44 % only", "no burn is planned beyond 20 %")),
-    confidence: ("confidence", ("by the test range", "100 % of ten minutes")),
+    confidence: ("confidence", ("by the test range", "100 % of the worst ten minutes")),
     corridor: ("corridor", ("approach is left at 24.3 m, 6 m from its axis", "5.73 m wide to each side")),
     phase: ("phase", ("hold_100 does not end in 9000 s", "range_sigma_m = 6")),
-    short: ("short", ("the run of 1500 s ends in approach", "duration_s = ")),
+    short: ("short", ("the run of 1500 s ends in approach", "duration_s: now 1500 -> ")),
     abort: ("abort", ("keep-out zone ahead, at 2000 s and 30 m",)),
     keep_out: ("keep_out", ("of 10 m is entered at 3000 s", "0.2 m")),
 }
@@ -261,7 +274,7 @@ def test_a_belief_of_gps_is_a_cause_only_where_the_relative_estimate_is_wrong() 
     file, failed = file_of(navigation={"gps_noise_m": 0.1}), bits("gps_variance")
     assert causes(planted(file, signs={"failed_tests": failed})).findings == []
     wrong = planted(file, signs={"failed_tests": failed}, metrics={"sigma3_coverage": 0.4})
-    assert "navigation.gps_noise_m is wrong" in first(wrong)[2]
+    assert "a wrong belief of navigation.gps_noise_m" in first(wrong)[2]
 
 
 def test_a_belief_acts_from_the_first_failed_test_on_that_suspects_it() -> None:
@@ -307,4 +320,41 @@ def test_the_size_of_the_picture_after_an_abort_is_no_evidence() -> None:
 
 def test_without_the_place_in_a_corridor_the_range_alone_is_told() -> None:
     phases = {name: values for name, values in corridor().phases.items() if not name.startswith("corridor_")}
-    assert "approach is left at 30 m; a wider" in first(planted(corridor().file, "aborted", phases=phases))[2]
+    assert (
+        "approach is left at 30 m; phases.approach.corridor.half_angle_deg: now 10 -> 20 deg"
+        in first(planted(corridor().file, "aborted", phases=phases))[2]
+    )
+
+
+@pytest.mark.parametrize(
+    ("tables", "mend"),
+    [
+        (
+            {"camera": {"model": "geometric", "misalignment_deg": [2.0, 2.0, 0.0]}},
+            "either mend the hardware: camera.misalignment_deg: now [2, 2, 0], at most 0.1 deg; or believe the error: "
+            "navigation.bearing_bias_sigma_deg: now 0.1 -> 2 deg, which makes the filter consistent and not",
+        ),
+        (
+            {"thruster": {"force_scale": 1.6}},
+            "thruster.force_scale: now 1.6 -> 1 (to within 0.0224); or believe the error: navigation.burn_scale_sigma: "
+            "now 0.02 -> 0.6",
+        ),
+        ({"camera": {"model": "geometric", "edge_noise_px": 6.0}}, "camera.edge_noise_px: now 6, at most 1 px; or "),
+    ],
+)
+def test_a_wrong_belief_is_mended_by_hardware_or_by_belief_with_present_values(
+    tables: dict[str, Any], mend: str
+) -> None:
+    evidence = planted(file_of(**tables), "diverged", metrics={"sigma3_coverage": 0.4})
+    assert mend in first(evidence)[2], first(evidence)[2]
+
+
+def test_keys_without_a_value_in_a_text_get_their_present_one() -> None:
+    text = "a longer pointing.look_away_limit_s, thruster.force_n: now 0.03 -> 1 N, or wheels.torque_limit_n_m[1], x.y"
+    assert with_present_values(file_of(), text) == (
+        "a longer pointing.look_away_limit_s (now 110 s), thruster.force_n: now 0.03 -> 1 N, or "
+        "wheels.torque_limit_n_m[1] (now 0.025 N m), x.y"
+    )
+    assert with_present_values(file_of("vbar_approach"), "phases.approach.corridor.width_m, duration_s") == (
+        "phases.approach.corridor.width_m (now 1.5 m), duration_s (now 9000 s)"
+    )

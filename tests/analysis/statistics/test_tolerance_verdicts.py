@@ -57,7 +57,7 @@ def test_a_requirement_is_refuted_where_so_many_violations_are_as_rare_as_the_ri
     assert campaign(300, 5).verdict is Verdict.MORE_RUNS
     found = campaign(300, 6)
     assert found.verdict is Verdict.NOT_VERIFIED
-    assert found.text == "not verified"
+    assert found.text == "violated"
     assert found.more_runs is None
     assert found.success_interval is not None
     assert found.success_interval[1] < 0.99

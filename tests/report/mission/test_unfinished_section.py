@@ -105,7 +105,10 @@ def test_the_goal_is_that_of_the_scenario_or_the_last_phase(campaign: SyntheticC
 
 def test_the_page_tells_it_on_its_first_screen_and_among_the_failures(campaign: SyntheticCampaign) -> None:
     words = page_text(rendered_page(campaign))
-    assert "4 of 5 runs failed: the goal of the mission was not reached. No cause was found; most often stayed" in words
+    assert (
+        "4 of 5 runs failed (95 %: 28 to 99 %): the goal of the mission was not reached. No cause was found; "
+        "most often stayed" in words
+    )
     assert "1 \N{MULTIPLICATION SIGN} unfinished: held by command in near." in words
     assert "reached in 1 of 5 runs" in words
 

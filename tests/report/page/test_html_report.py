@@ -111,7 +111,7 @@ def test_folder_in_place_of_the_page_is_an_error(campaign):
 @pytest.mark.parametrize("kept", [(), (0, 1)])
 def test_campaign_in_which_every_run_failed(build, kept):
     words = page_text(rendered_page(build(runs=60, failed=range(60), kept=kept)))
-    assert "All 60 runs failed: entered the keep-out sphere. No cause was found" in words
+    assert "All 60 runs failed (95 %: 94 to 100 %): entered the keep-out sphere. No cause was found" in words
     assert "10 more are listed in report.json." in words
     assert ("No full history was kept" in words) == (not kept)
 

@@ -48,4 +48,4 @@ def test_requirements_are_counted_by_verdict(build):
         {"metric": "formation_error_rms_m", "limit": 1e-6, **common},
         {"metric": "nees_mean", "limit": 1e-6, **common},
     ]
-    assert findings(rendered_page(campaign))("Requirements", "1 verified, 2 not verified")
+    assert findings(rendered_page(campaign))("Requirements", "1 verified, 2 violated")

@@ -47,7 +47,7 @@ def test_the_sentence_has_runs_evidence_and_what_mends_it(missing: SyntheticCamp
 def test_first_screen_failed_runs_and_next_steps_tell_it(missing: SyntheticCampaign) -> None:
     words = page_text(rendered_page(missing))
     evidence = "the detector misses the target in 90 % of the frames that show it (10 % believed)"
-    assert "3 of 12 runs failed: lost the target. The cause in all 3: boxes are missing." in words
+    assert "3 of 12 runs failed (95 %: 5.5 to 57 %): lost the target. The cause in all 3: boxes are missing." in words
     mended = "a detector that finds it in 90 % of them repeat run 2 rpojax rerun"
     assert f"All 3 failed runs boxes are missing: {evidence} {mended}" in words
     assert "3 lost the target; boxes are missing" in words

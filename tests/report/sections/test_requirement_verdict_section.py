@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from rpojax.errors import ResultError
+from rpojax.report.labels import format_number, with_unit
 from rpojax.report.page.html_report import write_report
 from rpojax.report.page.report_json import summarise
 from rpojax.report.sections import requirement_verdict_section
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 def _require(campaign: Any, **changes: Any) -> dict[str, Any]:
@@ -36,7 +38,7 @@ def test_verified_requirement_has_order_statistic_margin_and_risk(build):
 
 
 @pytest.mark.parametrize(
-    ("runs", "limit", "verdict"), [(230, 1.0, "verified"), (200, 1.0, "needs 30 more runs"), (200, 0.3, "not verified")]
+    ("runs", "limit", "verdict"), [(230, 1.0, "verified"), (200, 1.0, "needs 30 more runs"), (200, 0.3, "violated")]
 )
 def test_verdict_texts_and_colours(build, runs, limit, verdict):
     campaign = build(runs=runs, seconds=30, kept=())
@@ -44,7 +46,7 @@ def test_verdict_texts_and_colours(build, runs, limit, verdict):
     assert found["verdict_text"] == verdict
     row = requirement_verdict_section.rows([found])[0]
     assert row.verdict == verdict
-    assert row.css_class == {"verified": "good", "not verified": "alert"}.get(verdict, "open")
+    assert row.css_class == {"verified": "good", "violated": "alert"}.get(verdict, "open")
     assert row.title == f"Delta-v \N{LESS-THAN OR EQUAL TO} {limit:g} m/s"
 
 
@@ -105,7 +107,7 @@ def test_failed_run_violates_every_requirement_and_has_a_rerun_command(build):
     campaign = build(runs=12, seconds=30, kept=(), failed=(4,))
     found = _require(campaign, metric="min_range_m", bound="at least", limit=1.0)
     assert (found["violations"], found["violating_ids"], found["without_value"]) == (1, [4], 1)
-    assert requirement_verdict_section.rows([found])[0].cells[0][1] == "of 11 runs with a value"
+    assert requirement_verdict_section.rows([found])[0].cells[0][0] == "no value"
     page = write_report(campaign).read_text()
     assert f"rpojax rerun {campaign.directory} --run-id 4 --out run_4" in page
     assert "Minimum range \N{GREATER-THAN OR EQUAL TO} 1 m" in page
@@ -143,6 +145,7 @@ def test_probabilities_are_not_rounded_up_to_the_required_one():
         "margin": -0.1,
         "beyond_limit": 1000,
         "without_value": 1,
+        "without_value_text": "1 lost the target",
         "worst": 2.0,
         "success": 0.98999,
         "success_interval": [0.98955, 0.99034],
@@ -150,7 +153,8 @@ def test_probabilities_are_not_rounded_up_to_the_required_one():
         "violating_ids": [],
     }
     cells = requirement_verdict_section.rows([entry])[0].cells
-    assert cells[0] == ("2", "of 99999 runs with a value")
+    assert cells[0] == ("no value", "1 lost the target; of the others 2")
+    assert cells[4] == ("1000 of 100000", "1 without a value; 900 allowed")
     assert cells[5] == ("0.9899", "0.9895 to 0.9904")
     assert cells[3] == ("\N{MINUS SIGN}0.1000", "")
 
@@ -161,3 +165,18 @@ def test_unknown_metric_and_invalid_requirement_are_errors(build):
         _require(campaign, metric="passive_range_m")
     with pytest.raises(ResultError, match=r"requirements\[0\]: found .*, expected a requirement"):
         _require(campaign, limit="one")
+
+
+def test_a_failed_run_without_a_value_is_the_worst(build):
+    campaign = build(runs=8, failed=(2,))
+    entry = {"metric": "min_range_m", "bound": "at least", "limit": 1e6, "probability": 0.9, "consumer_risk": 0.1}
+    campaign.info["scenario"]["requirements"] = [entry]
+    [found] = requirement_verdict_section.content(campaign, 0)
+    kind = Outcome(str(campaign.outcomes[2]))
+    worst = with_unit(format_number(np.nanmin(campaign.metrics["min_range_m"]), 3), "m")
+    assert found["without_value_text"] == f"1 {kind.reason}"
+    assert requirement_verdict_section.worst_text(found) == f"no value (1 {kind.reason}), of the others {worst}"
+    [row] = requirement_verdict_section.rows([found])
+    assert "7 of 8 violate it, 1 without a value" in row.note
+    assert row.cells[0][0] == "no value"
+    assert f"1 {kind.reason}" in row.cells[0][1]

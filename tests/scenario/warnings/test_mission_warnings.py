@@ -6,11 +6,11 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.warnings.mission_warnings import mission_warnings
 
 CASES = {
-    "a larger target": (["target.scale=1.5"], "navigation.target_size_m", "1.063", "1.594", "a factor of 1.5"),
+    "a larger target": (["target.scale=1.5"], "navigation.target_size_m", "1.063", "1.594", "1.5 times too near"),
     "a dispersed size": (
         ["dispersions.target.scale={kind='uniform', low=0.9, high=1.2}"],
         "navigation.target_size_m",
-        "up to 1.275 m, a factor of 1.2",
+        "up to 1.275 m: ranges are estimated 1.2 times too near",
     ),
     "a size that is known less well than believed": (
         ["dispersions.target.scale={kind='log_normal', sigma=0.1}", "navigation.target_size_sigma=0.05"],

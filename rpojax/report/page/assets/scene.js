@@ -116,9 +116,18 @@ const Scene = (() => {
     state.project = project;
     pen.fillStyle = named("--muted");
     if (data.beyond) pen.fillText(data.beyond, 14, 18);
-    for (const place of data.desired) mark(pen, project(place), named("--green"), "desired");
+    for (const place of data.desired) mark(pen, project(place), named("--green"), `desired, ${away(place)}`);
+    for (const path of data.paths.filter((one) => one.kind === "median" && one.points.length)) {
+      const start = path.points.slice(0, 3);
+      const [x, y] = project(start);
+      pen.fillStyle = named("--blue");
+      label(pen, `start, ${away(start)}`, x - 30, y - 8);
+    }
     drawScale(pen, scale, height, named);
   }
+
+  // Distance of a place from the target, as text.
+  const away = (place) => `${Number(Math.hypot(...place).toPrecision(2))} m`;
 
   // Size and middle of everything shown, axes of a length included, as this view has it, so that the picture is full.
   function bounds(data, view, length) {

@@ -29,6 +29,7 @@ def requirement(metric, bound, limit, verdict, margin, worst, **more):
         "violations": 0,
         "beyond_limit": 0,
         "without_value": 0,
+        "without_value_text": "",
         "allowed": 2,
         "rank": 498,
         "order_statistic": 1.0,
@@ -93,7 +94,7 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
         "1 requirement needs more runs: no run violates too much, but 500 are too few to tell.",
     ]
     safe["requirements"][1] |= {"verdict": "not verified", "violations": 9}
-    every = "None of 500 runs failed, and of 3 requirements 1 is verified, 1 is not verified and 1 needs more runs."
+    every = "None of 500 runs failed, and of 3 requirements 1 is verified, 1 is violated and 1 needs more runs."
     assert headline(safe)[0] == every
     assert headline(safe)[1] == "9 of 500 runs violate Minimum range \N{GREATER-THAN OR EQUAL TO} 15 m."
 
@@ -102,14 +103,14 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
     ("verdict", "words"),
     [
         ("verified", "its requirement is verified."),
-        ("not verified", "its requirement is not verified."),
+        ("not verified", "its requirement is violated."),
         ("needs more runs", "its requirement needs more runs."),
         ("unfinished: no verdict", "its requirement has no verdict."),
     ],
 )
 def test_what_is_open_is_told_apart_from_what_is_refuted(verdict, words):
     stated = {**CONTENT, "requirements": [requirement("delta_v_m_s", "at most", 1.0, verdict, None, 0.5)]}
-    assert headline(stated)[0] == f"None of 500 runs failed, and {words}"
+    assert headline(stated)[0] == f"None of 500 runs failed, {'but' if 'violated' in words else 'and'} {words}"
 
 
 def test_headline_of_failures_is_how_many_and_the_main_cause():
@@ -247,8 +248,8 @@ def test_leading_figures_are_range_weakest_channel_and_weakest_histogram():
     [
         (
             {"verdict": "not verified", "violations": 9, "violating_ids": [3]},
-            "Not verified: Formation error \N{LESS-THAN OR EQUAL TO} 2 m",
-            "9 of 500 runs violate it",
+            "Violated: Formation error \N{LESS-THAN OR EQUAL TO} 2 m",
+            "9 of 500 violate it",
         ),
         (
             {"verdict": "needs more runs", "more_runs": 30},
@@ -287,7 +288,7 @@ def test_a_requirement_that_only_failed_runs_violate_has_no_row_of_its_own(campa
     content["requirements"][0] |= violated
     steps = next_steps(campaign, content)
     assert steps[0].what == "All 3 failed runs"
-    assert not any(step.what.startswith("Not verified") for step in steps)
+    assert not any(step.what.startswith("Violated") for step in steps)
     content["requirements"][0] |= {"violations": 4, "violating_ids": [3, 4, 5, 6]}
     assert any(step.run_id == 6 for step in next_steps(campaign, content))
 
@@ -295,10 +296,10 @@ def test_a_requirement_that_only_failed_runs_violate_has_no_row_of_its_own(campa
 def test_the_run_to_look_at_is_one_beyond_the_limit_and_not_one_that_failed(campaign):
     content = copy.deepcopy(CONTENT)
     violated = {"verdict": "not verified", "violations": 3, "violating_ids": [3, 7, 12], "without_value": 2}
-    content["requirements"][0] |= {**violated, "beyond_limit": 1}
-    assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
+    content["requirements"][0] |= {**violated, "beyond_limit": 1, "without_value_text": "2 off station"}
+    assert "--run-id 12 " in next(step.command for step in next_steps(campaign, content) if "Violated" in step.what)
     content["requirements"][0] |= {"violating_ids": [3, 7], "violations": 2, "beyond_limit": 0}
-    assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Not" in step.what)
+    assert "--run-id 3 " in next(step.command for step in next_steps(campaign, content) if "Violated" in step.what)
 
 
 def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(build):
@@ -309,7 +310,8 @@ def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(bui
     words = page_text(rendered_page(campaign))
     assert "2 over the limit 1 m/s" in words
     assert "2 failed and have no value" in words
-    assert "(2 beyond the limit, 2 without a value)" in words
+    assert "2 of 60 violate it, 2 without a value" in words
+    assert "worst no value (2 " in words
     keeps = np.sort(np.where(np.isnan(values := campaign.metrics["delta_v_m_s"]), np.inf, values))
     entry = report_json.report_content(campaign, [])["requirements"][0]
     assert entry["order_statistic"] == keeps[entry["rank"] - 1]
@@ -326,3 +328,67 @@ def test_failed_runs_without_a_value_are_told_apart_from_runs_over_the_limit(bui
 
 def test_statistics_of_complete_campaigns_have_no_dagger(build):
     assert "\N{DAGGER}" not in page_text(rendered_page(build(runs=20))).partition("Monte Carlo campaign report")[2]
+
+
+def test_more_runs_are_not_asked_for_where_all_failed_and_few_have_an_interval(build):
+    campaign = build(runs=8, failed=())
+    campaign.outcomes[:] = str(Outcome.ABORTED)
+    campaign.completed[:], campaign.failed[:] = False, True
+    entry = {"metric": "delta_v_m_s", "bound": "at most", "limit": 1e6, "probability": 0.99, "consumer_risk": 0.1}
+    campaign.info["scenario"]["requirements"] = [entry, {**entry, "limit": 0.0}]
+    kept, broken = report_json.report_content(campaign, [])["requirements"]
+    assert (kept["verdict_text"], kept["more_runs"]) == ("open: all runs failed", 222)
+    assert (broken["verdict"], broken["verdict_text"]) == ("not verified", "violated")
+    assert headline(report_json.report_content(campaign, []))[0] == "All 8 runs failed (95 %: 63 to 100 %): aborted."
+
+
+def test_a_violated_drift_is_told_as_passive_safety_beside_the_requirements():
+    stated = copy.deepcopy(CONTENT)
+    drift = requirement("passive_range_24_h_m", "at least", 10.0, "not verified", -9.5, 0.5, violations=498)
+    stated["requirements"].append(drift)
+    assert headline(stated) == [
+        "None of 500 runs failed, but 1 of 4 requirements is violated.",
+        "498 of 500 runs are not passively safe: without thrust they could drift to within 10 m in 24 h.",
+    ]
+
+
+def test_a_drift_into_the_target_hits_it(campaign):
+    content = copy.deepcopy(CONTENT)
+    content["safety"] |= {"target_radius_m": 0.25}
+    content["safety"]["free_drift"][1]["least_range"]["value"] = 0.00129
+    assert "nearest 0.001 m, which hits the target, run 7" in next_steps(campaign, content)[0].why
+    assert "nearest 0.001 m, which hits the target, run 7" in verdict_tiles(content)[0].note
+
+
+def test_terms_of_the_first_screen_have_their_meaning(build):
+    campaign = build(runs=8, failed=())
+    campaign.outcomes[:2] = str(Outcome.OFF_STATION)
+    campaign.completed[:2], campaign.failed[:2] = False, True
+    page = campaign.directory / "report.html"
+    rendered_page(campaign)
+    assert '<abbr title="farther from its place than limits.off_station_m' in page.read_text(encoding="utf-8")
+
+
+def test_what_only_failed_runs_with_a_cause_show_follows_from_it(build):
+    campaign = build(runs=8, failed=())
+    campaign.metrics["nees_relative_mean"] = np.where(np.arange(8) < 3, 6e7, 6.0)
+    campaign.metrics["formation_error_rms_m"] = np.where(np.isin(np.arange(8), (0, 2)), 2.5, 0.5)
+    content = ended(497, lost=3) | {"warnings": [], "metrics": {"nees_relative_mean": {"mean": 2.2e7}}}
+    content["failures"] = [{"run_id": run, "detail": ""} for run in (0, 1, 2)]
+    cause = {"name": "misses", "title": "boxes are missing", "text": "", "mend": "", "runs": 3, "run_ids": [0, 1, 2]}
+    content["why_failed"] |= {"failed": 3, "causes": [cause]}
+    violated = {"verdict": "not verified", "violations": 2, "beyond_limit": 2, "violating_ids": [0, 2], "worst": 2.5}
+    content["requirements"][0] |= violated
+    steps = {step.what: step for step in next_steps(campaign, content)}
+    limit = "Formation error \N{LESS-THAN OR EQUAL TO} 2 m"
+    consequence = steps["A requirement is violated, too"]
+    assert consequence.why == f"{limit} (2 of 500, worst 2.50 m): only by runs that failed by a cause above"
+    assert consequence.change == "follows from that cause: mend it first"
+    filter_row = steps["The filter is overconfident"]
+    assert "only in 3 runs that failed" in filter_row.why
+    assert filter_row.change == "follows from that cause: mend it first"
+    # A run that did not fail shows it, too: the belief that the scenario contradicts is named.
+    campaign.metrics["nees_relative_mean"][5] = 60.0
+    belief = "navigation.edge_noise_px: the filter believes 1, the truth is 6 by camera.edge_noise_px"
+    steps = {step.what: step for step in next_steps(campaign, content | {"warnings": [belief]})}
+    assert steps["The filter is overconfident"].change.startswith("navigation.edge_noise_px, which")
