@@ -260,7 +260,7 @@ def test_a_belief_that_no_failed_test_suspects_is_no_cause(tests: tuple[str, ...
 
 def test_the_bias_of_boxes_suspects_a_wrong_size() -> None:
     evidence = planted(file_of(target={"scale": 1.6}), signs={"failed_tests": bits("box_bias")})
-    assert "navigation.target_size_m is wrong" in first(evidence)[2]
+    assert "a wrong belief of navigation.target_size_m" in first(evidence)[2]
 
 
 @pytest.mark.parametrize("metrics", [{}, {"sigma3_coverage": 0.4, "nees_relative_mean": 40.0}])
