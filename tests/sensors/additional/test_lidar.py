@@ -1,5 +1,6 @@
 """LiDAR: its pattern, the centroid of its returns, what comes back of dark and turned surfaces, and its rows."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.guidance.sight_cone import SightCone, sight_cone
+from rpojax.flight.navigation import believed_sensor
 from rpojax.flight.navigation.believed_sensor import SensorView
+from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.metrics.metric_catalogue import metrics_of_scenario
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
@@ -128,6 +131,24 @@ def test_its_rows_are_linear_in_place_and_offsets() -> None:
     without = Lidar.rows(params.flight.sensors["lidar"], view, none)
     np.testing.assert_array_equal(without.weight, 0.0)
     assert np.isfinite(np.asarray(without.jacobian)).all()
+
+
+def test_offsets_across_say_nothing_of_the_range() -> None:
+    """At 3 m a centroid that wanders across by 0.06 m, which as rows along its own direction shortens the range."""
+    _, params, state = initialise_run(scenario_loader.load("inspection", SECTION))
+    tuning, relative = params.flight.navigation, state.flight.orbit.relative
+    truth = jnp.array([3.0, 0.0, 0.0])
+    nearer = jnp.array([0.15 * 1.063, 0.0, 0.0])
+    wander = jnp.asarray(np.random.default_rng(4).normal(size=(300, 3)) * [0.0, 0.06, 0.06])
+
+    def body(estimate: RelativeEstimate, across: jax.Array) -> tuple[RelativeEstimate, None]:
+        view = SensorView(tuning=tuning, relative=estimate, q_BN=IDENTITY, time=jnp.zeros(()))
+        measured = {"lidar_centroid_m": truth - nearer + across, "lidar_returns_count": jnp.asarray(16.0)}
+        rows = Lidar.rows(params.flight.sensors["lidar"], view, measured)
+        return believed_sensor.update(tuning, False, estimate, rows)[0], None
+
+    found, _ = jax.lax.scan(body, replace(relative, r_TS_N=truth), wander)
+    assert float(found.r_TS_N[0]) == pytest.approx(3.0, abs=0.03)
 
 
 def test_bad_input_and_its_metrics() -> None:
