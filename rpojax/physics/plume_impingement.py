@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.core import vectors
 from rpojax.core.declared_numbers import number
 from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.pytree import pytree
@@ -180,10 +179,14 @@ def loads(
     scale = thrust / (2.0 * math.pi * moment(form, 1))
     along, across = scale[:, None] * along, scale[:, None] * across
     # A force along the flow acts on a line through the source, one across a facet at its centre.
-    of_flow = vectors.product(along, facets.centers) - sources_T * jnp.sum(along, axis=1)[:, None]
-    of_normals = vectors.product(across, facets.normals)
+    of_flow = _over_facets(along, facets.centers) - sources_T * jnp.sum(along, axis=1)[:, None]
     turning = jnp.cross(facets.centers, facets.normals)
-    return of_flow - of_normals, jnp.cross(sources_T, of_flow) - vectors.product(across, turning)
+    force_T = of_flow - _over_facets(across, facets.normals)
+    return force_T, jnp.cross(sources_T, of_flow) - _over_facets(across, turning)
+
+
+def _over_facets(factors: Float[Array, "n f"], of_facets: Float[Array, "f 3"]) -> Float[Array, "n 3"]:
+    return jnp.stack([jnp.sum(factors * of_facets[None, :, axis], axis=1) for axis in range(3)], axis=1)
 
 
 def _weights(
