@@ -365,6 +365,7 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
         "rho_desired_H",
         *seen,
         *channels.MISSION_CHANNELS,
+        *channels.PLUME_CHANNELS,
         *channels.TEAM_CHANNELS,
         *channels.PHASING_CHANNELS,
     } - {"running"}

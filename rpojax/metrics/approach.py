@@ -36,7 +36,7 @@ METRICS: Final = (
         value=_lateral,
         reduction="max",
         has_derivative=True,
-        of_missions=True,
+        needs="phases",
     ),
     Metric(
         "final_range_error_m",
@@ -47,7 +47,7 @@ METRICS: Final = (
         value=_along,
         reduction="mean",
         has_derivative=True,
-        of_missions=True,
+        needs="phases",
     ),
     Metric(
         "closing_speed_max_m_s",
@@ -57,7 +57,7 @@ METRICS: Final = (
         inputs=("range_m",),
         value=lambda _, reach: WeightedValue(reach, reach < CLOSE_M),
         reduction=greatest_fall,
-        of_missions=True,
+        needs="phases",
     ),
 )
 """Metrics of scenarios with phases; a phase that begins again arrives again."""

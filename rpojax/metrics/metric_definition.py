@@ -22,6 +22,9 @@ window has a weight (for `end` and `total`, where the last one has none), and wh
 """
 
 
+Need = Literal["phases", "plume"]
+"""What only some scenarios have: phases of a mission, plumes on the target."""
+
 Source = Literal["records", "drifts", "coverage", "team", "simulation", "plugin"]
 
 
@@ -68,7 +71,7 @@ class Metric:
         degrees_of_freedom: of a normalised square, which is its mean if the filter is consistent; None for others
         of_events: it judges what need not happen, such as a wait after an eclipse: of a team those servicers count to
             which it did
-        of_missions: scenarios with phases alone have it
+        needs: what a scenario must have for it; None for a metric of all
         source: evaluated from `records` or from free `drifts`, and so for every run of a campaign; from the `coverage`
             of the target's surface, for those of a scenario with it; of a `team`, for those with several servicers;
             during the `simulation` alone; or from records as a `plugin` defines it, for the scenarios that have it
@@ -86,7 +89,7 @@ class Metric:
     has_derivative: bool = False
     degrees_of_freedom: int | None = None
     of_events: bool = False
-    of_missions: bool = False
+    needs: Need | None = None
     source: Source = "records"
 
     def weighted_value(self, namespace: ModuleType, quantities: Mapping[str, Quantity]) -> WeightedValue:

@@ -2,16 +2,19 @@
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core import quaternion
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
+from rpojax.core.numerics.gradient_safe import norm
 from rpojax.core.orbits import third_body_gravity
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.quaternion import rotate
-from rpojax.core.vectors import cross
-from rpojax.physics import reaction_wheels, thruster
+from rpojax.core.vectors import cross, product
+from rpojax.physics import plume_impingement, reaction_wheels, thruster
 from rpojax.physics.environment.drag import drag
 from rpojax.physics.environment.gravity_gradient_torque import gravity_gradient_torque
 from rpojax.physics.environment.solar_radiation_pressure import solar_radiation_pressure, sunlit_fraction
@@ -19,6 +22,8 @@ from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import SEIZURE_TIME_CONSTANT, Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth
+from rpojax.physics.plume_impingement import Impingement
+from rpojax.physics.rcs_thrusters import RcsState
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.thruster import StepThrust
 
@@ -145,4 +150,30 @@ def gravity_gradient_torques(effects: Effects, params: PlantParams, y: Truth) ->
     return (
         gravity_gradient_torque(rotate(y.q_BN, y.r_TN_N + y.r_ST_N), params.servicer.inertia, mu),
         gravity_gradient_torque(rotate(y.q_TN, y.r_TN_N), params.target.inertia, mu),
+    )
+
+
+def plumes_on_target(
+    effects: Effects, params: PlantParams, truth: Truth, thrusters: RcsState, ahead: float
+) -> Impingement:
+    """Load on the target of each small thruster when it is open, in the geometry of `ahead` [s] after the truth.
+
+    The vehicles move on at their rates until then: to the middle of the time for which the load is used.
+    """
+    assert params.facets is not None
+    q_BN = quaternion.propagate(truth.q_BN, truth.omega_BN_B, ahead)
+    q_TN = quaternion.propagate(truth.q_TN, truth.omega_TN_T, ahead)
+    r_ST_N = truth.r_ST_N + ahead * truth.v_ST_N
+    shift = center_of_mass_shift(effects, params, truth)
+    R_TB = product(quaternion.to_matrix(q_TN), quaternion.to_matrix(q_BN).T)
+    size = params.target.scale
+    sources_T = rotate(q_TN, r_ST_N)[None, :] + product(thrusters.position_B - shift[None, :], R_TB.T)
+    # In units of the nominal target; the load depends on angles alone, and a torque grows with the lever arm.
+    force_T, torque_T = plume_impingement.loads(
+        params.plume, params.facets, sources_T / size, product(thrusters.force_B, R_TB.T)
+    )
+    return Impingement(
+        force_N=product(force_T, quaternion.to_matrix(q_TN)),
+        torque_T=size * torque_T,
+        size=jax.vmap(norm)(force_T),
     )

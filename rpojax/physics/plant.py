@@ -129,13 +129,17 @@ def _derivative(
     external_B = torque_B + gradient_B + surface.servicer_torque_B
     omega_dot, wheel_acceleration = _servicer_accelerations(inputs, y, wheel_torque, external_B)
     torque_T = gradient_T + surface.target_torque_T
+    target_acceleration_N, plume = surface.target_acceleration_N, None if rcs is None else rcs.plume
+    if plume is not None:
+        torque_T = torque_T + plume.torque_T
+        target_acceleration_N = target_acceleration_N + plume.force_N / params.target.mass
     return Truth(
         r_TN_N=integrated.v_TN_N,
-        v_TN_N=gravity.value + surface.target_acceleration_N,
+        v_TN_N=gravity.value + target_acceleration_N,
         r_ST_N=y.v_ST_N,
         v_ST_N=gravity.change
         + surface.servicer_acceleration_N
-        - surface.target_acceleration_N
+        - target_acceleration_N
         + rotate(conjugate(y.q_BN), force_B) / y.mass,
         q_BN=quaternion.derivative(y.q_BN, y.omega_BN_B),
         omega_BN_B=omega_dot,
@@ -146,6 +150,7 @@ def _derivative(
         ),
         mass=-mass_flow,
         delta_v=delta_v_rate / y.mass,
+        plume_impulse=None if plume is None else plume.size,
     )
 
 

@@ -21,6 +21,7 @@ class Effects:
         thruster_ramps: thrust rises and falls in finite times
         center_of_mass_shift: propellant used moves the centre of mass
         faults: equipment can fail
+        plume: the small thrusters' plumes push and turn the target
     """
 
     integrator: Literal["rk4", "rk8"] = "rk4"
@@ -35,6 +36,7 @@ class Effects:
     thruster_ramps: bool = False
     center_of_mass_shift: bool = False
     faults: bool = False
+    plume: bool = False
 
 
 FaultKind = Literal[

@@ -16,6 +16,7 @@ from rpojax.core.quaternion import rotate
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
+from rpojax.physics.plume_impingement import Facets, Plume
 from rpojax.physics.rcs_thrusters import RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
@@ -54,6 +55,7 @@ class PlantParams:
 
     Attributes:
         thrusters: of the reaction control system by name, empty without one
+        facets: of the target, None unless plumes push it
     """
 
     servicer: Body
@@ -66,7 +68,9 @@ class PlantParams:
     atmosphere: Atmosphere
     sunlight: Sunlight
     fault: Fault
+    plume: Plume
     thrusters: dict[str, RcsThruster] = field(default_factory=dict)
+    facets: Facets | None = None
 
 
 @pytree
@@ -100,6 +104,7 @@ class Truth(Motion):
         delta_v: () velocity change applied by the thruster so far, summed in magnitude [m/s]
         orbit_low: (2, 3) low-order parts of target position [m] and velocity [m/s] in single precision; else None
         mass_low: () low-order part of the mass in single precision [kg]; else None
+        plume_impulse: () impulse of plumes on the target so far, summed in magnitude [N s]; None without plumes
     """
 
     q_BN: Array
@@ -111,6 +116,7 @@ class Truth(Motion):
     delta_v: Array
     orbit_low: Array | None = None
     mass_low: Array | None = None
+    plume_impulse: Array | None = None
 
 
 def propellant_used(params: PlantParams, truth: Truth) -> Array:
@@ -139,4 +145,5 @@ def initial_truth(
         omega_TN_T=params.target.tumble_rate * quaternion.normalize(params.target.tumble_axis),
         mass=params.servicer.mass,
         delta_v=zero,
+        plume_impulse=None if params.facets is None else zero,
     )

@@ -12,6 +12,7 @@ from rpojax.core.declared_numbers import number
 from rpojax.core.numerics.gradient_safe import norm, normalize
 from rpojax.core.numerics.runge_kutta import Method
 from rpojax.core.pytree import pytree
+from rpojax.physics.plume_impingement import Impingement
 from rpojax.physics.thruster import pulse_factors
 from rpojax.value_types import Direction
 
@@ -45,12 +46,14 @@ class RcsState:
         position_B: (n, 3) where it acts, from the centre of mass [m]
         mass_flow: (n,) of propellant when open [kg/s]
         ratio: (n,) of the force over its nominal value [-]
+        plume: load of each plume on the target when open, None where it has none
     """
 
     force_B: Array
     position_B: Array
     mass_flow: Array
     ratio: Array
+    plume: Impingement | None = None
 
 
 @pytree
@@ -62,12 +65,14 @@ class RcsThrust:
         moment_B: (nodes, 3) about the centre of mass of the full servicer [N m]
         mass_flow: (nodes,) of propellant [kg/s]
         effort: (nodes,) sum of the sizes of the forces [N]
+        plume: load of the plumes on the target, None where they have none
     """
 
     force_B: Array
     moment_B: Array
     mass_flow: Array
     effort: Array
+    plume: Impingement | None = None
 
 
 def stacked(thrusters: Mapping[str, RcsThruster]) -> RcsThruster:
@@ -105,9 +110,14 @@ def thrust_over_step(state: RcsState, on_time: Float[Array, " n"], method: Metho
     def total(per_thruster: Float[Array, "n 3"]) -> Float[Array, "nodes 3"]:
         return jnp.sum(factors[:, :, None] * per_thruster[None], axis=1)
 
+    def on_target(each: Impingement) -> Impingement:
+        size = jnp.sum(factors * each.size[None], axis=1)
+        return Impingement(force_N=total(each.force_N), torque_T=total(each.torque_T), size=size)
+
     return RcsThrust(
         force_B=total(state.force_B),
         moment_B=total(jnp.cross(state.position_B, state.force_B)),
         mass_flow=jnp.sum(factors * state.mass_flow[None], axis=1),
         effort=jnp.sum(factors * jax.vmap(norm)(state.force_B)[None], axis=1),
+        plume=None if state.plume is None else on_target(state.plume),
     )

@@ -27,7 +27,9 @@ from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
+from rpojax.physics import plume_impingement
 from rpojax.physics.plant_state import PlantParams
+from rpojax.physics.plume_impingement import Facets
 from rpojax.physics.radio_link import RadioLink
 from rpojax.physics.rcs_thrusters import RcsThruster
 from rpojax.scenario import mission_from_phases
@@ -35,7 +37,7 @@ from rpojax.scenario.numbers import key_units
 from rpojax.scenario.numbers.section_records import array, record_of, section_record
 from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.trained import fitted_camera, ranging_surface, trained_files
+from rpojax.scenario.trained import coverage_surface, fitted_camera, ranging_surface, trained_files
 from rpojax.sensors.additional import surface_ranging
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.sensors.additional.surface_ranging import TargetSurface
@@ -95,7 +97,10 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     """Parameters from the sections of a scenario; the flight software is configured with the nominal vehicle."""
     thrusters = {each["name"]: section_record(RcsThruster, each) for each in tables["thrusters"]}
     plant = PlantParams(
-        gravity=jax.tree.map(array, EARTH_GRAVITY), thrusters=thrusters, **_records(PlantParams, tables)
+        gravity=jax.tree.map(array, EARTH_GRAVITY),
+        thrusters=thrusters,
+        facets=_facets(tables),
+        **_records(PlantParams, tables),
     )
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
     starts, ends = map(array, np.array(outages).T)
@@ -132,6 +137,13 @@ def _records(parent: type, tables: Mapping[str, Any], without: tuple[str, ...] =
         for name, cls in get_type_hints(parent).items()
         if isinstance(cls, type) and is_dataclass(cls) and declared_numbers(cls) and name not in without
     }
+
+
+def _facets(tables: Mapping[str, Any]) -> Facets | None:
+    """Facets of the target's hull, None unless plumes push it."""
+    if not tables["effects"]["plume"]:
+        return None
+    return plume_impingement.facets_of(coverage_surface.hull_triangles(np.array(tables["target"]["hull_m"])))
 
 
 def _handover_errors(table: Mapping[str, Any] | None) -> HandoverErrors | None:

@@ -41,6 +41,7 @@ from rpojax.scenario.sections import (
     LinkSection,
     NavigationSection,
     OrbitSection,
+    PlumeSection,
     PointingSection,
     RatesSection,
     RcsThrusterSection,
@@ -185,6 +186,7 @@ class ScenarioFile(Summarised, AdditionalSensors):
     target_surface: SurfaceSection
     thruster: ThrusterSection
     thrusters: list[RcsThrusterSection] = Field(default_factory=list, max_length=MAX_THRUSTERS)
+    plume: PlumeSection = PlumeSection()
     wheels: WheelsSection
     camera: CameraSection
     imaging: ImagingSection

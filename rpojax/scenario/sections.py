@@ -19,6 +19,7 @@ from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_state import Target
+from rpojax.physics.plume_impingement import Plume
 from rpojax.physics.radio_link import RadioLink
 from rpojax.physics.rcs_thrusters import RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
@@ -130,6 +131,7 @@ class EffectsSection(Section):
     thruster_ramps: bool
     center_of_mass_shift: bool
     faults: bool
+    plume: bool = False
 
 
 class AtmosphereSection(section_of(Atmosphere)):
@@ -164,6 +166,10 @@ class RcsThrusterSection(section_of(RcsThruster)):
     """Thruster of the reaction control system."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+
+
+class PlumeSection(section_of(Plume)):
+    """Plumes of the thrusters of the reaction control system on the target."""
 
 
 class WheelsSection(section_of(ReactionWheels)):

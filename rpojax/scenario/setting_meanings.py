@@ -23,6 +23,7 @@ MEANINGS: Final[dict[str, str]] = {
     "effects.thruster_ramps": "finite rise and fall times of the thrust",
     "effects.center_of_mass_shift": "propellant consumption moves the centre of mass",
     "effects.faults": "equipment faults, see [fault]",
+    "effects.plume": "plumes of `[[thrusters]]` push and turn the target",
     "rates.plant_hz": "steps of truth, gyro and attitude control; a whole multiple of camera_hz",
     "rates.camera_hz": "camera, GPS, star tracker, both filters and guidance",
     "rates.formation_period_s": "time between burn decisions, a whole number of camera periods",

@@ -106,6 +106,8 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     functions = {**CHANNELS}
     if scenario.camera_model == "rendered":
         functions |= IMAGE_CHANNELS
+    if scenario.effects.plume:
+        functions |= PLUME_CHANNELS
     if scenario.mission.is_managed:
         functions |= MISSION_CHANNELS
         if scenario.mission.coordinated:
@@ -305,6 +307,8 @@ CHANNELS: Final[ChannelFunctions] = {
 """Channels by name, as functions of a tick."""
 IMAGE_CHANNELS: Final[ChannelFunctions] = {"window_px": lambda tick: tick.telemetry.frame.window}
 """Window of the image of a tick, from which with the poses it can be rendered again."""
+PLUME_CHANNELS: Final[ChannelFunctions] = {"plume_impulse_n_s": lambda tick: tick.truth.plume_impulse}
+"""Load of the thrusters' plumes on the target, in scenarios with it."""
 MISSION_CHANNELS: Final[ChannelFunctions] = {
     "rho_desired_H": lambda tick: tick.telemetry.rho_desired_H,
     "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),

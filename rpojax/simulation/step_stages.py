@@ -18,7 +18,7 @@ from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_schedule, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation import attitude_ekf
-from rpojax.physics import equipment_faults, plant, rcs_thrusters
+from rpojax.physics import equipment_faults, forces_and_torques, plant, rcs_thrusters
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.physics.rcs_thrusters import RcsState, RcsThrust
@@ -58,7 +58,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
         # The fault of a thruster is that of one of the list.
         health = replace(health, thrust_fraction=jnp.ones_like(health.thrust_fraction))
     health = _fed(params, state.truth, health)
-    thrusters = _true_thrusters(loop, noise, time) if scenario.thrusters else None
+    thrusters = _true_thrusters(loop, state.truth, noise, time) if scenario.thrusters else None
     with jax.named_scope("sense"):
         measurements, frame = measure(loop, state, noise, sky, health, time)
     return Tick(
@@ -75,7 +75,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     )
 
 
-def _true_thrusters(loop: Loop, noise: TickNoise, time: Scalar) -> RcsState:
+def _true_thrusters(loop: Loop, truth: Truth, noise: TickNoise, time: Scalar) -> RcsState:
     """Thrusters of the reaction control system in the tick that begins at `time` [s], with their errors and faults."""
     scenario, plant_params = loop.scenario, loop.params.plant
     assert noise.thrusters is not None
@@ -83,7 +83,12 @@ def _true_thrusters(loop: Loop, noise: TickNoise, time: Scalar) -> RcsState:
     if scenario.effects.faults:
         left = equipment_faults.rcs_fractions(plant_params.fault, time, scenario.thrusters)
     stacked = rcs_thrusters.stacked(plant_params.thrusters)
-    return rcs_thrusters.true_state(stacked, noise.thrusters[: scenario.thrusters], left)
+    true = rcs_thrusters.true_state(stacked, noise.thrusters[: scenario.thrusters], left)
+    if not scenario.effects.plume:
+        return true
+    with jax.named_scope("plume"):
+        load = forces_and_torques.plumes_on_target(scenario.effects, plant_params, truth, true, 0.5 * scenario.tick_s)
+    return replace(true, plume=load)
 
 
 def navigate(loop: Loop, tick: Tick) -> Tick:

@@ -13,12 +13,15 @@ from scipy.integrate import solve_ivp
 
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
-from rpojax.physics import equipment_faults, plant, plant_state
+from rpojax.physics import equipment_faults, plant, plant_state, plume_impingement, rcs_thrusters
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth
+from rpojax.physics.plume_impingement import Impingement
+from rpojax.physics.rcs_thrusters import RcsState
 from rpojax.physics.thruster import BurnError, StepThrust, ValveCommand, thrust_over_step
 from rpojax.scenario.params import Params
+from rpojax.scenario.trained.coverage_surface import hull_triangles
 from rpojax.simulation import single_precision
 
 STEP = 0.2
@@ -291,3 +294,35 @@ def test_single_precision_agrees_with_double_over_a_minute_of_thrust(params: Par
     np.testing.assert_allclose(whole.delta_v, double.delta_v, rtol=1e-5)
     used = float(start.mass) - whole.mass - whole.mass_low
     np.testing.assert_allclose(used, in_orbit.mass - double.mass, rtol=1e-5)
+
+
+def test_a_plume_gives_the_target_its_impulse_and_angular_impulse(params: Params, far_away: Truth) -> None:
+    plant_params = replace(
+        params.plant, facets=plume_impingement.facets_of(hull_triangles(np.asarray(params.plant.target.hull)))
+    )
+    start = replace(far_away, omega_TN_T=jnp.zeros(3), plume_impulse=jnp.zeros(()))
+    load = Impingement(
+        force_N=jnp.array([[0.01, -0.02, 0.03]]), torque_T=jnp.array([[1e-5, 2e-5, -3e-5]]), size=jnp.array([0.04])
+    )
+    open_valve = RcsState(
+        force_B=jnp.zeros((1, 3)),
+        position_B=jnp.zeros((1, 3)),
+        mass_flow=jnp.zeros(1),
+        ratio=jnp.ones(1),
+        plume=load,
+    )
+    on_time = 0.4 * STEP
+
+    def after(state: RcsState) -> Truth:
+        thrust = rcs_thrusters.thrust_over_step(state, jnp.array([on_time]), "rk4", STEP)
+        return step(EFFECTS, plant_params, start, np.zeros(3), (), SKY, HEALTHY, STEP, thrust)
+
+    pushed, calm = after(open_valve), after(replace(open_valve, plume=replace(load, force_N=jnp.zeros((1, 3)))))
+    mass, inertia = float(params.plant.target.mass), np.asarray(params.plant.target.inertia)
+    velocity = np.asarray(load.force_N[0]) * on_time / mass
+    np.testing.assert_allclose(pushed.v_TN_N - calm.v_TN_N, velocity, rtol=1e-6, atol=1e-12)
+    # The servicer stays where it is, so that it moves the other way from the target.
+    np.testing.assert_allclose(pushed.v_ST_N - calm.v_ST_N, -velocity, rtol=1e-6, atol=1e-12)
+    rate = np.linalg.solve(inertia, np.asarray(load.torque_T[0])) * on_time
+    np.testing.assert_allclose(pushed.omega_TN_T, rate, rtol=1e-5)
+    assert float(pushed.plume_impulse) == pytest.approx(0.04 * on_time, rel=1e-12)

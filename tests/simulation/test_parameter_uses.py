@@ -15,6 +15,7 @@ from rpojax.campaign.execution.run_programs import run_program
 from rpojax.errors import ScenarioError
 from rpojax.flight.stages import Stages
 from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, METRICS
+from rpojax.scenario import metric_needs
 from rpojax.scenario.params import Params, get_leaf, leaf_path_and_factor, replace_leaf
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
@@ -62,6 +63,7 @@ VARIANTS = {
     "ellipse": ("safety_ellipse", []),
     "fly-around": ("fly_around", []),
     "approach": ("vbar_approach", []),
+    "plume": ("final_approach", []),
     "aborts": ("inspection_abort", []),
     "eccentric": ("elliptic_rendezvous", []),
     "team": ("cooperative_inspection", []),
@@ -110,7 +112,7 @@ def unread(file: ScenarioFile) -> tuple[set[str], set[str]]:
     scenario = static_settings(file, allow_team=True)
     run: Any = run_program(file, scenario, Stages(), "jax")
     leaves, tree = jax.tree.flatten(run.nominal)
-    metrics = [METRICS[name] for name in DIFFERENTIABLE if file.phases or not METRICS[name].of_missions]
+    metrics = [METRICS[name] for name in DIFFERENTIABLE if metric_needs.lacks(file, METRICS[name]) is None]
     key = jax.random.key_data(jax.random.key(0))
     nothing: Any = [{} for _ in file.servicers] or {}
 

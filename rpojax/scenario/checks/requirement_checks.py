@@ -4,11 +4,11 @@ from typing import Any
 
 from rpojax.errors import ScenarioError
 from rpojax.metrics import passive_safety, surface_coverage
-from rpojax.metrics.metric_catalogue import METRICS, find
+from rpojax.metrics.metric_catalogue import find
+from rpojax.scenario import metric_needs
 from rpojax.scenario.schema import RequirementSection, ScenarioFile
 
 _OF_COVERAGE = frozenset(metric.name for metric in surface_coverage.METRICS)
-_OF_MISSIONS = frozenset(name for name, metric in METRICS.items() if metric.of_missions)
 
 
 def check_requirements(file: ScenarioFile) -> None:
@@ -28,8 +28,9 @@ def check_requirements(file: ScenarioFile) -> None:
         if name in _OF_COVERAGE and not file.coverage.enabled:
             expected = "a metric that is evaluated: this one needs coverage.enabled = true"
             raise ScenarioError(f"requirements.{number}.metric", name, expected)
-        if name in _OF_MISSIONS and not file.phases:
-            expected = "a metric that is evaluated: this one needs [[phases]]"
+        metric = find(name)
+        if metric is not None and (lacking := metric_needs.lacks(file, metric)):
+            expected = f"a metric that is evaluated: this one needs {lacking}"
             raise ScenarioError(f"requirements.{number}.metric", name, expected)
         for key, found, expected in _window_faults(file, requirement):
             raise ScenarioError(f"requirements.{number}.{key}", found, expected)

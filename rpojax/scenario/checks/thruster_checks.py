@@ -18,6 +18,8 @@ def check_thrusters(file: ScenarioFile) -> None:
         ScenarioError: naming the key, what was found and what was expected.
     """
     if not file.thrusters:
+        if file.effects.plume:
+            raise ScenarioError("effects.plume", True, "false, or [[thrusters]] whose plumes push the target")
         return
     names = [each.name for each in file.thrusters]
     for each in file.thrusters:

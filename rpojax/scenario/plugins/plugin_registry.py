@@ -8,6 +8,7 @@ from rpojax.flight.stages import Stages
 from rpojax.metrics import filter_consistency
 from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Metric
+from rpojax.scenario import metric_needs
 from rpojax.scenario.plugins import plugin_file
 from rpojax.scenario.plugins.plugin import Plugin, described_plugin
 from rpojax.scenario.schema import ScenarioFile, with_sensors
@@ -144,7 +145,7 @@ def metrics_of(file: ScenarioFile) -> dict[str, Metric]:
 
 def catalogue_of(file: ScenarioFile) -> dict[str, Metric]:
     """Metrics of the package that a scenario may have, and of its plugin, by name."""
-    own = {name: metric for name, metric in METRICS.items() if file.phases or not metric.of_missions}
+    own = {name: metric for name, metric in METRICS.items() if metric_needs.lacks(file, metric) is None}
     return own | metrics_of(file)
 
 

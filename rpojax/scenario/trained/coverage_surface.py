@@ -97,7 +97,7 @@ def reflecting_triangles(tables: Mapping[str, Any]) -> tuple[np.ndarray, np.ndar
     """
     coverage = tables["coverage"]
     if coverage["surface"] == HULL:
-        return _hull_triangles(np.array(tables["target"]["hull_m"])), None
+        return hull_triangles(np.array(tables["target"]["hull_m"])), None
     path = mesh_path(tables)
     mesh = packaged_target() if path is None else _mesh(path, coverage["mesh_units"])
     triangles = np.concatenate([part.vertices[part.faces] for part in mesh.parts])
@@ -111,7 +111,12 @@ def _mesh(path: Path, units: str) -> TargetMesh:
         return mesh_files.load_mesh(path, units)
 
 
-def _hull_triangles(points: np.ndarray) -> np.ndarray:
+def hull_triangles(points: np.ndarray) -> np.ndarray:
+    """Triangles (n, 3, 3) of the convex hull of points [m], counter-clockwise from outside.
+
+    Raises:
+        ScenarioError: the points span no volume.
+    """
     try:
         hull = ConvexHull(points)
     except QhullError:

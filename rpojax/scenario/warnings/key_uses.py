@@ -112,10 +112,16 @@ _PLANT: Final = (
         lambda at: at.file.effects.solar_pressure,
     ),
     Use(
-        ("target.mass_kg", *_surfaces("area_m2", "center_of_pressure_m")),
+        _surfaces("area_m2", "center_of_pressure_m"),
         "effects.drag or effects.solar_pressure = true",
         lambda at: at.file.effects.drag or at.file.effects.solar_pressure,
     ),
+    Use(
+        ("target.mass_kg",),
+        "effects.drag, effects.solar_pressure or effects.plume = true",
+        lambda at: at.file.effects.drag or at.file.effects.solar_pressure or at.file.effects.plume,
+    ),
+    Use(("plume.*",), "effects.plume = true", lambda at: at.file.effects.plume),
     Use(
         ("target.tumble_axis",),
         "a target.tumble_rate_deg_s other than 0",

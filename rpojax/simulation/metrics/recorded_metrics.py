@@ -11,6 +11,7 @@ from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
 from rpojax.metrics.recorded_reduction import reduce_in_window, reduce_records
 from rpojax.metrics.time_windows import MetricWindow
+from rpojax.scenario import metric_needs
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
@@ -26,15 +27,15 @@ MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_
 """Channels of scenarios with phases that metrics and outcomes read."""
 
 
-def _of_records(*, has_phases: bool = True) -> list[Metric]:
-    found = [metric for metric in METRICS.values() if metric.source == "records"]
-    return [metric for metric in found if has_phases or not metric.of_missions]
+PLUME_CHANNELS: Final = ("plume_impulse_n_s",)
+"""Channels of scenarios with plumes on the target that metrics read."""
 
+_OF_RECORDS: Final = [metric for metric in METRICS.values() if metric.source == "records"]
 
 REQUIRED_CHANNELS: Final = tuple(
-    sorted({"mode"} | {name for metric in _of_records() for name in metric.inputs} - _DERIVED)
+    sorted({"mode"} | {name for metric in _OF_RECORDS for name in metric.inputs} - _DERIVED - set(PLUME_CHANNELS))
 )
-"""Channels that the metrics read."""
+"""Channels of all scenarios that the metrics read."""
 
 
 def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, Floats]:
@@ -46,7 +47,7 @@ def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, 
         varied: values of the runs (runs, ...) by key, of the keys that vary
     """
     quantities, timing = _quantities(file, records, varied), _timing(file)
-    metrics = _of_records(has_phases=bool(file.phases))
+    metrics = [metric for metric in _OF_RECORDS if metric_needs.lacks(file, metric) is None]
     found = {metric.name: reduce_records(metric, quantities, timing) for metric in metrics}
     return found | _custom(file, quantities, timing)
 

@@ -23,6 +23,7 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import (
     CHANNELS,
     MISSION_CHANNELS,
+    PLUME_CHANNELS,
     POSE_CHANNELS,
     ChannelFunctions,
     ObservedTick,
@@ -127,6 +128,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         **{name: partial(_measurement, name) for name in telemetry.measurements.additional},
         **sensor_channels(telemetry.flight.rejected_s),
         **(_OF_MISSIONS if scenario.mission.is_managed else {}),
+        **(PLUME_CHANNELS if scenario.effects.plume else {}),
     }
     for metric in metrics:
         for name in metric.inputs:

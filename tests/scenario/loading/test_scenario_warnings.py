@@ -24,7 +24,7 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     ),
     "atmosphere.density_kg_m3": ("inspection", ["atmosphere.density_kg_m3=1e-12"], "effects.drag = true"),
     "sunlight.flux_w_m2": ("inspection", ["sunlight.flux_w_m2=1400"], "effects.solar_pressure = true"),
-    "target.mass_kg": ("inspection", ["target.mass_kg=50"], "effects.drag or effects.solar_pressure = true"),
+    "target.mass_kg": ("inspection", ["target.mass_kg=50"], "effects.solar_pressure or effects.plume = true"),
     "thruster.rise_time_s": ("inspection", ["thruster.rise_time_s=0.1"], "effects.thruster_ramps = true"),
     "thruster.tank_position_m": ("inspection", ["thruster.tank_position_m=[0,0,0]"], "center_of_mass_shift = true"),
     "wheels.torque_step_n_m": ("inspection", ["wheels.torque_step_n_m=1e-5"], "effects.wheel_torque_steps = true"),

@@ -85,6 +85,17 @@ def test_requirements_on_the_arrival_need_phases() -> None:
         scenario_loader.validate(tables | {"requirements": [one]})
 
 
+def test_requirements_on_plumes_need_them() -> None:
+    tables = scenario_loader.load("final_approach", ["effects.plume=false"]).model_dump()
+    one = {"metric": "plume_impulse_n_s", "bound": "at most", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
+    with pytest.raises(
+        RpojaxError, match=r"requirements\.0\.metric: found 'plume_impulse_n_s', expected .*plume = true"
+    ):
+        scenario_loader.validate(tables | {"requirements": [one]})
+    with pytest.raises(RpojaxError, match=r"effects\.plume: found True, expected false, or \[\[thrusters\]\]"):
+        scenario_loader.load("inspection", ["effects.plume=true"])
+
+
 def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: Records) -> None:
     found = phase_records.evaluate(file, records, {})
     nan = np.nan

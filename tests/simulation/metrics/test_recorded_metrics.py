@@ -31,7 +31,7 @@ def metrics(hour: ScenarioFile) -> Callable[[Records], dict[str, float]]:
 
 def test_every_metric_has_a_unit_and_all_channels_are_listed(hour: ScenarioFile) -> None:
     metrics = metric_catalogue.METRICS.values()
-    of_records = {metric.name for metric in metrics if metric.source == "records" and not metric.of_missions}
+    of_records = {metric.name for metric in metrics if metric.source == "records" and metric.needs is None}
     assert set(recorded_metrics.evaluate(hour, perfect_run(), {})) == of_records
     assert of_records < set(metric_catalogue.UNITS)
     assert set(perfect_run()) == set(recorded_metrics.REQUIRED_CHANNELS)

@@ -22,7 +22,7 @@ from rpojax.simulation.telemetry import Telemetry
 ADDED = Metric(
     "max_range_m", "m", title="Greatest range", meaning="Of the spacecraft.", inputs=("range_m",), reduction="max"
 )
-RUNNING = [name for name, metric in METRICS.items() if isinstance(metric.reduction, str) and not metric.of_missions]
+RUNNING = [name for name, metric in METRICS.items() if isinstance(metric.reduction, str) and metric.needs is None]
 SHARED = [name for name in RUNNING if METRICS[name].source == "records"]
 Results = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
 

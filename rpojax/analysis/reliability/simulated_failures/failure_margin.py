@@ -16,6 +16,7 @@ from rpojax.errors import RpojaxError
 from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
 from rpojax.metrics import metric_catalogue
 from rpojax.metrics.metric_definition import Metric
+from rpojax.scenario import metric_needs
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.phases.phase_sections import NO_GOAL
 from rpojax.scenario.plugins import plugin_registry
@@ -136,7 +137,9 @@ def _check_metric(file: ScenarioFile, name: str) -> None:
 
 def _is_of_runs(file: ScenarioFile, metric: Metric | None) -> bool:
     """Whether it is evaluated from records or drifts of the runs of the scenario."""
-    return metric is not None and metric.source in ("records", "drifts") and bool(file.phases or not metric.of_missions)
+    if metric is None or metric.source not in ("records", "drifts"):
+        return False
+    return metric_needs.lacks(file, metric) is None
 
 
 @dataclass(frozen=True)
