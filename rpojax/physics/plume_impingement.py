@@ -175,8 +175,10 @@ def loads(
     form = shape(plume)
     thrust = jax.vmap(gradient_safe.norm)(forces_T)
     axes_T = -jax.vmap(gradient_safe.normalize)(forces_T)
-    along, across = _weights(plume, form, facets, sources_T, axes_T)
-    scale = thrust / (2.0 * math.pi * moment(form, 1))
+    along, across, caught = _weights(plume, form, facets, sources_T, axes_T)
+    # Closer than the far field holds, facets would catch more momentum than the plume has.
+    whole = 2.0 * math.pi * moment(form, 1)
+    scale = thrust / jnp.maximum(whole, caught)
     along, across = scale[:, None] * along, scale[:, None] * across
     # A force along the flow acts on a line through the source, one across a facet at its centre.
     of_flow = _over_facets(along, facets.centers) - sources_T * jnp.sum(along, axis=1)[:, None]
@@ -191,15 +193,17 @@ def _over_facets(factors: Float[Array, "n f"], of_facets: Float[Array, "f 3"]) -
 
 def _weights(
     plume: Plume, form: Shape, facets: Facets, sources_T: Float[Array, "n 3"], axes_T: Float[Array, "n 3"]
-) -> tuple[Float[Array, "n f"], Float[Array, "n f"]]:
-    """Factors of the vectors from the sources to the facets, and of the inward normals, in their forces.
+) -> tuple[Float[Array, "n f"], Float[Array, "n f"], Float[Array, " n"]]:
+    """Factors of the vectors from the sources to the facets, and of the inward normals, in their forces; momentum met.
 
-    For a dynamic pressure of the gas, density times squared speed, of 1 N/m^2 at 1 m on the axis.
+    For a dynamic pressure of the gas, density times squared speed, of 1 N/m^2 at 1 m on the axis. The last is what all
+    facets catch of the momentum along the axis.
     """
     r = tuple(facets.centers[None, :, axis] - sources_T[:, axis, None] for axis in range(3))
+    square = r[0] ** 2 + r[1] ** 2 + r[2] ** 2
+    per_length = jax.lax.rsqrt(jnp.where(square > 0.0, square, 1.0))
     # No facet takes more than half of all directions, which only one nearer than its own size would.
-    square = jnp.maximum(r[0] ** 2 + r[1] ** 2 + r[2] ** 2, facets.areas[None] / (2.0 * math.pi))
-    per_length = jax.lax.rsqrt(square)
+    per_square = 1.0 / jnp.maximum(square, facets.areas[None] / (2.0 * math.pi))
     on_axis, facing = (
         sum(r[axis] * each for axis, each in enumerate(components)) * per_length
         for components in (
@@ -210,9 +214,10 @@ def _weights(
     facing = jnp.maximum(facing, 0.0)
     off_axis = gradient_safe.sqrt(1.0 - on_axis * on_axis)
     density = relative_density(form, trigonometric_series.arctan2(off_axis, on_axis))
-    received = density * facets.areas[None] * facing * per_length * per_length
+    received = density * facets.areas[None] * facing * per_square
     diffuse = plume.accommodation
     return (
         diffuse * received * per_length,
         received * (diffuse * reemission(plume) + 2.0 * (1.0 - diffuse) * facing),
+        jnp.sum(received * jnp.maximum(on_axis, 0.0), axis=1),
     )

@@ -18,6 +18,13 @@ LOOP_FUSION_FLAG = (
 """Flag that lets XLA fuse computations with several results, and compile small loops as one function."""
 
 
+_JAX_DEFAULTS = {
+    "JAX_COMPILATION_CACHE_DIR": None,
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": 1.0,
+    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": 0,
+}
+"""Settings of JAX where nobody has set them."""
+
 _is_prepared = _is_set_up = False
 
 
@@ -55,7 +62,6 @@ def prepare_jax(cache: bool) -> None:
         RpojaxError: XLA does not know a flag in XLA_FLAGS.
     """
     global _is_set_up
-    _is_set_up = True
     if _has_begun():
         return
     hide_compiler_log()
@@ -64,6 +70,7 @@ def prepare_jax(cache: bool) -> None:
     check_flags(flags)
     if _DEVICE_FLAG not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={available_cores()}".strip()
+    _is_set_up = True
     folder = _cache_folder() if cache and os.environ.get("RPOJAX_CACHE") != "off" else None
     if folder is not None:
         _set_default("JAX_COMPILATION_CACHE_DIR", str(folder))
@@ -74,15 +81,20 @@ def prepare_jax(cache: bool) -> None:
 def _has_begun() -> bool:
     """Whether JAX has read the flags: with its first device, not when it is imported."""
     bridge = sys.modules.get("jax._src.xla_bridge")
-    return bridge is not None and getattr(bridge, "backends_are_initialized", lambda: True)()
+    # A version of JAX that does not tell is taken for one that has not: flags that come too late have no effect.
+    return bridge is not None and getattr(bridge, "backends_are_initialized", lambda: False)()
 
 
 def _set_default(name: str, value: str | int) -> None:
-    """Sets a variable that JAX reads when it is imported, and where that is too late its setting."""
-    if name not in os.environ:
-        os.environ[name] = str(value)
-        if "jax" in sys.modules:
-            sys.modules["jax"].config.update(name.lower(), value)
+    """Sets a variable that JAX reads when imported, and where that is too late its setting, unless the user has."""
+    if name in os.environ:
+        return
+    jax = sys.modules.get("jax")
+    if jax is not None:
+        if getattr(jax.config, name.lower()) != _JAX_DEFAULTS[name]:
+            return
+        jax.config.update(name.lower(), value)
+    os.environ[name] = str(value)
 
 
 def hide_compiler_log() -> None:
@@ -107,8 +119,10 @@ def set_loop_fusion_flag(rendered: bool) -> None:
 
 
 def is_slow() -> bool:
-    """Whether nobody has set JAX up for the closed loop, neither this module nor the user by flags."""
-    return not _is_set_up and _BACKEND_OPTIONS_FLAG not in os.environ.get("XLA_FLAGS", "")
+    """Whether JAX computes on a CPU, and nobody has set it up for the closed loop, neither this module nor the user."""
+    if _is_set_up or _BACKEND_OPTIONS_FLAG in os.environ.get("XLA_FLAGS", ""):
+        return False
+    return _has_begun() and sys.modules["jax"].default_backend() == "cpu"
 
 
 def environment_without_loop_fusion() -> dict[str, str]:

@@ -96,6 +96,14 @@ def test_process_can_be_prepared_after_jax_is_imported(tmp_path: Path) -> None:
     assert in_new_process(code, "jax", XDG_CACHE_HOME=str(tmp_path)) == [devices, str(tmp_path / "rpojax" / "jax")]
 
 
+def test_a_cache_that_the_user_has_set_stays(tmp_path: Path) -> None:
+    code = (
+        "import rpojax\njax.config.update('jax_compilation_cache_dir', 'mine')\nrpojax.prepare_process()\n"
+        "print(json.dumps([jax.config.jax_compilation_cache_dir, 'JAX_COMPILATION_CACHE_DIR' in os.environ]))"
+    )
+    assert in_new_process(code, "jax", XDG_CACHE_HOME=str(tmp_path)) == ["mine", False]
+
+
 def test_process_cannot_be_prepared_once_jax_has_computed() -> None:
     code = (
         "import rpojax\njax.device_count()\nbefore = dict(os.environ)\ntry: rpojax.prepare_process()\n"

@@ -172,6 +172,7 @@ def test_compilation_without_the_flags_of_the_package_says_so(
     terminal: Terminal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jax_environment, "_is_set_up", False)
+    monkeypatch.setattr(jax_environment, "_has_begun", lambda: True)
     monkeypatch.setenv("XLA_FLAGS", "--xla_force_host_platform_device_count=2")
     with run_progress(600.0, quiet=False) as watch:
         watch(Progress(done=0.0, total=128, failed=0, compiled=False))

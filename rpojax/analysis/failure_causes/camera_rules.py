@@ -1,7 +1,7 @@
 """Causes before the lens: target larger than the frame or too small in it, light, missing and false boxes."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
 from rpojax.analysis.failure_causes.present_values import at_least, at_most, change
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
+from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.attitude_authority import lacking_torques
 from rpojax.scenario.warnings.target_light import light_warnings
 from rpojax.scenario.warnings.target_size import least_half_frame
@@ -183,15 +184,23 @@ def pointing(evidence: RunEvidence) -> Finding:
     def mend(_: Flags) -> str:
         if not torque:
             return f"a smaller {_SLEWS}, a longer pointing.settle_time_s, or see attitude and star tracker"
-        slower = [
-            change(file, each.key, evidence.reach.high(each.key) * each.limit_n_m / each.needed_n_m) for each in torque
-        ]
         stronger = at_least(file, f"wheels.torque_limit_n_m[{torque[0].wheel}]", torque[0].needed_n_m)
-        return f"{' and '.join(slower)}; or {stronger}"
+        slower = {each.key: evidence.reach.high(each.key) * each.limit_n_m / each.needed_n_m for each in torque}
+        if not _leave_time(file, slower):
+            return f"{stronger}; slower slews leave no time for a burn"
+        return f"{stronger}; or {' and '.join(change(file, key, value) for key, value in slower.items())}"
 
     name, depth = ("wheels", Depth.ROOT) if torque else ("pointing", Depth.MECHANISM)
     title = "wheels give too little torque" if torque else "the attitude does not follow"
     return Finding(name, title, depth, share / _PAST, at_s, words, mend)
+
+
+def _leave_time(file: ScenarioFile, slower: Mapping[str, float]) -> bool:
+    """Whether half a turn and back with smaller accelerations leave time for a burn within the look-away limit."""
+    if _SLEWS not in slower:
+        return True
+    turn_s = math.pi * math.sqrt(2.0 / (1e-3 * slower[_SLEWS]))
+    return bool(2.0 * turn_s + file.thruster.minimum_on_time_s <= file.pointing.look_away_limit_s)
 
 
 def dark(evidence: RunEvidence) -> Finding:

@@ -9,6 +9,8 @@ import numpy as np
 import pydantic
 
 from rpojax.analysis.statistics.tolerance_verdicts import (
+    VIOLATED,
+    RequirementEvaluation,
     Verdict,
     counts,
     evaluate_requirement,
@@ -25,7 +27,7 @@ from rpojax.simulation.outcomes.outcome_kinds import Outcome
 _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE_RUNS: "open"}
 
 ALL_FAILED = "open: all runs failed"
-"""Verdict in words on a requirement that is kept in runs of which all failed: more of these tell nothing."""
+"""Verdict in words on a requirement that is not decided by runs of which all failed: more of these tell nothing."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +124,8 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         **requirement.model_dump(),
         "unit": metric_label(requirement.metric_name).unit or "-",
         "verdict": str(found.verdict),
-        "verdict_text": ALL_FAILED if is_hopeless else found.text,
-        "more_runs": found.more_runs,
+        "verdict_text": ALL_FAILED if is_hopeless else _verdict_text(found),
+        "more_runs": None if is_hopeless else found.more_runs,
         "runs": found.runs,
         "violations": found.violations,
         "beyond_limit": found.beyond_limit,
@@ -144,6 +146,14 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         **({} if requirement.is_of_all_runs else {"of": requirement.metric_name, "not_counted": found.not_counted}),
         **({} if reached is None else _reached_entry(requirement, reached, of_outcome)),
     }
+
+
+def _verdict_text(found: RequirementEvaluation) -> str:
+    """Verdict in words; where runs without a value alone refute it, they and not the limit are named."""
+    is_by_values = found.beyond_limit or not found.without_value
+    if is_by_values or found.text != VIOLATED:
+        return found.text
+    return f"{found.without_value} without a value"
 
 
 def _without_value(
@@ -196,14 +206,14 @@ def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
     interval = entry["success_interval"]
     allowed = "too few runs" if entry["allowed"] is None else f"{entry['allowed']} allowed"
     no_verdict = str(entry["verdict"]).partition(":")[0]
-    beside = f"{entry['without_value']} without a value; {no_verdict if interval is None else allowed}"
+    beside = f"{entry['without_value']} of them without a value; {no_verdict if interval is None else allowed}"
     return [
         _worst_cell(entry),
         (sample_percentile_text(entry) or format_number(None), ""),
         (_order_statistic_text(entry), "" if entry["rank"] is None else f"rank {entry['rank']} of {entry['runs']}"),
         (_signed(entry["margin"]), ""),
         (
-            f"{entry['beyond_limit']} of {entry['runs']}",
+            f"{entry['violations']} of {entry['runs']}",
             beside if entry["without_value"] else beside.partition("; ")[2],
         ),
         (
@@ -240,8 +250,7 @@ def violations_text(entry: Mapping[str, Any]) -> str:
     """How many runs violate a requirement, and how many of them by having no value, in words."""
     if not entry["without_value"]:
         return f"{entry['violations']} of {entry['runs']} violate it"
-    lacking = f"{entry['without_value']} without a value"
-    return f"{entry['beyond_limit']} of {entry['runs']} violate it, {lacking}"
+    return f"{entry['violations']} of {entry['runs']} violate it, {entry['without_value']} of them without a value"
 
 
 def worst_text(entry: Mapping[str, Any]) -> str:

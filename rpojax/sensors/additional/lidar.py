@@ -73,14 +73,14 @@ class Lidar(AdditionalSensor):
         present = found.present & surface_ranging.is_within(beams, settings["boresight"], field)
         count = jnp.sum(jnp.where(present, 1.0, 0.0), axis=0)
         hit = count > 0.5
-        number = jnp.where(hit, count, 1.0)
-        # Each return stands for the surface across its beam, which grows with the square of its distance.
+        # A return stands for the surface across its beam, of a pattern that is even in the plane across its axis.
         distance = jnp.where(present, found.distance, 0.0)
-        share = distance**2 / jnp.where(hit, jnp.sum(distance**2, axis=0), 1.0)
+        surface = distance**2 * jnp.sum(beams * cone.axis_B[None, :], axis=1) ** 3
+        share = surface / jnp.where(hit, jnp.sum(surface, axis=0), 1.0)
         mean = jnp.sum(beams * (share * distance)[:, None], axis=0)
         line = jnp.where(hit, gradient_safe.normalize(jnp.where(hit, mean, cone.axis_B)), cone.axis_B)
         first, second = surface_ranging.across_axes(line)
-        along = settings["bias"] + settings["noise"] * normals[0] / jnp.sqrt(number)
+        along = settings["bias"] + settings["noise"] * normals[0] * gradient_safe.norm(share)
         across = settings["angle_noise"] * gradient_safe.norm(jnp.where(hit, mean, cone.axis_B))
         centroid = mean + along * line + across * (normals[1] * first + normals[2] * second)
         return {"lidar_centroid_m": jnp.where(hit, centroid, math.nan), "lidar_returns_count": count}

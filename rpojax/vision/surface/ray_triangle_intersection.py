@@ -2,8 +2,8 @@
 
 A ray passes a triangle on the inside if it is on the same side of all three edges: the sign of the product of the ray's
 and the edge's Pluecker coordinates (Shoemake, Pluecker Coordinate Tutorial, 1998), which of the edge are constants. Two
-triangles have a common edge in opposite directions to the last bit, so that no ray slips between them (Woop et al.,
-Watertight Ray/Triangle Intersection, 2013).
+triangles have a common edge in opposite directions to the last bit (`_edge`), so that no ray slips between them (Woop et
+al., Watertight Ray/Triangle Intersection, 2013).
 """
 
 from typing import Final
@@ -96,13 +96,24 @@ def _planes(triangles: Float[Array, "t 3 3"]) -> tuple[Array, Array, Array]:
     The last two are one array (t, 2); normal and area are twice the area of the triangle [m^2].
     """
     corners = [[triangles[:, corner, axis] for axis in range(3)] for corner in range(3)]
-    edges = [
-        jnp.stack([*_cross(start, end), *_minus(end, start)], axis=1)
-        for start, end in zip(corners, [*corners[1:], corners[0]], strict=True)
-    ]
+    edges = [_edge(start, end) for start, end in zip(corners, [*corners[1:], corners[0]], strict=True)]
     normal = _cross(_minus(corners[1], corners[0]), _minus(corners[2], corners[0]))
     constants = [_dot(normal, corners[0]), jnp.sqrt(_dot(normal, normal))]
     return jnp.stack(edges, axis=1), jnp.stack(normal, axis=1), jnp.stack(constants, axis=1)
+
+
+def _edge(start: list[Array], end: list[Array]) -> Float[Array, "t 6"]:
+    """Pluecker coordinates of edges, of both directions to the last bit: from the lower corner, with a sign.
+
+    A compiler that fuses a product into a difference gives another value for exchanged corners.
+    """
+    is_later = start[2] > end[2]
+    for axis in (1, 0):
+        is_later = (start[axis] > end[axis]) | ((start[axis] == end[axis]) & is_later)
+    low = [jnp.where(is_later, last, first) for first, last in zip(start, end, strict=True)]
+    high = [jnp.where(is_later, first, last) for first, last in zip(start, end, strict=True)]
+    sign = jnp.where(is_later, -1.0, 1.0)
+    return jnp.stack([sign * each for each in (*_cross(low, high), *_minus(high, low))], axis=1)
 
 
 def _minus(a: list[Array], b: list[Array]) -> list[Array]:
@@ -115,7 +126,6 @@ def _dot(a: list[Array] | Array, b: list[Array]) -> Array:
 
 
 def _cross(a: list[Array], b: list[Array]) -> list[Array]:
-    """Cross products; with arguments exchanged they change their sign to the last bit."""
     return [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

@@ -154,9 +154,17 @@ def test_probabilities_are_not_rounded_up_to_the_required_one():
     }
     cells = requirement_verdict_section.rows([entry])[0].cells
     assert cells[0] == ("no value", "1 lost the target; of the others 2")
-    assert cells[4] == ("1000 of 100000", "1 without a value; 900 allowed")
+    assert cells[4] == ("1001 of 100000", "1 of them without a value; 900 allowed")
     assert cells[5] == ("0.9899", "0.9895 to 0.9904")
     assert cells[3] == ("\N{MINUS SIGN}0.1000", "")
+
+
+def test_runs_without_a_value_alone_are_named_and_not_the_limit(build):
+    campaign = build(runs=12, seconds=30, kept=(), failed=(2, 4, 7))
+    kept = _require(campaign, metric="min_range_m", bound="at least", limit=1.0)
+    assert (kept["verdict"], kept["beyond_limit"], kept["verdict_text"]) == ("not verified", 0, "3 without a value")
+    broken = _require(campaign, metric="min_range_m", bound="at least", limit=1e6)
+    assert (broken["beyond_limit"], broken["verdict_text"]) == (9, "violated")
 
 
 def test_unknown_metric_and_invalid_requirement_are_errors(build):
@@ -177,6 +185,6 @@ def test_a_failed_run_without_a_value_is_the_worst(build):
     assert found["without_value_text"] == f"1 {kind.reason}"
     assert requirement_verdict_section.worst_text(found) == f"no value (1 {kind.reason}), of the others {worst}"
     [row] = requirement_verdict_section.rows([found])
-    assert "7 of 8 violate it, 1 without a value" in row.note
+    assert "8 of 8 violate it, 1 of them without a value" in row.note
     assert row.cells[0][0] == "no value"
     assert f"1 {kind.reason}" in row.cells[0][1]

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from rpojax.training.synthetic_data.meshes.packaged_target import packaged_target
 from rpojax.vision.surface.ray_triangle_intersection import NearestHits, nearest_hits
@@ -77,6 +78,19 @@ def test_no_ray_slips_between_two_triangles_with_a_common_edge() -> None:
     along = np.linspace(0.01, 0.99, 1000)[:, None] * (corners[2] - corners[0]) + corners[0] - origin
     found = cast(triangles, origin, along / np.linalg.norm(along, axis=1)[:, None])
     np.testing.assert_allclose(found.distance, np.linalg.norm(along, axis=1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_ray_leaves_a_closed_hull_by_an_edge(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points = random.normal(size=(60, 3))
+    triangles = points[ConvexHull(points).simplices]
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    share = random.uniform(0.01, 0.99, size=(len(edges), 50, 1))
+    origin = 0.1 * random.normal(size=3)
+    towards = (share * edges[:, None, 0] + (1.0 - share) * edges[:, None, 1] - origin).reshape(-1, 3)
+    found = cast(triangles, origin, towards / np.linalg.norm(towards, axis=1)[:, None])
+    np.testing.assert_allclose(found.distance, np.linalg.norm(towards, axis=1), rtol=1e-9)
 
 
 def test_behind_beside_and_edge_on_there_is_no_hit() -> None:
