@@ -48,7 +48,10 @@ def belief_mend(file: ScenarioFile, reach: DispersedReach, key: str, words: str)
     if key in _LASTING and of_truth == _LASTING[key][1]:
         belief = _LASTING[key][0]
     mended = at_most(file, of_truth, float(believed[1]))
-    if ideal:
+    largest = _largest(reach, of_truth, ideal)
+    if float(np.max(np.abs(reach.middle(of_truth) - ideal))) < 0.5 * largest:
+        mended = f"{of_truth}: dispersed by up to {largest:.3g}, at most {float(believed[1]):.3g}"
+    elif ideal:
         mended = change(file, of_truth, ideal) + f" (to within {float(believed[1]):.3g})"
     told = change(file, belief, float(truth[1]))
     return (
@@ -66,9 +69,14 @@ def believed_text(file: ScenarioFile, key: str, words: str) -> str:
     return _BELIEVED.sub(lambda found: f"{found[0]} ({both})", words, count=1)
 
 
+def _largest(reach: DispersedReach, key: str, ideal: float) -> float:
+    """Largest error of a key between the ends of its dispersion."""
+    return float(np.max(np.abs(reach.ends(key) - ideal)))
+
+
 def _hardware(reach: DispersedReach, key: str, words: str) -> tuple[str, float] | None:
     """Key of the error that contributes most to the truth of a belief, and its value without an error."""
     if key in _HARDWARE:
-        return max(_HARDWARE[key], key=lambda each: float(np.max(np.abs(reach.middle(each[0]) - each[1]))))
+        return max(_HARDWARE[key], key=lambda each: _largest(reach, *each))
     found = _OF_ONE_KEY.search(words)
     return None if found is None else (found[1], 0.0)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horizon_metric_name
@@ -73,12 +74,12 @@ def nearest_text(safety: Mapping[str, Any], nearest: Mapping[str, Any] | None) -
 
 
 def _target_radius(campaign: CampaignResults) -> float | None:
-    """Radius [m] about the target's origin that its hull fills in any attitude, roughly; None without a hull."""
+    """Radius [m] of the sphere about the target's origin that its nominal hull holds; None without a hull."""
     target = campaign.info.get("scenario", {}).get("target", {})
     if not target.get("hull_m"):
         return None
     hull = np.asarray(target["hull_m"], dtype=float) * float(target.get("scale", 1.0))
-    return max(0.0, float(np.min([hull.max(axis=0), -hull.min(axis=0)])))
+    return max(0.0, -float(ConvexHull(hull).equations[:, 3].max()))
 
 
 def rows(safety: Mapping[str, Any]) -> list[SafetyRow]:

@@ -2,8 +2,8 @@
 
 A ray passes a triangle on the inside if it is on the same side of all three edges: the sign of the product of the ray's
 and the edge's Pluecker coordinates (Shoemake, Pluecker Coordinate Tutorial, 1998), which of the edge are constants. Two
-triangles have a common edge in opposite directions to the last bit (`_edge`), so that no ray slips between them (Woop et
-al., Watertight Ray/Triangle Intersection, 2013).
+triangles have a common edge in opposite directions to the last bit (`_edge`), so that no ray slips between them (Woop
+et al., Watertight Ray/Triangle Intersection, 2013).
 """
 
 from typing import Final

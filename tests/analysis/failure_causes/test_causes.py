@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from planted_evidence import FAILED, RUNS, file_of, phases_of, planted
 
+from rpojax.analysis.failure_causes.belief_mends import belief_mend
 from rpojax.analysis.failure_causes.present_values import with_present_values
 from rpojax.analysis.failure_causes.ranking import all_findings, causes
 from rpojax.analysis.failure_causes.run_evidence import RunEvidence
 from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.flight.navigation_health import TESTS
 from rpojax.physics.equipment_faults import KINDS
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 
 
 def first(evidence: RunEvidence) -> tuple[str, int, str]:
@@ -267,6 +270,14 @@ def test_a_belief_that_no_failed_test_suspects_is_no_cause(tests: tuple[str, ...
     assert [each.name for each in causes(evidence).findings] == ["misses"]
     suspected = planted(noisy, signs={"failed_tests": bits("box_variance", *tests)})
     assert first(suspected)[:2] == ("belief", int(FAILED.sum()))
+
+
+def test_the_hardware_of_a_wrong_belief_is_the_error_that_is_dispersed() -> None:
+    dispersion = {"key": "star_tracker.misalignment_deg", "kind": "normal", "sigma": [2.0, 2.0, 2.0]}
+    file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"dispersions": [dispersion]})
+    words = "the filter believes 0.1 deg, and the truth is up to 6 by camera and star_tracker.misalignment_deg"
+    found = belief_mend(file, DispersedReach(file), "navigation.bearing_bias_sigma_deg", words)
+    assert "star_tracker.misalignment_deg: dispersed by up to 6, at most 0.1;" in found
 
 
 def test_the_bias_of_boxes_suspects_a_wrong_size() -> None:
