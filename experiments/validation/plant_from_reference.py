@@ -21,6 +21,7 @@ from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Target, Truth
+from rpojax.physics.plume_impingement import Plume
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
@@ -97,6 +98,14 @@ def plant_params(reference: Reference) -> PlantParams:
         gravity=_gravity(reference),
         atmosphere=_atmosphere(reference),
         sunlight=sunlight(reference),
+        plume=Plume(
+            specific_heat_ratio=jnp.array(1.4),
+            exit_mach=jnp.array(5.0),
+            nozzle_half_angle=zero,
+            boundary_layer=jnp.array(0.1),
+            accommodation=zero,
+            wall_temperature=zero,
+        ),
         fault=Fault(kind=zero, start=zero, duration=zero, severity=zero, wheel=zero, thruster=zero),
     )
 

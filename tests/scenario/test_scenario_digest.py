@@ -53,11 +53,12 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
         "link",
         "team",
         "gps_differences",
+        "plume",
     )
     del content["chamber_pressure"], content["link_range"]
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
-    del content["target"]["scale"], content["fault"]["thruster"]
+    del content["target"]["scale"], content["fault"]["thruster"], content["effects"]["plume"]
     del content["health"]["lasting_limit"]
     for key in ("ballistic_sigma_m2_kg", "adaptation_limit", "thrust_walk_sqrt_s", "pressure_noise"):
         del content["navigation"][key]

@@ -179,8 +179,10 @@ def _consequences(campaign: CampaignResults, content: Mapping[str, Any]) -> list
     drifts = bool(_passive_safety(campaign, content))
     for entry in content["requirements"]:
         of_passive_safety = str(entry["metric"]).startswith("passive_range") and drifts
+        if entry["verdict"] != Verdict.NOT_VERIFIED or of_passive_safety:
+            continue
         beyond = _beyond_limit(campaign, entry)
-        if entry["verdict"] != Verdict.NOT_VERIFIED or of_passive_safety or not beyond or not explained >= beyond:
+        if not beyond or not explained >= beyond:
             continue
         found.append(f"{limit_text(entry)} ({entry['beyond_limit']} of {entry['runs']}, worst {worst_text(entry)})")
     if not found:

@@ -15,6 +15,7 @@ from rpojax.core.vectors import apply_transposed
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.nominal_motion import latitudes_after, mean_motion
+from rpojax.sensors.additional.registry import present_sensors
 from rpojax.value_types import epoch_seconds
 
 _LEAST_OF_ORBIT = 0.25
@@ -25,7 +26,12 @@ _POINTS = 360
 
 
 def light_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
-    """Too small a share of the orbit with a view of the target from the station, too many starts without one."""
+    """Too small a share of the orbit with a view of the target from the station, too many starts without one.
+
+    Nothing where a sensor that needs no light shows the direction of the target.
+    """
+    if any(sensor.shows_direction for sensor in present_sensors(file).values()):
+        return []
     found = []
     nodes = dict.fromkeys(float(each) for each in (*reach.ends("orbit.raan_deg"), reach.middle("orbit.raan_deg")))
     perigee = math.radians(file.orbit.argument_of_perigee_deg)

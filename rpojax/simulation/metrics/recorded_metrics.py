@@ -30,10 +30,13 @@ MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_
 PLUME_CHANNELS: Final = ("plume_impulse_n_s",)
 """Channels of scenarios with plumes on the target that metrics read."""
 
-_OF_RECORDS: Final = [metric for metric in METRICS.values() if metric.source == "records"]
+
+def _of_records() -> list[Metric]:
+    return [metric for metric in METRICS.values() if metric.source == "records"]
+
 
 REQUIRED_CHANNELS: Final = tuple(
-    sorted({"mode"} | {name for metric in _OF_RECORDS for name in metric.inputs} - _DERIVED - set(PLUME_CHANNELS))
+    sorted({"mode"} | {name for metric in _of_records() for name in metric.inputs} - _DERIVED - set(PLUME_CHANNELS))
 )
 """Channels of all scenarios that the metrics read."""
 
@@ -47,7 +50,7 @@ def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, 
         varied: values of the runs (runs, ...) by key, of the keys that vary
     """
     quantities, timing = _quantities(file, records, varied), _timing(file)
-    metrics = [metric for metric in _OF_RECORDS if metric_needs.lacks(file, metric) is None]
+    metrics = [metric for metric in _of_records() if metric_needs.lacks(file, metric) is None]
     found = {metric.name: reduce_records(metric, quantities, timing) for metric in metrics}
     return found | _custom(file, quantities, timing)
 

@@ -46,7 +46,7 @@ def test_a_file_extends_a_file_that_extends_a_packaged_scenario(tmp_path: Path) 
 def test_the_error_of_an_unknown_scenario_lists_the_packaged_ones(source: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         scenario_loader.load(source)
-    assert_one_line(caught.value, "scenario", "inspection", "inspection_cold")
+    assert_one_line(caught.value, "scenario", "inspection", "vbar_approach")
     assert source in str(caught.value)
 
 
