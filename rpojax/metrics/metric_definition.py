@@ -22,7 +22,7 @@ window has a weight (for `end` and `total`, where the last one has none), and wh
 """
 
 
-Need = Literal["phases", "plume"]
+Need = Literal["phases", "plume", "coverage"]
 """What only some scenarios have: phases of a mission, plumes on the target."""
 
 Source = Literal["records", "drifts", "coverage", "team", "simulation", "plugin"]

@@ -19,6 +19,7 @@ METRICS: Final = (
         title="Surface seen",
         meaning="Seen area of the target's surface over the area that was lit, both at some time in the run.",
         source="coverage",
+        needs="coverage",
         low_is_bad=True,
     ),
     Metric(
@@ -27,6 +28,7 @@ METRICS: Final = (
         title="Time to see 90 %",
         meaning="Time until 90 % of the surface that was lit at some time in the run had been seen.",
         source="coverage",
+        needs="coverage",
     ),
 )
 

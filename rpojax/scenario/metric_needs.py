@@ -17,6 +17,7 @@ class _Condition(NamedTuple):
 _CONDITIONS: Final[Mapping[Need, _Condition]] = {
     "phases": _Condition("[[phases]]", lambda file: bool(file.phases)),
     "plume": _Condition("effects.plume = true", lambda file: file.effects.plume),
+    "coverage": _Condition("coverage.enabled = true", lambda file: file.coverage.enabled),
 }
 
 

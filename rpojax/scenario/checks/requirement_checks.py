@@ -3,16 +3,14 @@
 from typing import Any
 
 from rpojax.errors import ScenarioError
-from rpojax.metrics import passive_safety, surface_coverage
+from rpojax.metrics import passive_safety
 from rpojax.metrics.metric_catalogue import find
 from rpojax.scenario import metric_needs
 from rpojax.scenario.schema import RequirementSection, ScenarioFile
 
-_OF_COVERAGE = frozenset(metric.name for metric in surface_coverage.METRICS)
-
 
 def check_requirements(file: ScenarioFile) -> None:
-    """Refuses requirements on drifts over unknown horizons, on coverage that is off, and in windows that no run has.
+    """Refuses requirements on drifts over unknown horizons, on what is not evaluated, and in windows that no run has.
 
     Raises:
         ScenarioError: naming the key, what was found and what was expected.
@@ -25,9 +23,6 @@ def check_requirements(file: ScenarioFile) -> None:
         if passive_safety.is_of_horizon(name) and name not in drift_metrics:
             expected = f"one of the metrics of safety.horizons = {file.safety.horizons}"
             raise ScenarioError(f"requirements.{number}.metric", requirement.metric, expected)
-        if name in _OF_COVERAGE and not file.coverage.enabled:
-            expected = "a metric that is evaluated: this one needs coverage.enabled = true"
-            raise ScenarioError(f"requirements.{number}.metric", name, expected)
         metric = find(name)
         if metric is not None and (lacking := metric_needs.lacks(file, metric)):
             expected = f"a metric that is evaluated: this one needs {lacking}"
