@@ -11,6 +11,7 @@ from rpojax.analysis.failure_causes.present_values import at_least, at_most, cha
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.attitude_authority import lacking_torques
+from rpojax.scenario.warnings.control_authority import HALF_TURN, longest_burns_s
 from rpojax.scenario.warnings.target_light import light_warnings
 from rpojax.scenario.warnings.target_size import least_half_frame
 
@@ -199,8 +200,9 @@ def _leave_time(file: ScenarioFile, slower: Mapping[str, float]) -> bool:
     """Whether half a turn and back with smaller accelerations leave time for a burn within the look-away limit."""
     if _SLEWS not in slower:
         return True
-    turn_s = math.pi * math.sqrt(2.0 / (1e-3 * slower[_SLEWS]))
-    return bool(2.0 * turn_s + file.thruster.minimum_on_time_s <= file.pointing.look_away_limit_s)
+    pointing = file.pointing.model_copy(update={_SLEWS.partition(".")[2]: slower[_SLEWS]})
+    turning = file.model_copy(update={"pointing": pointing})
+    return bool(longest_burns_s(turning, *HALF_TURN) >= file.thruster.minimum_on_time_s)
 
 
 def dark(evidence: RunEvidence) -> Finding:

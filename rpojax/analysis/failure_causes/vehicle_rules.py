@@ -10,7 +10,7 @@ from rpojax.analysis.failure_causes.present_values import at_least, at_most, cha
 from rpojax.analysis.failure_causes.run_evidence import Flags, RunEvidence
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.physics.equipment_faults import KINDS
-from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s, longest_burns_s
+from rpojax.scenario.warnings.control_authority import HALF_TURN, largest_delta_v_m_s, longest_burns_s
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _CERTAIN: Final = 2.0
@@ -25,7 +25,6 @@ _PERIODS: Final = 4
 _BLIND: Final = 0.5
 """Share of the time without star tracker from which on it is blind."""
 _SLEWS: Final = "pointing.slew_acceleration_mrad_s2"
-_SIGHT: Final = np.array([0.0, 1.0, 0.0])
 
 
 def findings(evidence: RunEvidence) -> Iterator[Finding]:
@@ -107,7 +106,7 @@ def _periods_s(evidence: RunEvidence) -> float:
 
 def _available_m_s(evidence: RunEvidence) -> float:
     """Velocity change that the longest burn after a half turn gives [m/s], by the nominal vehicle."""
-    return float(largest_delta_v_m_s(evidence.file, evidence.reach, _SIGHT, -_SIGHT))
+    return float(largest_delta_v_m_s(evidence.file, evidence.reach, *HALF_TURN))
 
 
 def authority(evidence: RunEvidence) -> Finding:
@@ -151,7 +150,7 @@ def coarse_burns(evidence: RunEvidence) -> Finding:
     strength = 2.0 * drift_m / off_m
     if available <= 0.0:
         strength = np.full(evidence.count, _CERTAIN)
-    left_s = float(longest_burns_s(file, _SIGHT, -_SIGHT)) if available <= 0.0 else np.inf
+    left_s = float(longest_burns_s(file, *HALF_TURN)) if available <= 0.0 else np.inf
     is_band = available > 0.0 and bool(np.median(by_burn) < by_band)
     title = "the dead band is too wide" if is_band else "the least burn is too long"
 

@@ -22,6 +22,8 @@ _USABLE_SHARE = 2.0 / 3.0
 
 `inspection` with a servicer of 100 kg takes 0.55 and all of 64 runs are completed, with 150 kg 0.83 and 4 fail.
 """
+HALF_TURN = (np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]))
+"""Sight and push between which the servicer turns by half a turn; which ones does not matter."""
 _MOST_BURNS = 100
 _ITERATIONS = 40
 _LEAST_WEIGHT = 1e-6
