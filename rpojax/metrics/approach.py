@@ -16,13 +16,16 @@ def _lateral(xp: ModuleType, rho: Quantity, axis: Quantity, is_arrival: Quantity
     """Distance from the axis of the approach, through the centre of mass."""
     unit = axis / xp.sqrt(xp.sum(axis * axis, axis=-1, keepdims=True))
     across = rho - xp.sum(rho * unit, axis=-1, keepdims=True) * unit
-    return WeightedValue(xp.sqrt(xp.maximum(xp.sum(across * across, axis=-1), _LEAST_SQUARE)), is_arrival)
+    return WeightedValue(_length(xp, across), is_arrival)
 
 
 def _along(xp: ModuleType, rho: Quantity, desired: Quantity, is_arrival: Quantity) -> WeightedValue:
     """True range minus that of the reference."""
-    ranges = (xp.sqrt(xp.sum(place * place, axis=-1)) for place in (rho, desired))
-    return WeightedValue(next(ranges) - next(ranges), is_arrival)
+    return WeightedValue(_length(xp, rho) - _length(xp, desired), is_arrival)
+
+
+def _length(xp: ModuleType, vector: Quantity) -> Quantity:
+    return xp.sqrt(xp.maximum(xp.sum(vector * vector, axis=-1), _LEAST_SQUARE))
 
 
 METRICS: Final = (

@@ -1,6 +1,6 @@
 """What failed or is open, why, and what to change: rows of the table below the headline, with a run to look at."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -45,12 +45,14 @@ class NextStep:
 
 def next_steps(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
     """Rows of the table, what matters most first."""
+    safety = _passive_safety(campaign, content)
+    violated = _violated(content, is_safety_told=bool(safety))
     steps = [
         *_failures(campaign, content),
         *_not_judged(content),
-        *_passive_safety(campaign, content),
-        *_violations(campaign, content),
-        *_consequences(campaign, content),
+        *safety,
+        *_violations(campaign, content, violated),
+        *_consequences(campaign, content, violated),
         *_more_runs(campaign, content),
         *_consistency(campaign, content),
     ]
@@ -152,16 +154,25 @@ def _nearest(campaign: CampaignResults, nearest: Mapping[str, Any] | None) -> tu
     return ("", None) if nearest is None else _repeat(campaign, nearest["run_id"])
 
 
-def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
+def _violated(content: Mapping[str, Any], *, is_safety_told: bool) -> list[Mapping[str, Any]]:
+    """Requirements that are violated, without those of passive safety where rows of their own tell of it."""
+    return [
+        entry
+        for entry in content["requirements"]
+        if entry["verdict"] == Verdict.NOT_VERIFIED
+        and not (is_safety_told and str(entry["metric"]).startswith("passive_range"))
+    ]
+
+
+def _violations(
+    campaign: CampaignResults, content: Mapping[str, Any], violated: Sequence[Mapping[str, Any]]
+) -> list[NextStep]:
     """Rows of the requirements that other runs violate than the failed ones, which have rows of their own."""
-    steps, drifts = [], bool(_passive_safety(campaign, content))
+    steps = []
     failed = {failure["run_id"] for failure in content["failures"]}
-    for entry in content["requirements"]:
-        of_passive_safety = str(entry["metric"]).startswith("passive_range") and drifts
+    for entry in violated:
         others = [run for run in entry["violating_ids"] if run not in failed]
-        if entry["verdict"] != Verdict.NOT_VERIFIED or not entry["violating_ids"] or of_passive_safety:
-            continue
-        if not others and len(entry["violating_ids"]) == entry["violations"]:
+        if not entry["violating_ids"] or (not others and len(entry["violating_ids"]) == entry["violations"]):
             continue
         what = f"Violated: {limit_text(entry)}"
         why = f"{violations_text(entry)}{_influence(content, entry)}"
@@ -173,14 +184,12 @@ def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[N
     return steps[:_MOST_VIOLATIONS]
 
 
-def _consequences(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
+def _consequences(
+    campaign: CampaignResults, content: Mapping[str, Any], violated: Sequence[Mapping[str, Any]]
+) -> list[NextStep]:
     """One row of the requirements that only failed runs with a cause violate, by their values."""
     explained, found = _explained(content), []
-    drifts = bool(_passive_safety(campaign, content))
-    for entry in content["requirements"]:
-        of_passive_safety = str(entry["metric"]).startswith("passive_range") and drifts
-        if entry["verdict"] != Verdict.NOT_VERIFIED or of_passive_safety:
-            continue
+    for entry in violated:
         beyond = _beyond_limit(campaign, entry)
         if not beyond or not explained >= beyond:
             continue

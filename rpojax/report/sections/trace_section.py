@@ -44,7 +44,8 @@ def charts(campaign: CampaignResults, content: Mapping[str, Any]) -> list[TraceC
     channels = [CHANNEL_OF_METRIC.get(str(entry["metric"]), "") for entry in violated]
     labels = {label.name: label for label in CHANNEL_LABELS}
     error = next((name for name in channels if name in labels and name != _RANGE), _ERROR)
-    worst, median = _worst_row(campaign, violated), _median_row(campaign)
+    ranked = worst_first(_RANKING, campaign.metrics[_RANKING]) if _RANKING in campaign.metrics else np.zeros(0, int)
+    worst, median = _worst_row(campaign, violated, ranked), int(ranked[len(ranked) // 2]) if len(ranked) else None
     found = []
     for name in (_RANGE, error):
         values = campaign.traces.get(name)
@@ -55,21 +56,13 @@ def charts(campaign: CampaignResults, content: Mapping[str, Any]) -> list[TraceC
     return found
 
 
-def _worst_row(campaign: CampaignResults, violated: Sequence[Mapping[str, Any]]) -> int | None:
-    """Row of the worst run: a failed one of the most violated requirement, else the worst formation error."""
+def _worst_row(campaign: CampaignResults, violated: Sequence[Mapping[str, Any]], ranked: np.ndarray) -> int | None:
+    """Row of the worst run: a failed one of the most violated requirement, else the first of the `ranked` rows."""
     failed = np.asarray(campaign.failed, dtype=bool)
     rows = {int(run): row for row, run in enumerate(campaign.run_ids)}
     named = [rows[run] for entry in violated for run in entry["violating_ids"] if run in rows]
-    for row in [*(row for row in named if failed[row]), *np.flatnonzero(failed).tolist(), *named]:
-        return int(row)
-    ranked = worst_first(_RANKING, campaign.metrics[_RANKING]) if _RANKING in campaign.metrics else []
-    return int(ranked[0]) if len(ranked) else 0 if len(campaign.run_ids) else None
-
-
-def _median_row(campaign: CampaignResults) -> int | None:
-    """Row of the run in the middle by formation error, of those that have one; None without."""
-    ranked = worst_first(_RANKING, campaign.metrics[_RANKING]) if _RANKING in campaign.metrics else []
-    return int(ranked[len(ranked) // 2]) if len(ranked) else None
+    by_rank = [*(row for row in named if failed[row]), *np.flatnonzero(failed), *named, *ranked, *rows.values()]
+    return int(by_rank[0]) if by_rank else None
 
 
 def _chart(
