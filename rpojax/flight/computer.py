@@ -35,6 +35,7 @@ from rpojax.flight.navigation import (
     lasting_error_effects,
     relative_filter_state,
     relative_orbit_ekf,
+    retrodiction,
     thrust_estimator,
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -45,6 +46,7 @@ from rpojax.flight.navigation.lasting_adaptation import Adaptation
 from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
+from rpojax.flight.navigation.retrodiction import Exposure, History
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -60,7 +62,7 @@ def initial(
     team: TeamStart | None = None,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples."""
-    params = software.params
+    params, memory_ticks = software.params, software.filter.memory_ticks
     never = jnp.zeros_like(params.vehicle.mass)
     attitude = attitude_ekf.initial(params.attitude_filter, star_tracker_q_BN, gyro_B)
     return FlightMemory(
@@ -81,6 +83,7 @@ def initial(
         rejected_s=dict.fromkeys(params.sensors, never),
         own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
         rcs=None if params.thrusters is None else rcs_control.no_command(params.thrusters),
+        history=retrodiction.no_history(memory_ticks, attitude.q_BN) if memory_ticks else None,
     )
 
 
@@ -104,8 +107,13 @@ def navigate(
     )
     variance = _attitude_variance(params.vehicle, attitude)
 
+    exposures = _exposures(software, memory.history, attitude.q_BN, measurements)
+
     def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
-        view = SensorView(tuning=params.navigation, relative=relative, q_BN=attitude.q_BN, time=time)
+        q_BN, exposed = attitude.q_BN, time
+        if sensor.name in exposures:
+            q_BN, exposed = exposures[sensor.name].q_BN, time - exposures[sensor.name].age
+        view = SensorView(tuning=params.navigation, relative=relative, q_BN=q_BN, time=exposed)
         return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
 
     box = filtered_box(params, memory, variance, measurements.box, sun_N)
@@ -118,12 +126,13 @@ def navigate(
         estimate=memory.orbit,
         gate=memory.gate,
         gps=measurements.gps,
-        q_KN=camera_attitude(params.vehicle, attitude),
+        q_KN=camera_attitude(params.vehicle, exposures["camera"].q_BN if "camera" in exposures else attitude.q_BN),
         box=box,
         additional=measurements.additional,
         sensors={each.name: partial(rows, each) for each in software.filter.sensors},
         picture=measurements.picture,
         window=memory.camera,
+        exposures=exposures,
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
@@ -141,6 +150,15 @@ def navigate(
     evidence = _health_evidence(memory, after, innovation, adaptation, box.interval, time)
     health = navigation_health.update(params.health, params.navigation, memory.health, evidence)
     return replace(after, health=health), innovation
+
+
+def _exposures(
+    software: FlightSoftware, history: History | None, q_BN: Float[Array, "4"], measurements: Measurements
+) -> dict[str, Exposure]:
+    """Exposures of the sensors whose measurements are late, by name; none where it takes them for those of now."""
+    if history is None:
+        return {}
+    return {name: retrodiction.exposure(history, q_BN, age, software.tick_s) for name, age in measurements.age.items()}
 
 
 def _recovered(
@@ -181,9 +199,9 @@ def filtered_box(
     )
 
 
-def camera_attitude(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Float[Array, "4"]:
-    """Estimated attitude of the camera."""
-    return quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), estimate.q_BN)
+def camera_attitude(vehicle: VehicleModel, q_BN: Float[Array, "4"]) -> Float[Array, "4"]:
+    """Attitude of the camera of a servicer with an attitude."""
+    return quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), q_BN)
 
 
 def _health_evidence(
@@ -339,8 +357,12 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         time=end - dt,
         dt=dt,
     )
+    history = memory.history
+    if history is not None:
+        history = retrodiction.remember(history, motion.q_BN_before, thrust_estimate.ratio * delta_v_N)
     return replace(
         memory,
+        history=history,
         thrust_estimate=thrust_estimate,
         thruster_failed_at=jnp.where(
             burning & (thrust_estimate.ratio < _FAILED_THRUST_RATIO), end, memory.thruster_failed_at

@@ -23,6 +23,7 @@ from rpojax.flight.navigation.box_measurement.outlier_gate import GateState
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.retrodiction import History
 from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
 from rpojax.flight.navigation_health import HealthTuning, NavigationHealth
 from rpojax.flight.vehicle_model import VehicleModel
@@ -69,6 +70,7 @@ class FlightMemory:
             by name; from `recovery_after` on the estimate is widened in this tick
         own: memory of replaced stages, empty without one
         rcs: command of the reaction control system, None without one
+        history: of attitude and burns, for measurements that are late and not taken for those of now; else None
     """
 
     orbit: OrbitEstimate
@@ -88,6 +90,7 @@ class FlightMemory:
     rejected_s: dict[str, Array] = field(default_factory=dict)
     own: Any = ()
     rcs: RcsCommand | None = None
+    history: History | None = None
 
 
 @dataclass(frozen=True)
@@ -98,11 +101,13 @@ class FilterSettings:
         gated: whether measurements must pass the gate
         zonal_degree: highest zonal harmonic of its gravity model
         sensors: the additional sensors that it believes
+        memory_ticks: ticks that it remembers for late measurements, 0 if it takes each for one of now
     """
 
     gated: bool
     zonal_degree: int
     sensors: tuple[BelievedSensor, ...] = ()
+    memory_ticks: int = 0
 
 
 @pytree
@@ -116,6 +121,7 @@ class Measurements:
         box: bounding box
         additional: measurements of additional sensors by name
         picture: (p, p, 3) that the detector got, None where no stage asks for it
+        age: () time since its exposure by its time tag [s], of each sensor with late measurements, by name
     """
 
     gps: GpsMeasurement
@@ -124,3 +130,4 @@ class Measurements:
     box: BoxMeasurement
     additional: dict[str, Array] = field(default_factory=dict)
     picture: Array | None = None
+    age: dict[str, Array] = field(default_factory=dict)

@@ -36,6 +36,7 @@ from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEsti
 from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.retrodiction import Exposure
 from rpojax.flight.team_guidance import phase_assignment
 from rpojax.flight.team_guidance.team_situation import TeamSituation, TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
@@ -105,6 +106,7 @@ class OrbitUpdate(Protocol):
         sensors: Mapping[str, SensorRows],
         picture: Float[Array, "p p 3"] | None,
         window: CameraCommand,
+        exposures: Mapping[str, Exposure],
         time: Scalar,
     ) -> tuple[OrbitEstimate, GateState, Innovation]:
         """Estimate after GPS and box, state of the outlier gate, and diagnostics.
@@ -116,12 +118,13 @@ class OrbitUpdate(Protocol):
             estimate: before the measurements
             gate: state of the outlier gate
             gps: position, if present
-            q_KN: (4,) attitude of the camera by the attitude filter
+            q_KN: (4,) attitude of the camera at the exposure of the box, by the attitude filter
             box: bounding box, if present
             additional: measurements of additional sensors by name
             sensors: rows of those that the filter is to believe, by name, as functions of the relative estimate
             picture: (p, p, 3) that the detector got, sRGB codes in 0..1; with a `rendered` camera, and asked for alone
             window: place of the picture in the frame
+            exposures: of the sensors whose measurements are late, by name, `camera` among them
             time: () since the start of the run [s]
         """
         ...

@@ -47,6 +47,7 @@ from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.imaging import Imaging
 from rpojax.sensors.link_range import LinkRange
+from rpojax.sensors.measurement_delay import MeasurementDelay
 from rpojax.sensors.rendered_camera import Networks
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.sensors.statistical_camera import CameraStatistics
@@ -70,6 +71,7 @@ class Params:
     gyro: Gyro
     chamber_pressure: ChamberPressure
     camera: Camera
+    camera_delay: MeasurementDelay
     imaging: Imaging
     networks: Networks | None
     statistics: CameraStatistics | None

@@ -33,6 +33,7 @@ from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.imaging import Imaging
 from rpojax.sensors.link_range import LinkRange
+from rpojax.sensors.measurement_delay import MeasurementDelay
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.value_types import (
     Covariance,
@@ -176,7 +177,7 @@ class WheelsSection(section_of(ReactionWheels)):
     """Reaction wheels of the servicer."""
 
 
-class CameraSection(section_of(Camera, first=("model", "width_px", "height_px"))):
+class CameraSection(section_of(Camera, MeasurementDelay, name="camera", first=("model", "width_px", "height_px"))):
     """Camera, and errors of the geometric bounding-box model."""
 
     model: Literal["geometric", "statistical", "rendered"]
@@ -225,6 +226,8 @@ class NavigationSection(
     sharing: Literal["none", "boxes", "estimates", "central", "naive"] = "none"
     zonal_degree: ZonalDegree
     luni_solar: bool
+    delays: Literal["compensated", "ignored"] = "compensated"
+    delay_memory_s: Delay = 0.0
 
 
 class AttitudeFilterSection(section_of(AttitudeFilterTuning)):

@@ -8,6 +8,7 @@ from rpojax.flight.flight_records import FilterSettings
 from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation.believed_sensor import BelievedSensor
 from rpojax.physics.plant_options import Effects
+from rpojax.scenario.measurement_delays import DelaySettings, delay_settings
 from rpojax.scenario.mission_from_phases import mission_settings
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import member_files
@@ -40,6 +41,7 @@ class Scenario:
         additional_sensors: names and classes of the additional sensors
         team: static settings of a team of servicers, None for a servicer alone
         thrusters: number of those of the reaction control system
+        delays: of measurements, None where flight software has each at once
     """
 
     ticks: int
@@ -59,13 +61,15 @@ class Scenario:
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     team: TeamSettings | None = None
     thrusters: int = 0
+    delays: DelaySettings | None = None
 
     @property
     def filter_settings(self) -> FilterSettings:
         """Static settings of the orbit filter."""
         believed = [(name, each) for name, each in self.additional_sensors if each.is_believed()]
         sensors = tuple(BelievedSensor(name, each.rows, each.row_count) for name, each in believed)
-        return FilterSettings(self.box_gating, self.navigation_zonal_degree, sensors)
+        memory = 0 if self.delays is None or not self.delays.compensated else self.delays.slots
+        return FilterSettings(self.box_gating, self.navigation_zonal_degree, sensors, memory)
 
     @property
     def direction_sensors(self) -> list[str]:
@@ -131,4 +135,5 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
         mission=mission_settings(file),
         thrusters=len(file.thrusters),
+        delays=delay_settings(file),
     )

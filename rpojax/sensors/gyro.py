@@ -4,6 +4,7 @@ import math
 
 from jaxtyping import Array, Float
 
+from rpojax.core import quaternion
 from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree
 
@@ -22,6 +23,11 @@ class Gyro:
 def measure(gyro: Gyro, omega_BN_B: Vector, bias_B: Vector, normals: Vector, dt: float) -> Vector:
     """Measured rate [rad/s] for samples `dt` [s] apart."""
     return omega_BN_B + bias_B + gyro.angle_random_walk / math.sqrt(dt) * normals
+
+
+def mean_rate(q_before_BN: Float[Array, "4"], q_after_BN: Float[Array, "4"], dt: float) -> Vector:
+    """Mean rate [rad/s] over `dt` [s] between two attitudes."""
+    return quaternion.log(quaternion.multiply(q_before_BN, quaternion.conjugate(q_after_BN))) / dt
 
 
 def advance_bias(gyro: Gyro, bias_B: Vector, normals: Vector, dt: float) -> Vector:

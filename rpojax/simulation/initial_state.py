@@ -1,5 +1,7 @@
 """Initial state of a run: truth, and the orbit estimate with its hand-over error."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -7,6 +9,7 @@ from jaxtyping import Array, Float
 from rpojax.core import random_streams
 from rpojax.core.filter_state_layout import MOTION
 from rpojax.core.frames import hill_frame
+from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
 from rpojax.flight import computer
@@ -15,13 +18,15 @@ from rpojax.flight.guidance import target_pointing
 from rpojax.flight.navigation import combined_orbit_filter, relative_filter_state, servicer_orbit_ekf
 from rpojax.flight.navigation.relative_filter_state import SLOW_STATES, VIEW_STATES
 from rpojax.flight.stages import Stages
-from rpojax.physics import plant_state
+from rpojax.physics import equipment_faults, plant_state
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import gyro, star_tracker
-from rpojax.simulation.noise import InitialNoise, draw_initial_noise
+from rpojax.sensors import gyro, measurement_delay, star_tracker
+from rpojax.sensors.measurement_delay import InTransit
+from rpojax.simulation import tick_measurements
+from rpojax.simulation.noise import InitialNoise, draw_initial_noise, draw_tick_noise
 from rpojax.simulation.state import SensorErrors, State
 from rpojax.simulation.tick import Loop
 
@@ -76,10 +81,11 @@ def init(
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
     star_q = star_tracker.measure(params.star_tracker, q_BN, noise.star_tracker)
     gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, noise.gyro, scenario.step_s)
-    return State(
+    loop = Loop(scenario, params, stages or Stages())
+    state = State(
         truth=truth,
         flight=computer.initial(
-            Loop(scenario, params, stages or Stages()).software,
+            loop.software,
             orbit,
             star_q,
             gyro_B,
@@ -94,6 +100,23 @@ def init(
         failed_at=jnp.full_like(q_BN[0], jnp.inf),
         failure=jnp.zeros((), dtype=jnp.int32),
     )
+    return replace(state, in_transit=_nothing_in_transit(loop, state))
+
+
+def _nothing_in_transit(loop: Loop, state: State) -> dict[str, InTransit]:
+    """Empty slots for the late measurements of each sensor."""
+    delays = loop.scenario.delays
+    if delays is None:
+        return {}
+
+    def exposed() -> dict[str, Any]:
+        noise, time = draw_tick_noise(loop.scenario, state.keys, state.tick), jnp.zeros_like(state.failed_at)
+        sky = sun_and_moon_at(loop.params.epoch, time)
+        return tick_measurements.expose(loop, state, noise, sky, equipment_faults.healthy(), time)[0]
+
+    # Only their shapes are wanted.
+    shapes, zero = jax.eval_shape(exposed), jnp.zeros_like(state.failed_at)
+    return {name: measurement_delay.none_in_transit(delays.slots, shapes[name], zero) for name in delays.sensors}
 
 
 def _shares(scenario: Scenario) -> bool:

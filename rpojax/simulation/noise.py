@@ -41,7 +41,7 @@ class InitialNoise:
 
 @pytree
 class TickNoise:
-    """Random numbers of one tick, standard normal except `uniforms`.
+    """Random numbers of one tick, standard normal except `uniforms` and `delays`.
 
     Attributes:
         gps: (3,)
@@ -55,6 +55,7 @@ class TickNoise:
         box_edge_errors: (4,) driving noise of the statistical camera's correlated errors, None for other cameras
         additional: (n,) of each additional sensor, by name
         thrusters: (2 n,) of the thrust and the chamber pressures of the reaction control system, None without one
+        delays: () of the delay of each sensor with late measurements, uniform in [0, 1), by name
     """
 
     gps: Array
@@ -68,6 +69,7 @@ class TickNoise:
     box_edge_errors: Array | None
     additional: dict[str, Array] = field(default_factory=dict)
     thrusters: Array | None = None
+    delays: dict[str, Array] = field(default_factory=dict)
 
 
 _fold_in = jax.jit(random_streams.fold_in, inline=True)
@@ -167,13 +169,23 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
             name: _sensor_normals(name, sensor.normals, keys, tick) for name, sensor in scenario.additional_sensors
         },
         thrusters=_sensor_normals("thrusters", 2 * scenario.thrusters, keys, tick) if scenario.thrusters else None,
+        delays={name: _delay_uniform(name, keys, tick) for name in scenario.delays.sensors} if scenario.delays else {},
     )
 
 
 def _sensor_normals(name: str, count: int, keys: Array, tick: Array) -> Array:
     """Standard normal numbers of an additional sensor at a tick, from a key that depends on its name."""
+    return random_streams.normal(_key_by_name(name, keys, tick), count)
+
+
+def _delay_uniform(name: str, keys: Array, tick: Array) -> Array:
+    """Uniform number () of the delay of a sensor's measurement at a tick."""
+    return random_streams.uniform(_key_by_name(f"delay of {name}", keys, tick), 1)[0]
+
+
+def _key_by_name(name: str, keys: Array, tick: Array) -> Array:
     key = random_streams.fold_in(keys[Stream.ADDITIONAL_SENSORS], zlib.crc32(name.encode()) & 0x7FFFFFFF)
-    return random_streams.normal(random_streams.fold_in(key, tick), count)
+    return random_streams.fold_in(key, tick)
 
 
 def _tick_keys(keys: Array, tick: Array) -> UInt32[Array, "n 2"]:

@@ -1,6 +1,7 @@
 """State of a run between ticks."""
 
 import dataclasses
+from dataclasses import field
 from typing import Any
 
 from jaxtyping import Array
@@ -11,6 +12,7 @@ from rpojax.flight.flight_records import FlightMemory
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.static_settings import Scenario
+from rpojax.sensors.measurement_delay import InTransit
 
 
 @pytree
@@ -41,6 +43,7 @@ class State:
         tick: () int32, ticks since the start
         failed_at: () time of failure [s], infinite for a run that has not failed
         failure: () int32, code of the outcome that froze the run, else 0
+        in_transit: late measurements that flight software has not got yet, by sensor; empty without any
     """
 
     truth: Truth
@@ -51,6 +54,7 @@ class State:
     tick: Array
     failed_at: Array
     failure: Array
+    in_transit: dict[str, InTransit] = field(default_factory=dict)
 
 
 def state_axes(axis: int) -> State:
@@ -58,7 +62,7 @@ def state_axes(axis: int) -> State:
 
     An unbatched tick makes the burn decision a true branch, taken on one tick in two hundred.
     """
-    axes: dict[str, Any] = {field.name: axis for field in dataclasses.fields(State)}
+    axes: dict[str, Any] = {each.name: axis for each in dataclasses.fields(State)}
     return State(**{**axes, "tick": None})
 
 

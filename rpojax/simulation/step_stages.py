@@ -60,9 +60,9 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     health = _fed(params, state.truth, health)
     thrusters = _true_thrusters(loop, state.truth, noise, time) if scenario.thrusters else None
     with jax.named_scope("sense"):
-        measurements, frame = measure(loop, state, noise, sky, health, time)
+        measurements, frame, in_transit = measure(loop, state, noise, sky, health, time)
     return Tick(
-        state=state,
+        state=replace(state, in_transit=in_transit),
         time=time,
         sky=sky,
         health=health,
@@ -236,7 +236,12 @@ def propagate_substep(
     truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, health, dt, rcs)
     gyro_bias_B = tick.state.sensor_errors.gyro_bias_B
     sample = gyro.measure(params.gyro, truth.omega_BN_B, gyro_bias_B, gyro_normals, dt)
-    attitude = attitude_ekf.integrate_gyro(motion.attitude, sample, dt)
+    turned = None
+    if rcs is not None:
+        # Pulses change the rate within a step, of which two samples do not tell the mean: a gyro adds up the angle.
+        mean_B = gyro.mean_rate(motion.truth.q_BN, truth.q_BN, dt)
+        turned = gyro.measure(params.gyro, mean_B, gyro_bias_B, gyro_normals, dt)
+    attitude = attitude_ekf.integrate_gyro(motion.attitude, sample, dt, turned)
     return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N, owed=owed, fired=fired)
 
 

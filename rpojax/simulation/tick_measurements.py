@@ -1,10 +1,12 @@
 """Measurements of one tick by all sensors, and propagation of the correlated sensor errors."""
 
 from dataclasses import replace
+from typing import Any, Final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.flight.flight_records import Measurements
@@ -15,10 +17,11 @@ from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker, statistical_camera
+from rpojax.sensors import chamber_pressure, gps, gyro, measurement_delay, star_tracker, statistical_camera
 from rpojax.sensors.additional.additional_sensor import SensedScene
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.gps import Gps
+from rpojax.sensors.measurement_delay import InTransit, MeasurementDelay
 from rpojax.simulation import camera_models
 from rpojax.simulation.noise import TickNoise, camera_key
 from rpojax.simulation.state import SensorErrors, State
@@ -28,6 +31,9 @@ from rpojax.vision import bounding_box
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
+CAMERA: Final = "camera"
+"""Name of the camera among the sensors whose measurements may be late."""
+
 
 def measure(
     loop: Loop,
@@ -36,8 +42,32 @@ def measure(
     sky: SunMoonPositions,
     health: Health,
     time: Scalar,
-) -> tuple[Measurements, CameraFrame]:
-    """Inputs of the flight software at the beginning of a tick, at `time` [s], and the camera frame."""
+) -> tuple[Measurements, CameraFrame, dict[str, InTransit]]:
+    """Inputs of the flight software at the beginning of a tick, at `time` [s]; camera frame; what is under way."""
+    params, truth = loop.params, state.truth
+    exposed, frame = expose(loop, state, noise, sky, health, time)
+    arrived, in_transit, age = _exchange_late(loop, state, exposed, noise)
+    box, picture = arrived.pop(CAMERA)
+    measurements = Measurements(
+        gps=measure_position(params.gps, truth, state.sensor_errors.gps_bias_N, noise.gps, health),
+        star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, noise.star_tracker),
+        star_tracker_present=health.star_tracker
+        & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
+        box=box,
+        additional={key: value for channels in arrived.values() for key, value in channels.items()},
+        picture=picture,
+        age=age,
+    )
+    return measurements, frame, in_transit
+
+
+def expose(
+    loop: Loop, state: State, noise: TickNoise, sky: SunMoonPositions, health: Health, time: Scalar
+) -> tuple[dict[str, Any], CameraFrame]:
+    """Measurements whose exposure is at `time` [s], of each sensor that may be late, by name; and the camera frame.
+
+    That of the camera is its box, and its picture if a stage asks for it.
+    """
     scenario, params, truth = loop.scenario, loop.params, state.truth
     frame, picture = camera_models.expose(
         scenario,
@@ -51,16 +81,36 @@ def measure(
         camera_key(state.keys, state.tick),
         state.tick,
     )
-    measurements = Measurements(
-        gps=measure_position(params.gps, truth, state.sensor_errors.gps_bias_N, noise.gps, health),
-        star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, noise.star_tracker),
-        star_tracker_present=health.star_tracker
-        & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
-        box=box_measurement(scenario, params, frame),
-        additional=_measure_additional(loop, state, noise, sky, time),
-        picture=picture if loop.stages.takes_picture else None,
-    )
-    return measurements, frame
+    of_camera = (box_measurement(scenario, params, frame), picture if loop.stages.takes_picture else None)
+    return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, time)}, frame
+
+
+def _exchange_late(
+    loop: Loop, state: State, exposed: dict[str, Any], noise: TickNoise
+) -> tuple[dict[str, Any], dict[str, InTransit], dict[str, Array]]:
+    """What flight software gets of each sensor in the tick of an exposure, what is under way, and ages [s]."""
+    in_transit, arrived, age = dict(state.in_transit), dict(exposed), {}
+    for name, waiting in state.in_transit.items():
+        delay, uniform = _delay_of(loop.params, name), noise.delays[name]
+        in_transit[name], delivery = measurement_delay.pass_through(
+            waiting, delay, exposed[name], state.tick, uniform, loop.scenario.tick_s
+        )
+        age[name], present = delivery.age, delivery.present
+        if name == CAMERA:
+            box, picture = delivery.measurement
+            # A tick without a frame does not tell that there is no target.
+            box = replace(box, present=box.present & present, expected=box.expected & present)
+            arrived[name] = (box, picture)
+        else:
+            arrived[name] = measurement_delay.without_measurement(delivery.measurement, present)
+    return arrived, in_transit, age
+
+
+def _delay_of(params: Params, name: str) -> MeasurementDelay:
+    if name == CAMERA:
+        return params.camera_delay
+    numbers = params.additional_sensors[name]
+    return MeasurementDelay(**{each: numbers[each] for each in declared_numbers(MeasurementDelay)})
 
 
 def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> BoxMeasurement:
@@ -84,17 +134,17 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
 
 def _measure_additional(
     loop: Loop, state: State, noise: TickNoise, sky: SunMoonPositions, time: Scalar
-) -> dict[str, Array]:
-    """Measurements of the additional sensors, by name."""
+) -> dict[str, dict[str, Array]]:
+    """Measurements of the additional sensors, by sensor and name."""
     scenario, params, flight = loop.scenario, loop.params, state.flight
     scene = SensedScene(truth=state.truth, sky=sky, time=time)
     if params.surface is not None:
         cone = sight_cone(params.flight.navigation, flight.orbit, flight.attitude.q_BN)
         scene = replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
-    found: dict[str, Array] = {}
-    for name, sensor in scenario.additional_sensors:
-        found |= sensor.measure(params.additional_sensors[name], scene, noise.additional[name])
-    return found
+    return {
+        name: sensor.measure(params.additional_sensors[name], scene, noise.additional[name])
+        for name, sensor in scenario.additional_sensors
+    }
 
 
 def measure_position(receiver: Gps, truth: Truth, bias_N: Vector, normals: Vector, health: Health) -> GpsMeasurement:

@@ -58,9 +58,14 @@ def initial(tuning: AttitudeFilterTuning, q_BN: Float[Array, "4"], gyro_B: Vecto
     )
 
 
-def integrate_gyro(estimate: AttitudeEstimate, gyro_B: Vector, dt: float) -> AttitudeEstimate:
-    """Estimate with the attitude propagated over the `dt` [s] between two gyro samples by their mean."""
-    mean_rate = 0.5 * (estimate.gyro_B + gyro_B) - estimate.bias_B
+def integrate_gyro(
+    estimate: AttitudeEstimate, gyro_B: Vector, dt: float, mean_B: Vector | None = None
+) -> AttitudeEstimate:
+    """Estimate with the attitude propagated over the `dt` [s] between two gyro samples [rad/s].
+
+    The mean rate is the measured one [rad/s], or without one that of the two samples.
+    """
+    mean_rate = (0.5 * (estimate.gyro_B + gyro_B) if mean_B is None else mean_B) - estimate.bias_B
     return replace(
         estimate,
         q_BN=quaternion.propagate(estimate.q_BN, mean_rate, dt),

@@ -22,6 +22,7 @@ from rpojax.flight.navigation import (
     burn_execution_error,
     relative_filter_state,
     relative_orbit_ekf,
+    retrodiction,
     servicer_orbit_ekf,
 )
 from rpojax.flight.navigation.believed_sensor import SensorRows
@@ -32,6 +33,7 @@ from rpojax.flight.navigation.orbit_covariance import OrbitStep
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement, box_view
 from rpojax.flight.navigation.relative_filter_state import SLOW_STATES, RelativeEstimate, SlowState
+from rpojax.flight.navigation.retrodiction import Exposure
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 
@@ -146,17 +148,24 @@ def update(
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
     sensors: Mapping[str, SensorRows] | None = None,
+    exposures: Mapping[str, Exposure] | None = None,
 ) -> tuple[OrbitEstimate, GateState, Innovation]:
     """Estimate after GPS, the box and the `sensors`, as far as present and within their gates; gate; diagnostics.
 
-    `q_KN` is the camera's attitude by the attitude filter.
+    `q_KN` is the camera's attitude by the attitude filter. With an exposure of `camera` or a sensor the estimate is
+    updated as of then.
     """
     servicer, of_gps = servicer_orbit_ekf.update(tuning, estimate.servicer, gps)
+    exposures = exposures or {}
+    relative = retrodiction.to_exposure(estimate.relative, exposures.get("camera"))
     relative, gate, of_box, expected = relative_orbit_ekf.update(
-        tuning, gated, estimate.relative, gate, box_view(box, focal_px, q_KN)
+        tuning, gated, relative, gate, box_view(box, focal_px, q_KN)
     )
+    relative = retrodiction.from_exposure(relative, exposures.get("camera"))
     found = {"gps": of_gps, "box": of_box}
     for name, rows in (sensors or {}).items():
+        relative = retrodiction.to_exposure(relative, exposures.get(name))
         relative, found[name] = believed_sensor.update(tuning, gated, relative, rows(relative))
+        relative = retrodiction.from_exposure(relative, exposures.get(name))
     estimate = OrbitEstimate(servicer=servicer, relative=relative)
     return estimate, gate, Innovation(sensors=found, expected_box=expected)

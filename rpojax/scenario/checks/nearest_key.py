@@ -19,6 +19,11 @@ def nearest_key(unknown: str) -> str:
     return "" if found is None else f" (did you mean {found!r}?)"
 
 
+def is_known_key(key: str) -> bool:
+    """Whether a scenario may have a key, which this one may have left out."""
+    return key in _known_keys()
+
+
 @functools.cache
 def _known_keys() -> tuple[str, ...]:
     return tuple(_keys_of(ScenarioFile, ""))

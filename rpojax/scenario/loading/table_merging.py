@@ -6,7 +6,7 @@ from typing import Any
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks import former_keys
-from rpojax.scenario.checks.nearest_key import nearest_key
+from rpojax.scenario.checks.nearest_key import is_known_key, nearest_key
 from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
 from rpojax.untrusted.structure_limits import StructureError
@@ -66,7 +66,7 @@ def dispersion_name(entry: Any) -> str:
 
 
 def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
-    """Sets one existing key in place, or one of an additional sensor; its value is TOML, or text if it is no TOML.
+    """Sets one key of an existing section in place, or one of an additional sensor; its value is TOML, or text if it is no TOML.
 
     `dispersions.NAME` is the dispersion of that key: `none` removes it, a table replaces it or adds one, and
     `dispersions.NAME.SETTING` is one of its settings.
@@ -131,7 +131,7 @@ def _set_existing(tables: dict[str, Any], key: str, path: list[str], leaf: str, 
     table: Any = tables
     for name in path:
         table = table.get(name) if isinstance(table, dict) else None
-    if not isinstance(table, dict) or leaf not in table:
+    if not isinstance(table, dict) or not (leaf in table or (path and is_known_key(key))):
         if present := former_keys.replacement(key):
             raise ScenarioError(key, value, present, is_argument=True)
         raise ScenarioError("overrides", key, f"a key of the scenario{nearest_key(key)}", is_argument=True)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from rpojax.value_types import Section
+from rpojax.value_types import Finite, NonNegative, Section
 
 if TYPE_CHECKING:
     import jax
@@ -43,6 +43,11 @@ class AdditionalSensor(Section, ABC):
     Its numbers can be dispersed. JAX is imported inside of `measure`, so that scenarios are validated without it. The
     orbit filter believes a sensor whose class has `rows`.
     """
+
+    delay_s: NonNegative = 0.0
+    delay_jitter_s: NonNegative = 0.0
+    processing_s: NonNegative = 0.0
+    time_tag_error_s: Finite = 0.0
 
     normals: ClassVar[int]
     """Standard normal numbers that a measurement takes."""

@@ -189,7 +189,7 @@ def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamR
             params.flight, tick.state.flight, memory.attitude_variance, tick.measurements.box, tick.sky.sun_N
         ),
         gps=position,
-        q_KN=computer.camera_attitude(params.flight.vehicle, memory.attitude),
+        q_KN=computer.camera_attitude(params.flight.vehicle, memory.attitude.q_BN),
         running=jnp.isinf(tick.state.failed_at),
         rows=believed_sensor.rows_of(tick.innovation.sensors),
     )
