@@ -80,7 +80,7 @@ def initial(
         phase_gains=mission_decision.phase_gains(software, orbit),
         rejected_s=dict.fromkeys(params.sensors, never),
         own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
-        rcs=None if params.thrusters is None else rcs_control.no_command(params.thrusters),
+        rcs=None if params.thrusters is None else rcs_control.no_command(params.thrusters, software.isolates),
     )
 
 
@@ -296,6 +296,8 @@ class MotionOnBoard:
         delta_v_N: (3,) expected velocity change [m/s]
         fired: (n,) on-time of each thruster of the reaction control system [s], None without one
         pressures: (n,) chamber pressure of those that fired over its nominal value, None without sensors
+        uncommanded: (n,) for how long each was open without a command, at full thrust [s]; `delta_v_N` has its effect.
+            None where such thrusters are not watched
         thrust_ratio: () chamber pressure over its nominal value while the valve was open, None without a sensor: then
             the thrust is its nominal one
         third_body_acceleration_N: (3,) by Sun and Moon, zero where they are not modelled [m/s^2]
@@ -309,6 +311,7 @@ class MotionOnBoard:
     sun_N: Array
     fired: Array | None = None
     pressures: Array | None = None
+    uncommanded: Array | None = None
 
 
 def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
@@ -319,8 +322,12 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
     if memory.rcs is not None:
         # Each tick of pulses is a burn of its own, and no sign of the one thruster.
-        acts, burning = memory.rcs.acts, burning & ~memory.rcs.acts
-        burn_delta_v = jnp.where(acts, _size_of_pulses(params, memory.rcs, delta_v_N, dt), burn_delta_v)
+        acts, rcs = memory.rcs.acts, memory.rcs
+        if motion.uncommanded is not None:
+            acts |= jnp.any(motion.uncommanded > 0.0, axis=0)
+            rcs = replace(rcs, shares=rcs.shares + motion.uncommanded / dt)
+        burning &= ~acts
+        burn_delta_v = jnp.where(acts, _size_of_pulses(params, rcs, delta_v_N, dt), burn_delta_v)
     thrust_estimate = memory.thrust_estimate
     if motion.thrust_ratio is not None:
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
@@ -362,7 +369,7 @@ def _by_pressures(params: FlightParams, memory: FlightMemory, motion: MotionOnBo
         rcs_control.expected_delta_v(params.thrusters, params.vehicle, each, memory.attitude.q_BN, fired)
         for each in (memory.rcs, rcs)
     )
-    return replace(memory, rcs=rcs), motion.delta_v_N + after - before
+    return replace(memory, rcs=rcs_control.shut_off(rcs)), motion.delta_v_N + after - before
 
 
 def _size_of_pulses(params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, dt: float) -> Scalar:

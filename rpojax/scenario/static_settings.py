@@ -40,6 +40,7 @@ class Scenario:
         additional_sensors: names and classes of the additional sensors
         team: static settings of a team of servicers, None for a servicer alone
         thrusters: number of those of the reaction control system
+        isolation: whether flight software shuts off those that are open without a command, by their pressure sensors
     """
 
     ticks: int
@@ -59,6 +60,7 @@ class Scenario:
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     team: TeamSettings | None = None
     thrusters: int = 0
+    isolation: bool = False
 
     @property
     def filter_settings(self) -> FilterSettings:
@@ -131,4 +133,5 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
         mission=mission_settings(file),
         thrusters=len(file.thrusters),
+        isolation=file.isolates_thrusters,
     )

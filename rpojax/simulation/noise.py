@@ -55,6 +55,7 @@ class TickNoise:
         box_edge_errors: (4,) driving noise of the statistical camera's correlated errors, None for other cameras
         additional: (n,) of each additional sensor, by name
         thrusters: (2 n,) of the thrust and the chamber pressures of the reaction control system, None without one
+        pressures_at_rest: (substeps, n) of those pressures while no pulse is commanded, None where none is watched
     """
 
     gps: Array
@@ -68,6 +69,7 @@ class TickNoise:
     box_edge_errors: Array | None
     additional: dict[str, Array] = field(default_factory=dict)
     thrusters: Array | None = None
+    pressures_at_rest: Array | None = None
 
 
 _fold_in = jax.jit(random_streams.fold_in, inline=True)
@@ -167,7 +169,14 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
             name: _sensor_normals(name, sensor.normals, keys, tick) for name, sensor in scenario.additional_sensors
         },
         thrusters=_sensor_normals("thrusters", 2 * scenario.thrusters, keys, tick) if scenario.thrusters else None,
+        pressures_at_rest=_pressure_normals(scenario, keys, tick) if scenario.isolation else None,
     )
+
+
+def _pressure_normals(scenario: Scenario, keys: Array, tick: Array) -> Array:
+    """Standard normal numbers (substeps, n) of the chamber pressures of the reaction control system in a tick."""
+    drawn = _sensor_normals("pressures_at_rest", scenario.substeps * scenario.thrusters, keys, tick)
+    return drawn.reshape(scenario.substeps, scenario.thrusters)
 
 
 def _sensor_normals(name: str, count: int, keys: Array, tick: Array) -> Array:
