@@ -14,6 +14,7 @@ from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import rcs_control, wheel_torque_allocation
 from rpojax.flight.control.rcs_control import RcsCommand
+from rpojax.flight.control.thruster_isolation import OpenTime
 from rpojax.flight.decisions import burn_conditions, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
@@ -296,8 +297,8 @@ class MotionOnBoard:
         delta_v_N: (3,) expected velocity change [m/s]
         fired: (n,) on-time of each thruster of the reaction control system [s], None without one
         pressures: (n,) chamber pressure of those that fired over its nominal value, None without sensors
-        uncommanded: (n,) for how long each was open without a command, at full thrust [s]; `delta_v_N` has its effect.
-            None where such thrusters are not watched
+        uncommanded: for how long each was open without a command, whose effect `delta_v_N` has; None where such
+            thrusters are not watched
         thrust_ratio: () chamber pressure over its nominal value while the valve was open, None without a sensor: then
             the thrust is its nominal one
         third_body_acceleration_N: (3,) by Sun and Moon, zero where they are not modelled [m/s^2]
@@ -311,7 +312,7 @@ class MotionOnBoard:
     sun_N: Array
     fired: Array | None = None
     pressures: Array | None = None
-    uncommanded: Array | None = None
+    uncommanded: OpenTime | None = None
 
 
 def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
@@ -322,12 +323,12 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
     if memory.rcs is not None:
         # Each tick of pulses is a burn of its own, and no sign of the one thruster.
-        acts, rcs = memory.rcs.acts, memory.rcs
+        acts = memory.rcs.acts
         if motion.uncommanded is not None:
-            acts |= jnp.any(motion.uncommanded > 0.0, axis=0)
-            rcs = replace(rcs, shares=rcs.shares + motion.uncommanded / dt)
+            acts |= jnp.any(motion.uncommanded.time > 0.0, axis=0)
         burning &= ~acts
-        burn_delta_v = jnp.where(acts, _size_of_pulses(params, rcs, delta_v_N, dt), burn_delta_v)
+        size = _size_of_pulses(params, memory.rcs, delta_v_N, motion.uncommanded, dt)
+        burn_delta_v = jnp.where(acts, size, burn_delta_v)
     thrust_estimate = memory.thrust_estimate
     if motion.thrust_ratio is not None:
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
@@ -372,16 +373,23 @@ def _by_pressures(params: FlightParams, memory: FlightMemory, motion: MotionOnBo
     return replace(memory, rcs=rcs_control.shut_off(rcs)), motion.delta_v_N + after - before
 
 
-def _size_of_pulses(params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, dt: float) -> Scalar:
+def _size_of_pulses(
+    params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, uncommanded: OpenTime | None, dt: float
+) -> Scalar:
     """Size [m/s] of a burn whose errors are those of the pulses of a tick.
 
     Thrusters push partly against each other, and each has its error: it grows with the sum of all forces, not with the
-    velocity change that is left of them.
+    velocity change that is left of them. When one opened or closed without a command is known to a step alone.
     """
     assert params.thrusters is not None
-    effort = rcs_control.effort(params.thrusters, params.vehicle, rcs) * dt
     size = gradient_safe.norm(delta_v_N)
-    return effort * gradient_safe.safe_div(effort, size)
+    if uncommanded is None:
+        effort = rcs_control.effort(params.thrusters, params.vehicle, rcs.shares) * dt
+        return effort * gradient_safe.safe_div(effort, size)
+    effort = rcs_control.effort(params.thrusters, params.vehicle, rcs.shares + uncommanded.time / dt) * dt
+    errors = gradient_safe.sqrt(uncommanded.variance) / params.navigation.burn_magnitude_sigma
+    timing = rcs_control.effort(params.thrusters, params.vehicle, errors)
+    return gradient_safe.safe_div(effort**2 + timing**2, size)
 
 
 def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> LastingEffects:

@@ -101,13 +101,13 @@ def watched(
         leak = _leak(loop, tick, motion, offset, has_propellant(params, motion.truth))
         true = jnp.where((leak.begin < dt) & (leak.end > dt), leak.share * tick.thrusters.ratio, 0.0)
     pressure = chamber_pressure.measure_at_rest(params.chamber_pressure, true, normals)
-    isolation, open_time = thruster_isolation.watch(
+    isolation, opened = thruster_isolation.watch(
         params.flight.isolation, motion.isolation, pressure, on_time, dt, tick.time + offset + dt
     )
-    given_N = rcs_control.delta_v(believed, params.flight.vehicle, motion.attitude.q_BN, open_time)
+    given_N = rcs_control.delta_v(believed, params.flight.vehicle, motion.attitude.q_BN, opened.time)
     return replace(
         motion,
         isolation=isolation,
-        uncommanded=motion.uncommanded + open_time,
+        uncommanded=jax.tree.map(jnp.add, motion.uncommanded, opened),
         delta_v_N=motion.delta_v_N + given_N,
     )

@@ -11,6 +11,7 @@ from rpojax.core.orbits import third_body_gravity
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions, sun_and_moon_at
 from rpojax.core.pytree import replace, select
 from rpojax.flight import computer
+from rpojax.flight.control import thruster_isolation
 from rpojax.flight.decisions import burn_decision, mission_decision, translation
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
@@ -180,7 +181,7 @@ def initial_motion(tick: Tick) -> Motion:
         owed=None if rcs is None else rcs.owed,
         fired=None if rcs is None else jnp.zeros_like(rcs.owed),
         isolation=None if rcs is None else rcs.isolation,
-        uncommanded=None if rcs is None or rcs.isolation is None else jnp.zeros_like(rcs.owed),
+        uncommanded=None if rcs is None or rcs.isolation is None else thruster_isolation.never_open(rcs.isolation),
     )
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Array
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import pytree
 from rpojax.flight import stage_use
-from rpojax.flight.control.thruster_isolation import Isolation
+from rpojax.flight.control.thruster_isolation import Isolation, OpenTime
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -121,7 +121,7 @@ class Motion:
         owed: (n,) on-time that thrusters of the reaction control system owe [s], None without them
         fired: (n,) their on-time in this tick [s], None without them
         isolation: what is known of thrusters that are open without a command, None where they are not isolated
-        uncommanded: (n,) for how long they were open so in this tick, at full thrust by their pressure [s]; None alike
+        uncommanded: for how long they were open so in this tick by their pressure, None alike
     """
 
     truth: Truth
@@ -130,4 +130,4 @@ class Motion:
     owed: Array | None = None
     fired: Array | None = None
     isolation: Isolation | None = None
-    uncommanded: Array | None = None
+    uncommanded: OpenTime | None = None

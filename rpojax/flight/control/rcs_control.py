@@ -93,10 +93,10 @@ def pulses(
     return on_time, due - on_time
 
 
-def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, given: RcsCommand) -> Scalar:
-    """Sum of the sizes of all accelerations [m/s^2], also of those that cancel each other."""
+def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, shares: Float[Array, " n"]) -> Scalar:
+    """Sum of the sizes of all accelerations [m/s^2] at shares of full thrust, also of those that cancel each other."""
     forces = jax.vmap(gradient_safe.norm, in_axes=1)(thrusters.wrench[:3])
-    return jnp.sum(given.shares * forces, axis=0) / vehicle.mass
+    return jnp.sum(shares * forces, axis=0) / vehicle.mass
 
 
 def learn_ratios(given: RcsCommand, measured: Float[Array, " n"], fired: Float[Array, " n"]) -> RcsCommand:

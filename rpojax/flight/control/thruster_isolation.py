@@ -44,6 +44,25 @@ class Isolation:
     shut_at: Array
 
 
+@pytree
+class OpenTime:
+    """For how long thrusters were open without a command, at full thrust.
+
+    Attributes:
+        time: (n,) [s]
+        variance: (n,) of its error, as samples tell of begin and end to a step alone [s^2]
+    """
+
+    time: Array
+    variance: Array
+
+
+def never_open(isolation: Isolation) -> OpenTime:
+    """No time yet of the thrusters that are watched."""
+    none = jnp.zeros_like(isolation.pressure)
+    return OpenTime(time=none, variance=none)
+
+
 def initial(thrusters: ThrusterLayout) -> Isolation:
     """Thrusters without any sign of a failure."""
     none = jnp.zeros_like(thrusters.cost)
@@ -62,8 +81,8 @@ def watch(
     on_time: Float[Array, " n"],
     dt: float,
     time: Scalar,
-) -> tuple[Isolation, Float[Array, " n"]]:
-    """Knowledge after a step, and for how long each thruster was open in it without a command, at full thrust [s].
+) -> tuple[Isolation, OpenTime]:
+    """Knowledge after a step, and for how long each thruster was open in it without a command.
 
     Args:
         tuning: thresholds
@@ -83,4 +102,7 @@ def watch(
         pressure=jnp.where(is_open, pressure, 0.0),
         shut_at=jnp.where(fails, jnp.minimum(before.shut_at, time), before.shut_at),
     )
-    return after, 0.5 * (before.pressure + after.pressure) * jnp.maximum(dt - on_time, 0.0)
+    # The trapezoid of two samples. Where one of them is zero, the valve moved at any instant of the step.
+    rest, moved = jnp.maximum(dt - on_time, 0.0), (before.pressure > 0.0) != (after.pressure > 0.0)
+    open_time = 0.5 * (before.pressure + after.pressure) * rest
+    return after, OpenTime(time=open_time, variance=jnp.where(moved, rest * rest / 12.0, 0.0))
