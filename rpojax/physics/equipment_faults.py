@@ -13,7 +13,9 @@ Scalar = Float[Array, ""]
 
 KINDS: tuple[str, ...] = get_args(FaultKind)
 """Kinds of fault; a fault's code is its index here."""
-LEAKS: Final = ("thruster_stuck_open", "thruster_leak")
+STUCK_OPEN: Final = "thruster_stuck_open"
+"""Kind in which a thruster burns all the time, whatever is commanded."""
+LEAKS: Final = (STUCK_OPEN, "thruster_leak")
 """Kinds in which a thruster gives force without a command."""
 
 
@@ -133,7 +135,7 @@ def leak_shares(fault: Fault, count: int) -> Float[Array, " n"]:
 
 def is_stuck_open(fault: Fault, count: int) -> Bool[Array, " n"]:
     """Which of `count` thrusters of the reaction control system stays open while the fault acts."""
-    return _is_affected(fault, count) & (jnp.round(fault.kind) == KINDS.index("thruster_stuck_open"))
+    return _is_affected(fault, count) & (jnp.round(fault.kind) == KINDS.index(STUCK_OPEN))
 
 
 def _is_affected(fault: Fault, count: int) -> Bool[Array, " n"]:

@@ -145,7 +145,7 @@ def thrust_over_step(
     factors = pulses(on_time)
     if leak is not None:
         begin = jnp.clip(jnp.maximum(leak.begin, on_time), 0.0, dt)
-        factors = factors + leak.share * (pulses(jnp.clip(leak.end, begin, dt)) - pulses(begin))
+        factors = factors + leak.share[None, :] * (pulses(jnp.clip(leak.end, begin, dt)) - pulses(begin))
 
     def total(per_thruster: Float[Array, "n 3"]) -> Float[Array, "nodes 3"]:
         return jnp.sum(factors[:, :, None] * per_thruster[None], axis=1)
