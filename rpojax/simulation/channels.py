@@ -22,7 +22,6 @@ from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import of_phase
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.physics import equipment_faults
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -234,16 +233,12 @@ def _isolated(tick: ObservedTick) -> Bool[Array, " n"]:
 
 def _isolation_delay(tick: ObservedTick) -> Scalar:
     """Time for which a stuck thruster has been open, until its isolation valve is shut [s]; NaN without one."""
-    plant, rcs = tick.params.plant, tick.telemetry.flight.rcs
+    rcs = tick.telemetry.flight.rcs
     assert rcs is not None
     assert rcs.isolation is not None
-    end = reaction_control.leak_end(plant, rcs.isolation)
-    open_time = jnp.minimum(_time(tick), end) - plant.fault.start
-    stuck = equipment_faults.is_stuck_open(plant.fault, tick.scenario.thrusters) & (open_time >= 0.0)
+    open_time = reaction_control.stuck_open_time(tick.params.plant, rcs.isolation, _time(tick))
     # A frozen run has no time after its failure.
-    stuck &= tick.telemetry.running
-    longest = jnp.max(jnp.where(stuck, open_time, -1.0), axis=0)
-    return jnp.where(longest >= 0.0, longest, jnp.nan)
+    return jnp.where(tick.telemetry.running, open_time, jnp.nan)
 
 
 def _changed_for(tick: ObservedTick) -> Array:

@@ -67,6 +67,14 @@ def leak_end(plant_params: PlantParams, isolation: Isolation | None) -> Array:
     return over if isolation is None else jnp.minimum(over, isolation.shut_at + plant_params.isolation.valve)
 
 
+def stuck_open_time(plant_params: PlantParams, isolation: Isolation, time: Scalar) -> Scalar:
+    """For how long a thruster has been stuck open up to `time` [s], NaN before that and without such a fault."""
+    stuck = equipment_faults.is_stuck_open(plant_params.fault, len(isolation.shut_at))
+    open_time = jnp.minimum(time, leak_end(plant_params, isolation)) - plant_params.fault.start
+    longest = jnp.max(jnp.where(stuck, open_time, -1.0), axis=0)
+    return jnp.where(longest >= 0.0, longest, jnp.nan)
+
+
 def _leak(loop: Loop, tick: Tick, motion: Motion, offset: Scalar, is_fed: Bool[Array, ""]) -> Leak:
     """What thrusters give without a command in the step that begins `offset` [s] after the tick."""
     plant_params = loop.params.plant

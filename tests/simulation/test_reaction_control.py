@@ -1,6 +1,7 @@
 """Thrusters that fail in the steps of a tick: when they are shut off, and what they have given until then."""
 
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -8,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import rpojax
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.pytree import pytree, replace
-from rpojax.flight.control import rcs_control
+from rpojax.flight.control import rcs_control, thruster_isolation
 from rpojax.flight.stages import Stages
 from rpojax.physics import rcs_thrusters
 from rpojax.physics.equipment_faults import KINDS
@@ -151,3 +153,40 @@ def test_without_isolation_or_without_propellant(failure: tuple[Scenario, Params
     found = flown(scenario, empty, failure[2])
     assert np.all(np.array(found.impulse_B) == 0.0)
     assert np.isinf(np.array(found.shut_at)).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "time", "shut_at", "expected"),
+    [
+        ("thruster_stuck_open", 99.0, np.inf, np.nan),
+        ("thruster_stuck_open", 100.5, np.inf, 0.5),
+        ("thruster_stuck_open", 500.0, 100.6, 1.1),
+        ("thruster_stuck_open", 500.0, np.inf, 400.0),
+        ("thruster_stuck_open", 2000.0, np.inf, 1000.0),  # the fault is over
+        ("thruster_leak", 500.0, 100.6, np.nan),
+        ("thruster_off", 500.0, np.inf, np.nan),
+    ],
+)
+def test_the_delay_of_an_isolation_is_the_time_for_which_the_thruster_can_burn(
+    failure: tuple[Scenario, Params, State], kind: str, time: float, shut_at: float, expected: float
+) -> None:
+    _, params, _ = failure
+    plant = with_fault(params, 100.0, kind).plant
+    plant = replace(plant, fault=replace(plant.fault, duration=jnp.array(1000.0)))
+    assert params.flight.thrusters is not None
+    isolation = thruster_isolation.initial(params.flight.thrusters)
+    isolation = replace(isolation, shut_at=isolation.shut_at.at[THRUSTER].set(shut_at).at[0].set(3.0))
+    found = float(reaction_control.stuck_open_time(plant, isolation, jnp.array(time)))
+    assert found == pytest.approx(expected, nan_ok=True)
+
+
+@pytest.mark.slow
+def test_every_stuck_thruster_of_the_packaged_scenario_is_shut_off_and_no_other(tmp_path: Path) -> None:
+    campaign = rpojax.run_campaign(rpojax.load("thruster_failure"), runs=12, out=tmp_path / "runs", seed=7)
+    delay, shut = (campaign.metrics[name] for name in ("isolation_delay_s", "isolated_thrusters"))
+    stuck = campaign.drawn["fault.kind"] == KINDS.index("thruster_stuck_open")
+    assert 0 < stuck.sum() < 12
+    np.testing.assert_array_equal(np.isfinite(delay), stuck)
+    np.testing.assert_array_equal(shut, stuck)
+    assert np.all((delay[stuck] >= 0.9) & (delay[stuck] <= 2.0))
+    assert "keep_out" not in campaign.outcomes
