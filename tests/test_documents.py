@@ -366,6 +366,7 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
         *seen,
         *channels.MISSION_CHANNELS,
         *channels.PLUME_CHANNELS,
+        *channels.ISOLATION_CHANNELS,
         *channels.TEAM_CHANNELS,
         *channels.PHASING_CHANNELS,
     } - {"running"}

@@ -3,7 +3,7 @@
 python experiments/close_range/final_approach.py --out DIR [--scenario final_approach] [--runs 1000] [--seed 0]
     [--set KEY=VALUE ...]
 
-The exit status is 1 if a run enters the keep-out sphere.
+The exit status is 1 if a run enters the keep-out sphere, or if a thruster that is stuck open is shut off too late.
 """
 
 import argparse
@@ -14,6 +14,9 @@ import numpy as np
 import rpojax
 
 ARRIVAL = ("final_lateral_error_m", "final_range_error_m", "closing_speed_max_m_s", "min_range_m", "delta_v_m_s")
+
+LATEST_ISOLATION_S = 2.0
+"""Requirement on a thruster that is stuck open: shut off so soon after its failure [s]."""
 
 
 def main() -> int:
@@ -40,7 +43,25 @@ def main() -> int:
     for name in ARRIVAL:
         _print(name, np.abs(metrics[name][np.isfinite(metrics[name])]))
     print(f"relative NEES / 6: {np.mean(metrics['nees_relative_mean']) / 6.0:.2f}")
-    return int("keep_out" in outcomes)
+    return int("keep_out" in outcomes or not _isolates(campaign))
+
+
+def _isolates(campaign: rpojax.Campaign) -> bool:
+    """Prints outcomes by kind of fault and how soon stuck thrusters are shut off; whether all are soon enough."""
+    if "isolation_delay_s" not in campaign.metrics:
+        return True
+    delay, shut = (campaign.metrics[name] for name in ("isolation_delay_s", "isolated_thrusters"))
+    stuck = np.isfinite(delay)
+    for name, chosen in (("stuck open", stuck), ("other", ~stuck)):
+        completed = int(np.sum(campaign.outcomes[chosen] == "completed"))
+        print(
+            f"{name}: {int(chosen.sum())} runs, {completed} completed, {int(np.sum(shut[chosen]))} thrusters isolated"
+        )
+    if not stuck.any():
+        return True
+    least, p50, p99, most = np.percentile(delay[stuck], [0, 50, 99, 100])
+    print(f"isolation_delay_s: least {least:.3f}, median {p50:.3f}, p99 {p99:.3f}, worst {most:.3f}")
+    return bool(most <= LATEST_ISOLATION_S)
 
 
 def _print(name: str, values: np.ndarray) -> None:

@@ -22,6 +22,7 @@ from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Target, Truth
 from rpojax.physics.plume_impingement import Plume
+from rpojax.physics.rcs_thrusters import IsolationValves
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
@@ -106,6 +107,7 @@ def plant_params(reference: Reference) -> PlantParams:
             accommodation=zero,
             wall_temperature=zero,
         ),
+        isolation=IsolationValves(valve=zero),
         fault=Fault(kind=zero, start=zero, duration=zero, severity=zero, wheel=zero, thruster=zero),
     )
 

@@ -14,6 +14,7 @@ from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import rcs_control, wheel_torque_allocation
 from rpojax.flight.control.rcs_control import RcsCommand
+from rpojax.flight.control.thruster_isolation import OpenTime
 from rpojax.flight.decisions import burn_conditions, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
@@ -82,8 +83,8 @@ def initial(
         phase_gains=mission_decision.phase_gains(software, orbit),
         rejected_s=dict.fromkeys(params.sensors, never),
         own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
-        rcs=None if params.thrusters is None else rcs_control.no_command(params.thrusters),
         history=retrodiction.no_history(memory_ticks, attitude.q_BN) if memory_ticks else None,
+        rcs=None if params.thrusters is None else rcs_control.no_command(params.thrusters, software.isolates),
     )
 
 
@@ -314,6 +315,8 @@ class MotionOnBoard:
         delta_v_N: (3,) expected velocity change [m/s]
         fired: (n,) on-time of each thruster of the reaction control system [s], None without one
         pressures: (n,) chamber pressure of those that fired over its nominal value, None without sensors
+        uncommanded: for how long each was open without a command, whose effect `delta_v_N` has; None where such
+            thrusters are not watched
         thrust_ratio: () chamber pressure over its nominal value while the valve was open, None without a sensor: then
             the thrust is its nominal one
         third_body_acceleration_N: (3,) by Sun and Moon, zero where they are not modelled [m/s^2]
@@ -327,6 +330,7 @@ class MotionOnBoard:
     sun_N: Array
     fired: Array | None = None
     pressures: Array | None = None
+    uncommanded: OpenTime | None = None
 
 
 def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoard, end: Scalar) -> FlightMemory:
@@ -337,8 +341,12 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
     if memory.rcs is not None:
         # Each tick of pulses is a burn of its own, and no sign of the one thruster.
-        acts, burning = memory.rcs.acts, burning & ~memory.rcs.acts
-        burn_delta_v = jnp.where(acts, _size_of_pulses(params, memory.rcs, delta_v_N, dt), burn_delta_v)
+        acts = memory.rcs.acts
+        if motion.uncommanded is not None:
+            acts |= jnp.any(motion.uncommanded.time > 0.0, axis=0)
+        burning &= ~acts
+        size = _size_of_pulses(params, memory.rcs, delta_v_N, motion.uncommanded, dt)
+        burn_delta_v = jnp.where(acts, size, burn_delta_v)
     thrust_estimate = memory.thrust_estimate
     if motion.thrust_ratio is not None:
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
@@ -360,9 +368,15 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     history = memory.history
     if history is not None:
         history = retrodiction.remember(history, motion.q_BN_before, thrust_estimate.ratio * delta_v_N)
+    rcs = memory.rcs
+    if rcs is not None:
+        assert params.thrusters is not None
+        assert motion.fired is not None
+        rcs = rcs_control.after_pulses(params.thrusters, rcs, motion.fired)
     return replace(
         memory,
         history=history,
+        rcs=rcs,
         thrust_estimate=thrust_estimate,
         thruster_failed_at=jnp.where(
             burning & (thrust_estimate.ratio < _FAILED_THRUST_RATIO), end, memory.thruster_failed_at
@@ -380,23 +394,31 @@ def _by_pressures(params: FlightParams, memory: FlightMemory, motion: MotionOnBo
     assert motion.pressures is not None
     assert motion.fired is not None
     rcs, fired = rcs_control.learn_ratios(memory.rcs, motion.pressures, motion.fired), motion.fired
+    vehicle = rcs_control.with_propellant_used(params.vehicle, rcs)
     before, after = (
-        rcs_control.expected_delta_v(params.thrusters, params.vehicle, each, memory.attitude.q_BN, fired)
+        rcs_control.expected_delta_v(params.thrusters, vehicle, each, memory.attitude.q_BN, fired)
         for each in (memory.rcs, rcs)
     )
-    return replace(memory, rcs=rcs), motion.delta_v_N + after - before
+    return replace(memory, rcs=rcs_control.shut_off(rcs)), motion.delta_v_N + after - before
 
 
-def _size_of_pulses(params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, dt: float) -> Scalar:
+def _size_of_pulses(
+    params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, uncommanded: OpenTime | None, dt: float
+) -> Scalar:
     """Size [m/s] of a burn whose errors are those of the pulses of a tick.
 
     Thrusters push partly against each other, and each has its error: it grows with the sum of all forces, not with the
-    velocity change that is left of them.
+    velocity change that is left of them. When one opened or closed without a command is known to a step alone.
     """
     assert params.thrusters is not None
-    effort = rcs_control.effort(params.thrusters, params.vehicle, rcs) * dt
     size = gradient_safe.norm(delta_v_N)
-    return effort * gradient_safe.safe_div(effort, size)
+    if uncommanded is None:
+        effort = rcs_control.effort(params.thrusters, params.vehicle, rcs.shares) * dt
+        return effort * gradient_safe.safe_div(effort, size)
+    effort = rcs_control.effort(params.thrusters, params.vehicle, rcs.shares + uncommanded.time / dt) * dt
+    errors = gradient_safe.sqrt(uncommanded.variance) / params.navigation.burn_magnitude_sigma
+    timing = rcs_control.effort(params.thrusters, params.vehicle, errors)
+    return gradient_safe.safe_div(effort**2 + timing**2, size)
 
 
 def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> LastingEffects:

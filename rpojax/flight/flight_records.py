@@ -11,6 +11,7 @@ from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.rcs_control import RcsCommand
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
+from rpojax.flight.control.thruster_isolation import IsolationTuning
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand
@@ -42,6 +43,7 @@ class FlightParams:
     health: HealthTuning
     mission: MissionTuning
     atmosphere: Atmosphere
+    isolation: IsolationTuning
     sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
     thrusters: ThrusterLayout | None = None
 

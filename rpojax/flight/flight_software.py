@@ -20,6 +20,7 @@ class FlightSoftware:
         camera: sizes of the camera's images
         mission: static settings of the phases
         tick_s: time between guidance ticks [s]
+        isolates: whether it shuts off thrusters that are open without a command
     """
 
     stages: Stages
@@ -28,6 +29,7 @@ class FlightSoftware:
     camera: CameraFormat
     mission: MissionSettings
     tick_s: float
+    isolates: bool = False
 
     @property
     def guidance(self) -> GuidanceSoftware:

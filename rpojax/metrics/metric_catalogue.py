@@ -26,6 +26,7 @@ from rpojax.metrics import (
     position_errors,
     surface_coverage,
     team,
+    thrusters,
     trajectory,
 )
 from rpojax.metrics.metric_definition import Metric
@@ -39,6 +40,7 @@ MODULES: Final = (
     trajectory,
     approach,
     plume,
+    thrusters,
     passive_safety,
     attitude,
     camera_boxes,

@@ -1,6 +1,6 @@
 """Equipment faults of the servicer: one fault per run, of one kind, for some time."""
 
-from typing import Any, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -13,6 +13,10 @@ Scalar = Float[Array, ""]
 
 KINDS: tuple[str, ...] = get_args(FaultKind)
 """Kinds of fault; a fault's code is its index here."""
+STUCK_OPEN: Final = "thruster_stuck_open"
+"""Kind in which a thruster burns all the time, whatever is commanded."""
+LEAKS: Final = (STUCK_OPEN, "thruster_leak")
+"""Kinds in which a thruster gives force without a command."""
 
 
 def kind_code(kind: object) -> Any:
@@ -32,7 +36,8 @@ class Fault:
     start: Array = number("time of the fault", unit="s", at_least=0.0)
     duration: Array = number("its duration", unit="s", at_least=0.0)
     severity: Array = number(
-        "fraction of thrust that `thruster_weak` loses, or of the torque limit that `wheel_friction` takes",
+        "fraction of thrust that `thruster_weak` loses or `thruster_leak` gives without a command, or of the torque "
+        "limit that `wheel_friction` takes",
         at_least=0.0,
         at_most=1.0,
     )
@@ -116,8 +121,26 @@ def _lost_thrust(fault: Fault, active: Bool[Array, ""]) -> Scalar:
 
 def rcs_fractions(fault: Fault, time: Scalar, count: int) -> Float[Array, " n"]:
     """Remaining fraction of the force of each of `count` thrusters of the reaction control system [-]."""
-    is_affected = jnp.arange(count, dtype=fault.thruster.dtype) == jnp.round(fault.thruster)
-    return 1.0 - jnp.where(is_affected, _lost_thrust(fault, _is_active(fault, time)), 0.0)
+    return 1.0 - jnp.where(_is_affected(fault, count), _lost_thrust(fault, _is_active(fault, time)), 0.0)
+
+
+def leak_shares(fault: Fault, count: int) -> Float[Array, " n"]:
+    """Share of the full force that each of `count` thrusters gives without a command while the fault acts [-].
+
+    A valve that is stuck open gives all of it, one that leaks the severity of the fault.
+    """
+    leaks = jnp.where(jnp.round(fault.kind) == KINDS.index("thruster_leak"), fault.severity, 0.0)
+    return jnp.where(is_stuck_open(fault, count), 1.0, jnp.where(_is_affected(fault, count), leaks, 0.0))
+
+
+def is_stuck_open(fault: Fault, count: int) -> Bool[Array, " n"]:
+    """Which of `count` thrusters of the reaction control system stays open while the fault acts."""
+    return _is_affected(fault, count) & (jnp.round(fault.kind) == KINDS.index(STUCK_OPEN))
+
+
+def _is_affected(fault: Fault, count: int) -> Bool[Array, " n"]:
+    """Which of `count` thrusters of the reaction control system the fault of a thruster is of."""
+    return jnp.arange(count, dtype=fault.thruster.dtype) == jnp.round(fault.thruster)
 
 
 def radio_works(fault: Fault, time: Scalar) -> Bool[Array, ""]:

@@ -49,5 +49,7 @@ FaultKind = Literal[
     "star_tracker_blind",
     "camera_blackout",
     "radio_off",
+    "thruster_stuck_open",
+    "thruster_leak",
 ]
 """Kinds of equipment faults."""

@@ -17,7 +17,7 @@ from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plume_impingement import Facets, Plume
-from rpojax.physics.rcs_thrusters import RcsThruster
+from rpojax.physics.rcs_thrusters import IsolationValves, RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
@@ -69,6 +69,7 @@ class PlantParams:
     sunlight: Sunlight
     fault: Fault
     plume: Plume
+    isolation: IsolationValves
     thrusters: dict[str, RcsThruster] = field(default_factory=dict)
     facets: Facets | None = None
 

@@ -75,6 +75,34 @@ class RcsThrust:
     plume: Impingement | None = None
 
 
+@pytree
+class IsolationValves:
+    """Valve before each thruster of the reaction control system, which shuts it off for good."""
+
+    valve: Array = number(
+        "from the command to the shut isolation valve; until then a thruster that is stuck open gives its full force",
+        unit="s",
+        at_least=0.0,
+        default=0.5,
+        key="isolation.valve_s",
+    )
+
+
+@pytree
+class Leak:
+    """Force that thrusters give without a command in a step.
+
+    Attributes:
+        share: (n,) of the full force, 1 of a valve that is stuck open [-]
+        begin: () from when on [s] from the begin of the step, before it or after it too
+        end: (n,) until when: the fault is over, or the isolation valve is shut [s]
+    """
+
+    share: Array
+    begin: Array
+    end: Array
+
+
 def stacked(thrusters: Mapping[str, RcsThruster]) -> RcsThruster:
     """The numbers of all thrusters along the first axis, in the order of their names."""
     # A mapping that passes through a compiled program comes out in that order.
@@ -103,9 +131,21 @@ def true_state(thrusters: RcsThruster, normals: Float[Array, " n"], left: Float[
     )
 
 
-def thrust_over_step(state: RcsState, on_time: Float[Array, " n"], method: Method, dt: float | Scalar) -> RcsThrust:
-    """Thrust over a step of `dt` [s] at whose begin each thruster opens for its on-time [s], with exact impulses."""
-    factors = jax.vmap(lambda each: pulse_factors(each, method, dt), out_axes=1)(on_time)
+def thrust_over_step(
+    state: RcsState, on_time: Float[Array, " n"], method: Method, dt: float | Scalar, leak: Leak | None = None
+) -> RcsThrust:
+    """Thrust over a step of `dt` [s] at whose begin each thruster opens for its on-time [s], with exact impulses.
+
+    What leaks adds to that as long as the thruster is not open by command.
+    """
+
+    def pulses(times: Float[Array, " n"]) -> Float[Array, "nodes n"]:
+        return jax.vmap(lambda each: pulse_factors(each, method, dt), out_axes=1)(times)
+
+    factors = pulses(on_time)
+    if leak is not None:
+        begin = jnp.clip(jnp.maximum(leak.begin, on_time), 0.0, dt)
+        factors = factors + leak.share[None, :] * (pulses(jnp.clip(leak.end, begin, dt)) - pulses(begin))
 
     def total(per_thruster: Float[Array, "n 3"]) -> Float[Array, "nodes 3"]:
         return jnp.sum(factors[:, :, None] * per_thruster[None], axis=1)

@@ -17,6 +17,10 @@ class _Condition(NamedTuple):
 _CONDITIONS: Final[Mapping[Need, _Condition]] = {
     "phases": _Condition("[[phases]]", lambda file: bool(file.phases)),
     "plume": _Condition("effects.plume = true", lambda file: file.effects.plume),
+    "isolation": _Condition(
+        "isolation.enabled, chamber_pressure.enabled and effects.faults = true with [[thrusters]]",
+        lambda file: file.effects.faults and file.isolates_thrusters,
+    ),
     "coverage": _Condition("coverage.enabled = true", lambda file: file.coverage.enabled),
 }
 

@@ -36,6 +36,7 @@ from rpojax.scenario.sections import (
     HealthSection,
     ImagingSection,
     InitialSection,
+    IsolationSection,
     LimitsSection,
     LinkRangeSection,
     LinkSection,
@@ -187,6 +188,7 @@ class ScenarioFile(Summarised, AdditionalSensors):
     thruster: ThrusterSection
     thrusters: list[RcsThrusterSection] = Field(default_factory=list, max_length=MAX_THRUSTERS)
     plume: PlumeSection = PlumeSection()
+    isolation: IsolationSection = IsolationSection()
     wheels: WheelsSection
     camera: CameraSection
     imaging: ImagingSection
@@ -226,6 +228,11 @@ class ScenarioFile(Summarised, AdditionalSensors):
     def turns_for_burns(self) -> bool:
         """Whether there is a phase in which the servicer turns to burn with its one thruster."""
         return not self.phases or any(phase.control == "burns" for phase in self.phases)
+
+    @property
+    def isolates_thrusters(self) -> bool:
+        """Whether flight software shuts off thrusters that are open without a command."""
+        return self.isolation.enabled and self.chamber_pressure.enabled and bool(self.thrusters)
 
     @classmethod
     def absent_keys(cls) -> Iterable[str]:

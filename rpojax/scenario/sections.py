@@ -8,6 +8,7 @@ from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.thruster_isolation import IsolationTuning
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
@@ -21,7 +22,7 @@ from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_state import Target
 from rpojax.physics.plume_impingement import Plume
 from rpojax.physics.radio_link import RadioLink
-from rpojax.physics.rcs_thrusters import RcsThruster
+from rpojax.physics.rcs_thrusters import IsolationValves, RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
@@ -167,6 +168,12 @@ class RcsThrusterSection(section_of(RcsThruster)):
     """Thruster of the reaction control system."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+
+
+class IsolationSection(section_of(IsolationValves, IsolationTuning, name="isolation", first=("enabled",))):
+    """Isolation valves of the reaction control system, and when flight software shuts them."""
+
+    enabled: bool = False
 
 
 class PlumeSection(section_of(Plume)):

@@ -53,6 +53,7 @@ MEANINGS: Final[dict[str, str]] = {
     "imaging.statistics": "statistics of the statistical camera, as written by `rpojax calibrate-camera-model`",
     "imaging.sky_seed": "seed of stars and clouds",
     "chamber_pressure.enabled": "whether the pressure is measured",
+    "isolation.enabled": "whether each of `[[thrusters]]` has an isolation valve, which flight software shuts",
     "navigation.gating": "boxes must pass the gate, or are all accepted",
     "navigation.sharing": "what the servicers of a team share",
     "navigation.zonal_degree": "highest zonal harmonic of the filter's gravity model",

@@ -42,6 +42,7 @@ class Scenario:
         team: static settings of a team of servicers, None for a servicer alone
         thrusters: number of those of the reaction control system
         delays: of measurements, None where flight software has each at once
+        isolation: whether flight software shuts off those that are open without a command, by their pressure sensors
     """
 
     ticks: int
@@ -62,6 +63,7 @@ class Scenario:
     team: TeamSettings | None = None
     thrusters: int = 0
     delays: DelaySettings | None = None
+    isolation: bool = False
 
     @property
     def filter_settings(self) -> FilterSettings:
@@ -136,4 +138,5 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         mission=mission_settings(file),
         thrusters=len(file.thrusters),
         delays=delay_settings(file),
+        isolation=file.isolates_thrusters,
     )

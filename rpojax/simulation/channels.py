@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion, vectors
 from rpojax.core.frames import hill_frame
@@ -16,6 +16,7 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
+from rpojax.flight.control import thruster_isolation
 from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
@@ -24,7 +25,7 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation import tick_measurements
+from rpojax.simulation import reaction_control, tick_measurements
 from rpojax.simulation.camera_models import boresight_N
 from rpojax.simulation.telemetry import Telemetry, orbit_errors
 
@@ -108,6 +109,8 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
         functions |= IMAGE_CHANNELS
     if scenario.effects.plume:
         functions |= PLUME_CHANNELS
+    if scenario.effects.faults and scenario.isolation:
+        functions |= ISOLATION_CHANNELS
     if scenario.mission.is_managed:
         functions |= MISSION_CHANNELS
         if scenario.mission.coordinated:
@@ -220,6 +223,24 @@ def _time(tick: ObservedTick) -> Scalar:
     return tick.scenario.tick_s * tick.telemetry.tick.astype(tick.truth.r_ST_N.dtype)
 
 
+def _isolated(tick: ObservedTick) -> Bool[Array, " n"]:
+    """Which thrusters flight software has shut off."""
+    rcs = tick.telemetry.flight.rcs
+    assert rcs is not None
+    assert rcs.isolation is not None
+    return thruster_isolation.is_shut_off(rcs.isolation)
+
+
+def _isolation_delay(tick: ObservedTick) -> Scalar:
+    """Time for which a stuck thruster has been open, until its isolation valve is shut [s]; NaN without one."""
+    rcs = tick.telemetry.flight.rcs
+    assert rcs is not None
+    assert rcs.isolation is not None
+    open_time = reaction_control.stuck_open_time(tick.params.plant, rcs.isolation, _time(tick))
+    # A frozen run has no time after its failure.
+    return jnp.where(tick.telemetry.running, open_time, jnp.nan)
+
+
 def _changed_for(tick: ObservedTick) -> Array:
     """Place in the team, from 1 on, of the servicer for which a burn decision of this tick was changed; 0 without."""
     team = _mission(tick).team
@@ -309,6 +330,11 @@ IMAGE_CHANNELS: Final[ChannelFunctions] = {"window_px": lambda tick: tick.teleme
 """Window of the image of a tick, from which with the poses it can be rendered again."""
 PLUME_CHANNELS: Final[ChannelFunctions] = {"plume_impulse_n_s": lambda tick: tick.truth.plume_impulse}
 """Load of the thrusters' plumes on the target, in scenarios with it."""
+ISOLATION_CHANNELS: Final[ChannelFunctions] = {
+    "isolated_thrusters": lambda tick: jnp.sum(_isolated(tick).astype(jnp.int8), axis=0, dtype=jnp.int8),
+    "isolation_delay_s": _isolation_delay,
+}
+"""Thrusters that are shut off, in scenarios whose thrusters may fail and have isolation valves."""
 MISSION_CHANNELS: Final[ChannelFunctions] = {
     "rho_desired_H": lambda tick: tick.telemetry.rho_desired_H,
     "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),

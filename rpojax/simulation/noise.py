@@ -56,6 +56,7 @@ class TickNoise:
         additional: (n,) of each additional sensor, by name
         thrusters: (2 n,) of the thrust and the chamber pressures of the reaction control system, None without one
         delays: () of the delay of each sensor with late measurements, uniform in [0, 1), by name
+        pressures_at_rest: (substeps, n) of those pressures while no pulse is commanded, None where none is watched
     """
 
     gps: Array
@@ -70,6 +71,7 @@ class TickNoise:
     additional: dict[str, Array] = field(default_factory=dict)
     thrusters: Array | None = None
     delays: dict[str, Array] = field(default_factory=dict)
+    pressures_at_rest: Array | None = None
 
 
 _fold_in = jax.jit(random_streams.fold_in, inline=True)
@@ -170,7 +172,14 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         },
         thrusters=_sensor_normals("thrusters", 2 * scenario.thrusters, keys, tick) if scenario.thrusters else None,
         delays={name: _delay_uniform(name, keys, tick) for name in scenario.delays.sensors} if scenario.delays else {},
+        pressures_at_rest=_pressure_normals(scenario, keys, tick) if scenario.isolation else None,
     )
+
+
+def _pressure_normals(scenario: Scenario, keys: Array, tick: Array) -> Array:
+    """Standard normal numbers (substeps, n) of the chamber pressures of the reaction control system in a tick."""
+    drawn = _sensor_normals("pressures_at_rest", scenario.substeps * scenario.thrusters, keys, tick)
+    return drawn.reshape(scenario.substeps, scenario.thrusters)
 
 
 def _sensor_normals(name: str, count: int, keys: Array, tick: Array) -> Array:

@@ -2,7 +2,7 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.constants import MU_MOON, MU_SUN
@@ -11,21 +11,21 @@ from rpojax.core.orbits import third_body_gravity
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions, sun_and_moon_at
 from rpojax.core.pytree import replace, select
 from rpojax.flight import computer
-from rpojax.flight.control import rcs_control
+from rpojax.flight.control import thruster_isolation
 from rpojax.flight.decisions import burn_decision, mission_decision, translation
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_schedule, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation import attitude_ekf
-from rpojax.physics import equipment_faults, forces_and_torques, plant, rcs_thrusters
+from rpojax.physics import equipment_faults, plant
 from rpojax.physics.equipment_faults import Health
-from rpojax.physics.plant_state import Truth, propellant_used
-from rpojax.physics.rcs_thrusters import RcsState, RcsThrust
+from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, thrust_over_step
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import chamber_pressure, gyro
+from rpojax.simulation import reaction_control
 from rpojax.simulation.noise import TickNoise, draw_tick_noise
 from rpojax.simulation.outcomes.freezing import freeze_if_failed
 from rpojax.simulation.state import State, elapsed_time
@@ -58,7 +58,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
         # The fault of a thruster is that of one of the list.
         health = replace(health, thrust_fraction=jnp.ones_like(health.thrust_fraction))
     health = _fed(params, state.truth, health)
-    thrusters = _true_thrusters(loop, state.truth, noise, time) if scenario.thrusters else None
+    thrusters = reaction_control.true_thrusters(loop, state.truth, noise, time) if scenario.thrusters else None
     with jax.named_scope("sense"):
         measurements, frame, in_transit = measure(loop, state, noise, sky, health, time)
     return Tick(
@@ -73,22 +73,6 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
         burn_error=state.burn_error,
         thrusters=thrusters,
     )
-
-
-def _true_thrusters(loop: Loop, truth: Truth, noise: TickNoise, time: Scalar) -> RcsState:
-    """Thrusters of the reaction control system in the tick that begins at `time` [s], with their errors and faults."""
-    scenario, plant_params = loop.scenario, loop.params.plant
-    assert noise.thrusters is not None
-    left = jnp.ones_like(noise.thrusters[: scenario.thrusters])
-    if scenario.effects.faults:
-        left = equipment_faults.rcs_fractions(plant_params.fault, time, scenario.thrusters)
-    stacked = rcs_thrusters.stacked(plant_params.thrusters)
-    true = rcs_thrusters.true_state(stacked, noise.thrusters[: scenario.thrusters], left)
-    if not scenario.effects.plume:
-        return true
-    with jax.named_scope("plume"):
-        load = forces_and_torques.plumes_on_target(scenario.effects, plant_params, truth, true, 0.5 * scenario.tick_s)
-    return replace(true, plume=load)
 
 
 def navigate(loop: Loop, tick: Tick) -> Tick:
@@ -172,13 +156,13 @@ def guide(loop: Loop, tick: Tick) -> Tick:
 def control_and_propagate(loop: Loop, tick: Tick) -> Motion:
     """State of the vehicle at the end of the tick, under the attitude control of the flight software."""
 
-    def plant_step(motion: Motion, inputs: tuple[Array, Array]) -> tuple[Motion, None]:
-        offset, gyro_normals = inputs
+    def plant_step(motion: Motion, inputs: tuple[Array, Array, Array | None]) -> tuple[Motion, None]:
+        offset, gyro_normals, pressure_normals = inputs
         torque = wheel_torque_command(loop, tick, motion, offset)
-        return propagate_substep(loop, tick, motion, torque, offset, gyro_normals), None
+        return propagate_substep(loop, tick, motion, torque, offset, gyro_normals, pressure_normals), None
 
     with jax.named_scope("act"):
-        inputs = (substep_offsets(loop.scenario), tick.noise.gyro)
+        inputs = (substep_offsets(loop.scenario), tick.noise.gyro, tick.noise.pressures_at_rest)
         return jax.lax.scan(plant_step, initial_motion(tick), inputs)[0]
 
 
@@ -196,6 +180,8 @@ def initial_motion(tick: Tick) -> Motion:
         delta_v_N=jnp.zeros(3),
         owed=None if rcs is None else rcs.owed,
         fired=None if rcs is None else jnp.zeros_like(rcs.owed),
+        isolation=None if rcs is None else rcs.isolation,
+        uncommanded=None if rcs is None or rcs.isolation is None else thruster_isolation.never_open(rcs.isolation),
     )
 
 
@@ -206,7 +192,13 @@ def wheel_torque_command(loop: Loop, tick: Tick, motion: Motion, offset: Scalar)
 
 
 def propagate_substep(
-    loop: Loop, tick: Tick, motion: Motion, torque: Vector, offset: Scalar, gyro_normals: Vector
+    loop: Loop,
+    tick: Tick,
+    motion: Motion,
+    torque: Vector,
+    offset: Scalar,
+    gyro_normals: Vector,
+    pressure_normals: Float[Array, " n"] | None = None,
 ) -> Motion:
     """State of the vehicle one plant step later.
 
@@ -217,6 +209,7 @@ def propagate_substep(
         torque: (3,) wheel torques, constant over the step [N m]
         offset: () time of the step since the beginning of the tick [s]
         gyro_normals: (3,) standard normal numbers
+        pressure_normals: (n,) the same, of pressures while no pulse is commanded; None where these are not watched
     """
     params, dt, effects, plan = loop.params, loop.scenario.step_s, loop.scenario.effects, tick.flight.plan
     now = replace(tick.flight, attitude=motion.attitude)
@@ -228,11 +221,10 @@ def propagate_substep(
     delta_v_N = motion.delta_v_N + computer.expected_delta_v(params.flight, now, ignition, cutoff, dt)
     thrust = thrust_over_step(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
     health = _fed(params, motion.truth, tick.health)
-    rcs, owed, fired = None, motion.owed, motion.fired
+    rcs = on_time = None
+    after = replace(motion, delta_v_N=delta_v_N)
     if tick.flight.rcs is not None:
-        assert motion.fired is not None
-        rcs, on_time, owed, given_N = _pulses(loop, tick, motion)
-        delta_v_N, fired = delta_v_N + given_N, motion.fired + on_time
+        rcs, after, on_time = reaction_control.pulses(loop, tick, after, offset)
     truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, health, dt, rcs)
     gyro_bias_B = tick.state.sensor_errors.gyro_bias_B
     sample = gyro.measure(params.gyro, truth.omega_BN_B, gyro_bias_B, gyro_normals, dt)
@@ -242,25 +234,11 @@ def propagate_substep(
         mean_B = gyro.mean_rate(motion.truth.q_BN, truth.q_BN, dt)
         turned = gyro.measure(params.gyro, mean_B, gyro_bias_B, gyro_normals, dt)
     attitude = attitude_ekf.integrate_gyro(motion.attitude, sample, dt, turned)
-    return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N, owed=owed, fired=fired)
-
-
-def _pulses(loop: Loop, tick: Tick, motion: Motion) -> tuple[RcsThrust, Array, Array, Vector]:
-    """Thrust of the reaction control system over a plant step, on-times, what is owed then [s], and what is expected.
-
-    The last is the velocity change in N [m/s] by what flight software knows of the thrusters.
-    """
-    params, dt, believed, given = loop.params, loop.scenario.step_s, loop.params.flight.thrusters, tick.flight.rcs
-    assert believed is not None
-    assert given is not None
-    assert motion.owed is not None
-    on_time, owed = rcs_control.pulses(believed, given, motion.owed, dt)
-    assert tick.thrusters is not None
-    q_BN = motion.attitude.q_BN
-    expected_N = rcs_control.expected_delta_v(believed, params.flight.vehicle, given, q_BN, on_time)
-    fed_time = jnp.where(_has_propellant(params, motion.truth), on_time, 0.0)
-    thrust = rcs_thrusters.thrust_over_step(tick.thrusters, fed_time, loop.scenario.effects.integrator, dt)
-    return thrust, on_time, owed, expected_N
+    if motion.isolation is not None:
+        assert on_time is not None
+        assert pressure_normals is not None
+        after = reaction_control.watched(loop, tick, after, on_time, offset, pressure_normals)
+    return replace(after, truth=truth, attitude=attitude)
 
 
 def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
@@ -276,12 +254,7 @@ def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
 
 def _fed(params: Params, truth: Truth, health: Health) -> Health:
     """Health of the equipment; the thruster works as long as propellant is left."""
-    return equipment_faults.with_propellant(health, _has_propellant(params, truth))
-
-
-def _has_propellant(params: Params, truth: Truth) -> Bool[Array, ""]:
-    """Whether propellant is left."""
-    return propellant_used(params.plant, truth) < params.limits.propellant
+    return equipment_faults.with_propellant(health, reaction_control.has_propellant(params, truth))
 
 
 def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
@@ -291,7 +264,7 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     if scenario.chamber_pressure and scenario.thrusters:
         assert tick.noise.thrusters is not None
         assert tick.thrusters is not None
-        ratio = jnp.where(_has_propellant(params, motion.truth), tick.thrusters.ratio, 0.0)
+        ratio = jnp.where(reaction_control.has_propellant(params, motion.truth), tick.thrusters.ratio, 0.0)
         pressures = chamber_pressure.measure(params.chamber_pressure, ratio, tick.noise.thrusters[scenario.thrusters :])
     if scenario.chamber_pressure:
         thrust_ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
@@ -303,10 +276,11 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
         sun_N=tick.sky.sun_N,
         fired=motion.fired,
         pressures=pressures,
+        uncommanded=motion.uncommanded,
     )
     memory = replace(tick.flight, attitude=motion.attitude)
     if memory.rcs is not None:
-        memory = replace(memory, rcs=replace(memory.rcs, owed=motion.owed))
+        memory = replace(memory, rcs=replace(memory.rcs, owed=motion.owed, isolation=motion.isolation))
     return computer.predict(loop.software, memory, on_board, tick.time + scenario.tick_s)
 
 

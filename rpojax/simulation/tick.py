@@ -9,6 +9,7 @@ from jaxtyping import Array
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import pytree
 from rpojax.flight import stage_use
+from rpojax.flight.control.thruster_isolation import Isolation, OpenTime
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -55,6 +56,7 @@ class Loop:
             camera=camera_format(scenario),
             mission=scenario.mission,
             tick_s=scenario.tick_s,
+            isolates=scenario.isolation,
         )
 
     def __post_init__(self) -> None:
@@ -118,6 +120,8 @@ class Motion:
         delta_v_N: (3,) velocity change in this tick as expected by the flight software [m/s]
         owed: (n,) on-time that thrusters of the reaction control system owe [s], None without them
         fired: (n,) their on-time in this tick [s], None without them
+        isolation: what is known of thrusters that are open without a command, None where they are not isolated
+        uncommanded: for how long they were open so in this tick by their pressure, None alike
     """
 
     truth: Truth
@@ -125,3 +129,5 @@ class Motion:
     delta_v_N: Array
     owed: Array | None = None
     fired: Array | None = None
+    isolation: Isolation | None = None
+    uncommanded: OpenTime | None = None

@@ -24,6 +24,8 @@ EFFECT = {
     "star_tracker_blind": {"star_tracker": False},
     "camera_blackout": {"camera": False},
     "radio_off": {},
+    "thruster_stuck_open": {},
+    "thruster_leak": {},
 }
 """Change of the health by a fault of each kind, at a severity of 0.3 and on the second wheel."""
 

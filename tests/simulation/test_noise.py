@@ -49,8 +49,10 @@ def test_numbers_of_a_tick_come_from_their_streams(
         "biases": normal(later, 6),
         "box_edge_errors": normal(fold_in(later, 1), 4) if model == "statistical" else None,
     }
-    assert {*expected, "additional", "thrusters"} == {field.name for field in dataclasses.fields(drawn)}
-    assert drawn.thrusters is None
+    assert {*expected, "additional", "thrusters", "pressures_at_rest"} == {
+        field.name for field in dataclasses.fields(drawn)
+    }
+    assert drawn.thrusters is drawn.pressures_at_rest is None
     assert set(drawn.additional) == {"range_finder"}
     np.testing.assert_array_equal(drawn.additional["range_finder"], normal(fold_in(sensor, tick), 1))
     for name, values in expected.items():
@@ -67,6 +69,20 @@ def test_thrusters_have_numbers_of_thrust_and_pressure_that_change_no_other(
     assert with_thrusters.thrusters.shape == (6,)
     np.testing.assert_array_equal(with_thrusters.burn, without.burn)
     np.testing.assert_array_equal(with_thrusters.gyro, without.gyro)
+
+
+def test_pressures_at_rest_have_numbers_of_their_own_that_change_no_other(
+    inspection: Scenario, keys: jax.Array
+) -> None:
+    watched, without = (
+        draw_tick_noise(dataclasses.replace(inspection, thrusters=3, isolation=each), keys, jnp.asarray(5))
+        for each in (True, False)
+    )
+    assert without.pressures_at_rest is None
+    assert watched.pressures_at_rest is not None
+    assert watched.pressures_at_rest.shape == (inspection.substeps, 3)
+    assert len(np.unique(np.concatenate([watched.pressures_at_rest.ravel(), watched.thrusters]))) == 15 + 6
+    np.testing.assert_array_equal(watched.thrusters, without.thrusters)
 
 
 def test_numbers_of_the_initial_state_come_from_their_streams(inspection: Scenario, keys: jax.Array) -> None:

@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from rpojax.analysis.failure_causes import navigation_rules
 from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number
 from rpojax.analysis.failure_causes.present_values import change
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
@@ -20,7 +21,7 @@ _ENDS: Final = {
     AbortReason.TIMEOUT: "a longer phases.PHASE.timeout_s, or a condition that it can meet",
     AbortReason.KEEP_OUT_PREDICTED: "a smaller limits.keep_out_m, a slower approach, or a relative orbit",
     AbortReason.TARGET_LOST: "see what the camera saw before the abort",
-    AbortReason.CONFIDENCE_LOST: "see which health test failed before the abort",
+    AbortReason.CONFIDENCE_LOST: "what navigation believes: no health test was recorded",
     AbortReason.THRUSTER_FAILED: "a second thruster, or a longer formation.thruster_retry_s",
     AbortReason.COMMAND: "a goal.phase that allows for it",
 }
@@ -237,7 +238,7 @@ def _last(values: Numbers) -> Numbers:
 
 def aborts(evidence: RunEvidence) -> Iterator[Finding]:
     """Aborts by reason and phase, where no cause farther back is known."""
-    phase = last_phase(evidence)
+    phase, tests = last_phase(evidence), navigation_rules.tests_failed_last(evidence)
     for reason in AbortReason:
         for row, section in enumerate(evidence.file.phases):
             here = (evidence.abort_reason == reason) & (phase == row)
@@ -245,11 +246,18 @@ def aborts(evidence: RunEvidence) -> Iterator[Finding]:
                 continue
 
             def words(chosen: Flags, reason: AbortReason = reason, name: str = section.name) -> str:
+                what = f"{reason.text}{_by_tests(reason, tests, chosen)}"
                 range_m = _last(evidence.trace("range_m"))
                 return (
-                    f"{name} is aborted: {reason.text}, at {number(median(evidence.aborted_at_s, chosen))} s and "
+                    f"{name} is aborted: {what}, at {number(median(evidence.aborted_at_s, chosen))} s and "
                     f"{number(median(range_m, chosen))} m"
                 )
+
+            def mend(chosen: Flags, reason: AbortReason = reason, name: str = section.name) -> str:
+                failed = navigation_rules.most_common(tests, chosen)
+                if reason == AbortReason.CONFIDENCE_LOST and failed:
+                    return "; ".join(navigation_rules.ADVICE[test] for test in failed)
+                return _ENDS.get(reason, "").replace("PHASE", name)
 
             yield Finding(
                 "abort",
@@ -258,8 +266,14 @@ def aborts(evidence: RunEvidence) -> Iterator[Finding]:
                 np.where(here, _WEAK, 0.0),
                 evidence.aborted_at_s,
                 words,
-                lambda _, reason=reason, name=section.name: _ENDS.get(reason, "").replace("PHASE", name),
+                mend,
             )
+
+
+def _by_tests(reason: AbortReason, tests: Flags, chosen: Flags) -> str:
+    """By which health tests (runs, tests) confidence was lost in some runs; empty for other reasons."""
+    failed = navigation_rules.most_common(tests, chosen) if reason == AbortReason.CONFIDENCE_LOST else []
+    return f" by the test{'s' if len(failed) > 1 else ''} {' and '.join(failed)}" if failed else ""
 
 
 def keep_out(evidence: RunEvidence) -> Finding:

@@ -27,7 +27,7 @@ _REJECTED: Final = 0.25
 _UNCONFIDENT: Final = 0.5
 """Share of ten minutes without confidence that counts."""
 _CERTAIN: Final = 2.0
-_ADVICE: Final = {
+ADVICE: Final = {
     "box_variance": "navigation.edge_noise_px and the beliefs of the target's shape that fit the boxes",
     "box_bias": "a calibration of the camera's mounting, or a larger navigation.bearing_bias_sigma_deg",
     "contradictions": "a wider navigation.gate_sigma, or beliefs that allow for what the boxes show",
@@ -121,6 +121,24 @@ def failed_tests(evidence: RunEvidence) -> Flags:
         return np.zeros((evidence.count, len(TESTS)), dtype=bool)
     bits = np.bitwise_or.reduce(evidence.sign(failure_signs.FAILED_TESTS), axis=1)
     return np.asarray(bits[:, None] & (1 << np.arange(len(TESTS))) > 0)
+
+
+def tests_failed_last(evidence: RunEvidence) -> Flags:
+    """(runs, tests) the health tests that failed in the last interval in which one did; none without signs.
+
+    That of GPS does not count, as confidence does not depend on it.
+    """
+    if not evidence.has_signs:
+        return np.zeros((evidence.count, len(TESTS)), dtype=bool)
+    bits = evidence.sign(failure_signs.FAILED_TESTS) & ~1
+    last = bits.shape[1] - 1 - np.argmax(bits[:, ::-1] > 0, axis=1)
+    return np.asarray(bits[np.arange(len(bits)), last][:, None] & (1 << np.arange(len(TESTS))) > 0)
+
+
+def most_common(tests: Flags, chosen: Flags) -> list[str]:
+    """Names of the tests (runs, tests) that most of some runs failed, those that come out even all; none without."""
+    counts = tests[chosen].sum(axis=0)
+    return [test for test, count in zip(TESTS, counts, strict=True) if 0 < count == counts.max()]
 
 
 def beliefs(evidence: RunEvidence) -> Iterator[Finding]:
@@ -266,6 +284,6 @@ def confidence(evidence: RunEvidence) -> Iterator[Finding]:
             np.where(of_test, share / _UNCONFIDENT, 0.0),
             at_s,
             words,
-            lambda _, place=place: _ADVICE[TESTS[place]],
+            lambda _, place=place: ADVICE[TESTS[place]],
             is_loss=True,
         )

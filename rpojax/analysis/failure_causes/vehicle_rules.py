@@ -9,7 +9,7 @@ from rpojax.analysis.failure_causes.finding import Depth, Finding, median, numbe
 from rpojax.analysis.failure_causes.present_values import at_least, at_most, change
 from rpojax.analysis.failure_causes.run_evidence import Flags, RunEvidence
 from rpojax.core.constants import STANDARD_GRAVITY
-from rpojax.physics.equipment_faults import KINDS
+from rpojax.physics.equipment_faults import KINDS, STUCK_OPEN
 from rpojax.scenario.warnings.control_authority import HALF_TURN, largest_delta_v_m_s, longest_burns_s
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -50,14 +50,14 @@ def faults(evidence: RunEvidence) -> Iterator[Finding]:
         if KINDS[number_of_kind] == "none":
             continue
         acts = (code == number_of_kind) & (start_s < evidence.until_s)
+        name = KINDS[number_of_kind].replace("_", " ")
 
-        def words(chosen: Flags, name: str = KINDS[number_of_kind].replace("_", " ")) -> str:
+        def words(chosen: Flags, name: str = name, kind: str = KINDS[number_of_kind]) -> str:
             lasting = median(np.minimum(end_s, evidence.until_s) - start_s, chosen)
-            return (
-                f"the injected fault {name} acts from {number(median(start_s, chosen))} s on, for {number(lasting)} s"
-            )
+            found = f"the injected fault {name} acts from {number(median(start_s, chosen))} s on, for"
+            return f"{found} {number(lasting)} s{_isolated(evidence, kind, chosen)}"
 
-        title = f"injected fault: {KINDS[number_of_kind].replace('_', ' ')}"
+        title = f"injected fault: {name}"
         strength = np.where(acts, _CERTAIN, 0.0)
         yield Finding(
             "fault",
@@ -66,8 +66,29 @@ def faults(evidence: RunEvidence) -> Iterator[Finding]:
             strength,
             start_s,
             words,
-            lambda _: "equipment in reserve, or a shorter fault.duration_s",
+            lambda _, kind=KINDS[number_of_kind]: _mended_fault(evidence, kind),
         )
+
+
+def _isolated(evidence: RunEvidence, kind: str, chosen: Flags) -> str:
+    """When a thruster that is stuck open was shut off, or that it was not; empty for other kinds of fault."""
+    if kind != STUCK_OPEN:
+        return ""
+    if not evidence.file.isolates_thrusters:
+        return ", and nothing shuts the thruster off"
+    # Not cut at an abort, after which an open thruster still burns.
+    delay = np.asarray(evidence.metrics.get("isolation_delay_s", np.full(evidence.count, np.nan)), dtype=float)
+    after = median(delay, chosen)
+    return f"; the thruster is shut off after {number(after)} s" if np.isfinite(after) else ""
+
+
+def _mended_fault(evidence: RunEvidence, kind: str) -> str:
+    """What helps against a kind of fault."""
+    file = evidence.file
+    if kind == STUCK_OPEN and not file.isolates_thrusters:
+        needed = [("chamber_pressure", file.chamber_pressure.enabled), ("isolation", file.isolation.enabled)]
+        return " and ".join(change(file, f"{name}.enabled", "true") for name, has in needed if not has)
+    return "equipment in reserve, or a shorter fault.duration_s"
 
 
 def wheels(evidence: RunEvidence) -> Finding:

@@ -10,8 +10,9 @@ from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply_transposed
-from rpojax.flight.control import thruster_allocation
+from rpojax.flight.control import thruster_allocation, thruster_isolation
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
+from rpojax.flight.control.thruster_isolation import Isolation
 from rpojax.flight.vehicle_model import VehicleModel
 
 Scalar = Float[Array, ""]
@@ -27,18 +28,41 @@ class RcsCommand:
         owed: (n,) on-time that was commanded and is not given yet, as it is shorter than a pulse [s]
         acts: () bool, whether the phase translates by these thrusters
         ratio: (n,) thrust over its nominal value by the pressure in the chambers, 1 without a sensor [-]
+        used: () propellant that the commanded pulses took since the start [kg]
+        isolation: what is known of thrusters that are open without a command, None where they are not isolated
     """
 
     shares: Array
     owed: Array
     acts: Array
     ratio: Array
+    used: Array
+    isolation: Isolation | None = None
 
 
-def no_command(thrusters: ThrusterLayout) -> RcsCommand:
+def no_command(thrusters: ThrusterLayout, isolates: bool = False) -> RcsCommand:
     """Closed valves."""
     none = jnp.zeros_like(thrusters.cost)
-    return RcsCommand(shares=none, owed=none, acts=jnp.zeros((), dtype=bool), ratio=none + 1.0)
+    isolation = thruster_isolation.initial(thrusters) if isolates else None
+    return RcsCommand(
+        shares=none,
+        owed=none,
+        acts=jnp.zeros((), dtype=bool),
+        ratio=none + 1.0,
+        used=jnp.zeros_like(thrusters.greatest_flow),
+        isolation=isolation,
+    )
+
+
+def with_propellant_used(vehicle: VehicleModel, given: RcsCommand) -> VehicleModel:
+    """Vehicle without the propellant that pulses took: 13 m/s by cold gas are a fiftieth of the mass."""
+    return replace(vehicle, mass=vehicle.mass - given.used)
+
+
+def after_pulses(thrusters: ThrusterLayout, given: RcsCommand, on_time: Float[Array, " n"]) -> RcsCommand:
+    """Command that counts the propellant of pulses of (n,) on-times [s]."""
+    taken = thrusters.greatest_flow * jnp.sum(thrusters.cost * given.ratio * on_time, axis=0)
+    return replace(given, used=given.used + taken)
 
 
 def command(
@@ -71,21 +95,28 @@ def command(
 
 
 def pulses(
-    thrusters: ThrusterLayout, given: RcsCommand, owed: Float[Array, " n"], dt: float
+    thrusters: ThrusterLayout,
+    given: RcsCommand,
+    owed: Float[Array, " n"],
+    dt: float,
+    isolation: Isolation | None = None,
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """On-times of the next step of `dt` [s], and what is owed after it [s].
 
-    A valve opens as soon as it owes its shortest pulse, so that the mean over some steps is the share.
+    A valve opens as soon as it owes its shortest pulse, so that the mean over some steps is the share. One behind a
+    shut isolation valve owes nothing.
     """
     due = owed + given.shares * dt
+    if isolation is not None:
+        due = jnp.where(thruster_isolation.is_shut_off(isolation), 0.0, due)
     on_time = jnp.where(due >= thrusters.minimum_on_time, jnp.minimum(due, dt), 0.0)
     return on_time, due - on_time
 
 
-def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, given: RcsCommand) -> Scalar:
-    """Sum of the sizes of all accelerations [m/s^2], also of those that cancel each other."""
+def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, shares: Float[Array, " n"]) -> Scalar:
+    """Sum of the sizes of all accelerations [m/s^2] at shares of full thrust, also of those that cancel each other."""
     forces = jax.vmap(gradient_safe.norm, in_axes=1)(thrusters.wrench[:3])
-    return jnp.sum(given.shares * forces, axis=0) / vehicle.mass
+    return jnp.sum(shares * forces, axis=0) / vehicle.mass
 
 
 def learn_ratios(given: RcsCommand, measured: Float[Array, " n"], fired: Float[Array, " n"]) -> RcsCommand:
@@ -94,6 +125,13 @@ def learn_ratios(given: RcsCommand, measured: Float[Array, " n"], fired: Float[A
     # A failure is believed at once, the noise of sound ones is averaged.
     gain = jnp.where(jnp.abs(change) > _JUMP, 1.0, _PRESSURE_GAIN)
     return replace(given, ratio=given.ratio + jnp.where(fired > 0.0, gain * change, 0.0))
+
+
+def shut_off(given: RcsCommand) -> RcsCommand:
+    """Command that knows that isolated thrusters give nothing any more."""
+    if given.isolation is None:
+        return given
+    return replace(given, ratio=jnp.where(thruster_isolation.is_shut_off(given.isolation), 0.0, given.ratio))
 
 
 def _as_known(thrusters: ThrusterLayout, given: RcsCommand) -> ThrusterLayout:
@@ -109,7 +147,14 @@ def expected_delta_v(
     on_time: Float[Array, " n"],
 ) -> Vector:
     """Velocity change in N [m/s] that flight software expects of pulses."""
-    impulse_B = jnp.sum(_as_known(thrusters, given).wrench[:3] * on_time[None, :], axis=1)
+    return delta_v(_as_known(thrusters, given), vehicle, q_BN, on_time)
+
+
+def delta_v(
+    thrusters: ThrusterLayout, vehicle: VehicleModel, q_BN: Float[Array, "4"], on_time: Float[Array, " n"]
+) -> Vector:
+    """Velocity change in N [m/s] of thrusters that are open for their on-times [s], at full thrust."""
+    impulse_B = jnp.sum(thrusters.wrench[:3] * on_time[None, :], axis=1)
     return quaternion.rotate(quaternion.conjugate(q_BN), impulse_B) / vehicle.mass
 
 

@@ -28,6 +28,7 @@ class ThrusterLayout:
     Attributes:
         wrench: (6, n) force [N] and torque about the centre of mass [N m] of each at full thrust, in B
         cost: (n,) propellant flow at full thrust over the greatest of them [-]
+        greatest_flow: () that flow [kg/s]
         scale: (6,) greatest force and greatest torque that one thruster has, by which residuals are divided
         minimum_on_time: (n,) [s]
         authority: () force that they give in any direction without torque [N]
@@ -35,6 +36,7 @@ class ThrusterLayout:
 
     wrench: Array
     cost: Array
+    greatest_flow: Array
     scale: Array
     minimum_on_time: Array
     authority: Array
@@ -51,6 +53,7 @@ def layout(wrench: np.ndarray, flow: np.ndarray, minimum_on_time: np.ndarray) ->
     return ThrusterLayout(
         wrench=jax.device_put(wrench),
         cost=jax.device_put(flow / flow.max()),
+        greatest_flow=jax.device_put(flow.max()),
         scale=jax.device_put(np.repeat([force, torque], 3)),
         minimum_on_time=jax.device_put(minimum_on_time),
         authority=jax.device_put(authority),

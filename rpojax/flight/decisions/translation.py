@@ -42,7 +42,7 @@ def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector,
     planned_N = jnp.maximum(overlap, 0.0) / duration * plan.delta_v_N
     rcs = rcs_control.command(
         thrusters,
-        software.params.vehicle,
+        rcs_control.with_propellant_used(software.params.vehicle, memory.rcs),
         memory.rcs,
         memory.attitude.q_BN,
         jnp.where(has_aborted, planned_N, followed_N),

@@ -4,7 +4,9 @@ import numpy as np
 
 from rpojax.errors import ScenarioError
 from rpojax.flight.control import thruster_allocation
+from rpojax.physics.equipment_faults import LEAKS
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 
 _AXES = ("force along x", "force along y", "force along z", "torque about x", "torque about y", "torque about z")
 _NO_SHARE = 1e-3
@@ -18,6 +20,11 @@ def check_thrusters(file: ScenarioFile) -> None:
         ScenarioError: naming the key, what was found and what was expected.
     """
     if not file.thrusters:
+        if file.effects.faults and (leaks := sorted(DispersedReach(file).fault_kinds & set(LEAKS))):
+            expected = "another kind, or [[thrusters]]: the one thruster neither sticks open nor leaks"
+            raise ScenarioError("fault.kind", leaks[0], expected)
+        if file.isolation.enabled:
+            raise ScenarioError("isolation.enabled", True, "false, or [[thrusters]] with isolation valves")
         if file.effects.plume:
             raise ScenarioError("effects.plume", True, "false, or [[thrusters]] whose plumes push the target")
         return

@@ -13,7 +13,8 @@ from rpojax.untrusted.structure_limits import StructureError
 from rpojax.untrusted.toml_reading import MOST_KEY_PARTS, parse_toml
 
 _OPTIONAL_SECTIONS = (
-    "initial.handover", "chamber_pressure", "mission", "goal", "link", "team", "gps_differences", "link_range",
+    "initial.handover", "chamber_pressure", "isolation", "mission", "goal", "link", "team", "gps_differences",
+    "link_range",
 )  # fmt: skip
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
 _NAMED = {"phases": "phase", "servicers": "servicer", "thrusters": "thruster"}
@@ -66,7 +67,7 @@ def dispersion_name(entry: Any) -> str:
 
 
 def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
-    """Sets one key of an existing section in place, or one of an additional sensor; its value is TOML, or text if it is no TOML.
+    """Sets one key of a section or of an additional sensor in place; its value is TOML, or text if it is no TOML.
 
     `dispersions.NAME` is the dispersion of that key: `none` removes it, a table replaces it or adds one, and
     `dispersions.NAME.SETTING` is one of its settings.

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rpojax.flight.navigation import differential_drag
+from rpojax.physics.equipment_faults import LEAKS
 from rpojax.scenario.numbers.start_and_limits import HANDOVER_KEYS
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
@@ -21,7 +22,7 @@ _SIZE_SIGMAS = 3.0
 """Error of the log of the size in its sigmas that is no cause for a warning: a normal dispersion reaches as far."""
 _SIZE_ROUNDING = 1.01
 """Factor for the rounding of a belief that is written down."""
-_FAULT_KIND, _THRUSTER_FAULTS = "fault.kind", ("thruster_off", "thruster_weak")
+_FAULT_KIND, _THRUSTER_FAULTS = "fault.kind", ("thruster_off", "thruster_weak", *LEAKS)
 _TINY = 1e-30
 _TOO_WIDE = ", expected at least the "
 """Of warnings about beliefs that doubt more than they need to."""
@@ -169,7 +170,7 @@ def _unmeasured_thrust(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     found = [kind for kind in _THRUSTER_FAULTS if kind in kinds]
     return [
         f"chamber_pressure.enabled: found false with {_FAULT_KIND} = {kind!r}, expected true, or flight software "
-        "believes that burns give their full velocity change"
+        + ("does not notice it" if kind in LEAKS else "believes that burns give their full velocity change")
         for kind in found[:1]
     ]
 

@@ -166,8 +166,8 @@ _FAULTS: Final = (
     ),
     Use(
         ("fault.severity",),
-        "fault.kind = 'thruster_weak' or 'wheel_friction'",
-        lambda at: bool(at.fault_kinds & {"thruster_weak", "wheel_friction"}),
+        "fault.kind = 'thruster_weak', 'thruster_leak' or 'wheel_friction'",
+        lambda at: bool(at.fault_kinds & {"thruster_weak", "thruster_leak", "wheel_friction"}),
     ),
     Use(
         ("fault.wheel",),
@@ -241,6 +241,11 @@ _FLIGHT: Final = (
         ("navigation.centroid", "navigation.centroid_sigma"),
         "a section lidar",
         lambda at: at.file.lidar is not None,
+    ),
+    Use(
+        ("isolation.*",),
+        "isolation.enabled and chamber_pressure.enabled = true with [[thrusters]]",
+        lambda at: at.file.isolates_thrusters,
     ),
     Use(
         (

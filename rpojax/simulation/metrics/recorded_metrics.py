@@ -27,8 +27,8 @@ MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_
 """Channels of scenarios with phases that metrics and outcomes read."""
 
 
-PLUME_CHANNELS: Final = ("plume_impulse_n_s",)
-"""Channels of scenarios with plumes on the target that metrics read."""
+THRUSTER_CHANNELS: Final = ("plume_impulse_n_s", "isolated_thrusters", "isolation_delay_s")
+"""Channels of scenarios with plumes on the target, or isolation valves, that metrics read."""
 
 
 def _of_records() -> list[Metric]:
@@ -36,7 +36,7 @@ def _of_records() -> list[Metric]:
 
 
 REQUIRED_CHANNELS: Final = tuple(
-    sorted({"mode"} | {name for metric in _of_records() for name in metric.inputs} - _DERIVED - set(PLUME_CHANNELS))
+    sorted({"mode"} | {name for metric in _of_records() for name in metric.inputs} - _DERIVED - set(THRUSTER_CHANNELS))
 )
 """Channels of all scenarios that the metrics read."""
 

@@ -22,6 +22,7 @@ from rpojax.scenario.plugins.custom_metrics import unknown_channel
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import (
     CHANNELS,
+    ISOLATION_CHANNELS,
     MISSION_CHANNELS,
     PLUME_CHANNELS,
     POSE_CHANNELS,
@@ -129,6 +130,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         **sensor_channels(telemetry.flight.rejected_s),
         **(_OF_MISSIONS if scenario.mission.is_managed else {}),
         **(PLUME_CHANNELS if scenario.effects.plume else {}),
+        **(ISOLATION_CHANNELS if scenario.effects.faults and scenario.isolation else {}),
     }
     for metric in metrics:
         for name in metric.inputs:

@@ -1,6 +1,7 @@
 """Each rule finds the failure that is planted in small arrays, with its numbers, and none where nothing is wrong."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,38 @@ def fault() -> RunEvidence:
         "fault.start_s": np.full(RUNS, 500.0),
     }
     return planted(file, drawn=drawn, signs={"good_boxes": 0.1})
+
+
+def stuck_open() -> RunEvidence:
+    """Twelve thrusters without isolation valves, of which one is stuck open."""
+    file = file_of("final_approach", effects={"faults": True})
+    drawn = {
+        "fault.kind": np.where(FAILED, KINDS.index("thruster_stuck_open"), KINDS.index("none")),
+        "fault.start_s": np.full(RUNS, 500.0),
+    }
+    return planted(file, "keep_out", drawn=drawn, phases=phases_of(file, 1))
+
+
+def isolated() -> RunEvidence:
+    """One is stuck open and isolated, and the run aborts."""
+    file = file_of("thruster_failure")
+    drawn = {
+        "fault.kind": np.where(FAILED, KINDS.index("thruster_stuck_open"), KINDS.index("thruster_off")),
+        "fault.start_s": np.where(FAILED, 500.0, 5000.0),
+    }
+    evidence = planted(file, "aborted", drawn=drawn, phases=phases_of(file, 1, abort_reason=AbortReason.TARGET_LOST))
+    return replace(evidence, metrics={**evidence.metrics, "isolation_delay_s": np.where(FAILED, 1.0625, np.nan)})
+
+
+def doubt() -> RunEvidence:
+    """Aborts as confidence was lost, for a moment that is too short for a cause of its own."""
+    file = file_of("vbar_approach")
+    evidence = planted(file, "aborted", phases=phases_of(file, 1, abort_reason=AbortReason.CONFIDENCE_LOST))
+    at_abort = int(2000.0 / evidence.interval_s)
+    evidence.signs["failed_tests"][:, 3] = np.where(FAILED, bits("size"), 0)
+    evidence.signs["failed_tests"][:, at_abort] = np.where(FAILED, bits("gps_variance", "box_bias"), 0)
+    evidence.signs["failed_tests"][:, at_abort + 1] = np.where(FAILED, bits("unseen"), 0)
+    return evidence
 
 
 def wheels() -> RunEvidence:
@@ -176,6 +209,15 @@ PLANTS: dict[Callable[[], RunEvidence], tuple[str, tuple[str, ...]]] = {
         ("60 % of frames have a false box", "60 % of those that show the target have a true one"),
     ),
     fault: ("fault", ("thruster off", "from 500 s on")),
+    stuck_open: (
+        "fault",
+        (
+            "thruster stuck open acts from 500 s on, for 2500 s, and nothing shuts the thruster off",
+            "chamber_pressure.enabled: now false -> true and isolation.enabled: now false -> true",
+        ),
+    ),
+    isolated: ("fault", ("the thruster is shut off after 1.06 s", "equipment in reserve")),
+    doubt: ("abort", ("confidence lost by the test box_bias, at 2000 s", "calibration of the camera's mounting")),
     wheels: ("wheels", ("100 % of 0.502 N m s", "wheels of 1 N m s")),
     authority: ("authority", ("burns took 4 mm/s", "thruster.force_n: now 0.002 -> 0.00602 N")),
     coarse_burns: (

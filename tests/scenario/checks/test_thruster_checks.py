@@ -72,3 +72,32 @@ def test_continuous_control_has_no_period_of_its_own() -> None:
 def test_a_number_of_one_thruster_is_set_by_its_name() -> None:
     file = rpojax.load("final_approach", ["thrusters.t03.force_n=0.2"])
     assert [each.force_n for each in file.thrusters].count(0.2) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "change"),
+    [
+        ("thruster_stuck_open", "fault.kind=thruster_stuck_open"),
+        ("thruster_leak", "dispersions.fault.kind={kind='choice', values=['gps_outage', 'thruster_leak']}"),
+    ],
+)
+def test_the_one_thruster_neither_sticks_open_nor_leaks(kind: str, change: str) -> None:
+    expected = rf"fault\.kind: found '{kind}', expected another kind, or \[\[thrusters\]\]"
+    with pytest.raises(ScenarioError, match=expected):
+        rpojax.load("inspection", ["effects.faults=true", change])
+    rpojax.load("inspection", [change])
+    rpojax.load("final_approach", ["effects.faults=true", change])
+
+
+def test_isolation_valves_need_thrusters() -> None:
+    with pytest.raises(ScenarioError, match=r"isolation\.enabled: found True, expected false, or \[\[thrusters\]\]"):
+        rpojax.load("inspection", ["isolation.enabled=true"])
+
+
+@pytest.mark.parametrize(
+    "change", ["isolation.valve_s=-1", "isolation.pressure=0", "isolation.pressure=1", "isolation.samples=0"]
+)
+def test_numbers_of_isolation_have_bounds(change: str) -> None:
+    key, _, value = change.partition("=")
+    with pytest.raises(ScenarioError, match=rf"^{key}: found {float(value):g}"):
+        rpojax.load("thruster_failure", [change])

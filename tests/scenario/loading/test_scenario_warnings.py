@@ -42,6 +42,10 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "imaging.sky_seed": ("inspection", ["camera.model=statistical", "imaging.sky_seed=3"], "camera.model = 'rendered'"),
     "coverage.facet_size_m": ("inspection", ["coverage.facet_size_m=0.2"], "coverage.enabled = true"),
     "coverage.mesh_units": ("safety_ellipse", ["coverage.mesh_units=mm"], "a mesh file as coverage.surface"),
+    "isolation.valve_s": (
+        "thruster_failure", ["chamber_pressure.enabled=false", "isolation.valve_s=0.3"], "chamber_pressure.enabled"
+    ),
+    "isolation.samples": ("final_approach", ["isolation.samples=5"], "isolation.enabled and chamber_pressure.enabled"),
     "chamber_pressure.noise": ("inspection", ["chamber_pressure.noise=0.1"], "chamber_pressure.enabled = true"),
     "navigation.pressure_noise": ("inspection", ["navigation.pressure_noise=0.1"], "chamber_pressure.enabled = true"),
     "formation.thruster_retry_s": ("inspection", ["formation.thruster_retry_s=10"], "chamber_pressure.enabled = true"),

@@ -96,6 +96,20 @@ def test_requirements_on_plumes_need_them() -> None:
         scenario_loader.load("inspection", ["effects.plume=true"])
 
 
+@pytest.mark.parametrize(
+    "change", ["chamber_pressure.enabled=false", "isolation.enabled=false", "effects.faults=false"]
+)
+def test_requirements_on_isolation_need_faults_valves_and_sensors(change: str) -> None:
+    one = {"metric": "isolation_delay_s", "bound": "at most", "limit": 2.0, "probability": 0.9, "consumer_risk": 0.1}
+    tables = scenario_loader.load("thruster_failure").model_dump()
+    scenario_loader.validate(tables | {"requirements": [one]})
+    without = scenario_loader.load("thruster_failure", [change]).model_dump()
+    with pytest.raises(
+        RpojaxError, match=r"requirements\.0\.metric: found 'isolation_delay_s', expected .*isolation\.enabled"
+    ):
+        scenario_loader.validate(without | {"requirements": [one]})
+
+
 def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: Records) -> None:
     found = phase_records.evaluate(file, records, {})
     nan = np.nan

@@ -1,0 +1,124 @@
+"""Reaction control system within a tick: true thrusters, their pulses and leaks in each step, and their watch."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.pytree import replace
+from rpojax.flight.control import rcs_control, thruster_isolation
+from rpojax.flight.control.thruster_isolation import Isolation
+from rpojax.physics import equipment_faults, forces_and_torques, rcs_thrusters
+from rpojax.physics.plant_state import PlantParams, Truth, propellant_used
+from rpojax.physics.rcs_thrusters import Leak, RcsState, RcsThrust
+from rpojax.scenario.params import Params
+from rpojax.sensors import chamber_pressure
+from rpojax.simulation.noise import TickNoise
+from rpojax.simulation.tick import Loop, Motion, Tick
+
+Scalar = Float[Array, ""]
+
+
+def has_propellant(params: Params, truth: Truth) -> Bool[Array, ""]:
+    """Whether propellant is left."""
+    return propellant_used(params.plant, truth) < params.limits.propellant
+
+
+def true_thrusters(loop: Loop, truth: Truth, noise: TickNoise, time: Scalar) -> RcsState:
+    """Thrusters of the reaction control system in the tick that begins at `time` [s], with their errors and faults."""
+    scenario, plant_params = loop.scenario, loop.params.plant
+    assert noise.thrusters is not None
+    left = jnp.ones_like(noise.thrusters[: scenario.thrusters])
+    if scenario.effects.faults:
+        left = equipment_faults.rcs_fractions(plant_params.fault, time, scenario.thrusters)
+    stacked = rcs_thrusters.stacked(plant_params.thrusters)
+    true = rcs_thrusters.true_state(stacked, noise.thrusters[: scenario.thrusters], left)
+    if not scenario.effects.plume:
+        return true
+    with jax.named_scope("plume"):
+        load = forces_and_torques.plumes_on_target(scenario.effects, plant_params, truth, true, 0.5 * scenario.tick_s)
+    return replace(true, plume=load)
+
+
+def pulses(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> tuple[RcsThrust, Motion, Float[Array, " n"]]:
+    """Thrust of the next step, the motion with what flight software knows of it, and the commanded on-times [s].
+
+    The step begins `offset` [s] after the tick.
+    """
+    params, dt, believed, given = loop.params, loop.scenario.step_s, loop.params.flight.thrusters, tick.flight.rcs
+    assert believed is not None
+    assert given is not None
+    assert motion.owed is not None
+    assert motion.fired is not None
+    on_time, owed = rcs_control.pulses(believed, given, motion.owed, dt, motion.isolation)
+    assert tick.thrusters is not None
+    q_BN = motion.attitude.q_BN
+    vehicle = rcs_control.with_propellant_used(params.flight.vehicle, given)
+    expected_N = rcs_control.expected_delta_v(believed, vehicle, given, q_BN, on_time)
+    is_fed = has_propellant(params, motion.truth)
+    fed_time = jnp.where(is_fed, on_time, 0.0)
+    leak = _leak(loop, tick, motion, offset, is_fed) if loop.scenario.effects.faults else None
+    thrust = rcs_thrusters.thrust_over_step(tick.thrusters, fed_time, loop.scenario.effects.integrator, dt, leak)
+    known = replace(motion, owed=owed, fired=motion.fired + on_time, delta_v_N=motion.delta_v_N + expected_N)
+    return thrust, known, on_time
+
+
+def leak_end(plant_params: PlantParams, isolation: Isolation | None) -> Array:
+    """When each thruster with a fault stops to give force without a command, () or (n,) [s] from the start."""
+    over = plant_params.fault.start + plant_params.fault.duration
+    return over if isolation is None else jnp.minimum(over, isolation.shut_at + plant_params.isolation.valve)
+
+
+def stuck_open_time(plant_params: PlantParams, isolation: Isolation, time: Scalar) -> Scalar:
+    """For how long a thruster has been stuck open up to `time` [s], NaN before that and without such a fault."""
+    stuck = equipment_faults.is_stuck_open(plant_params.fault, len(isolation.shut_at))
+    open_time = jnp.minimum(time, leak_end(plant_params, isolation)) - plant_params.fault.start
+    longest = jnp.max(jnp.where(stuck, open_time, -1.0), axis=0)
+    return jnp.where(longest >= 0.0, longest, jnp.nan)
+
+
+def _leak(loop: Loop, tick: Tick, motion: Motion, offset: Scalar, is_fed: Bool[Array, ""]) -> Leak:
+    """What thrusters give without a command in the step that begins `offset` [s] after the tick."""
+    plant_params = loop.params.plant
+    fault = plant_params.fault
+    # Times relative to the step, because in single precision times since the start are too coarse.
+    begin = fault.start - tick.time - offset
+    share = equipment_faults.leak_shares(fault, loop.scenario.thrusters)
+    end = leak_end(plant_params, motion.isolation) - tick.time - offset
+    return Leak(share=jnp.where(is_fed, share, 0.0), begin=begin, end=jnp.broadcast_to(end, share.shape))
+
+
+def watched(
+    loop: Loop, tick: Tick, motion: Motion, on_time: Float[Array, " n"], offset: Scalar, normals: Float[Array, " n"]
+) -> Motion:
+    """Motion at the end of a step with what the pressures in the chambers tell of thrusters that should rest.
+
+    Args:
+        loop: closed loop of the run
+        tick: after guidance
+        motion: at the end of the step
+        on_time: (n,) of the commanded pulses [s]
+        offset: () begin of the step since that of the tick [s]
+        normals: (n,) standard normal numbers of the sensors
+    """
+    params, dt, believed = loop.params, loop.scenario.step_s, loop.params.flight.thrusters
+    assert believed is not None
+    assert motion.isolation is not None
+    assert motion.uncommanded is not None
+    assert tick.thrusters is not None
+    true = jnp.zeros_like(on_time)
+    if loop.scenario.effects.faults:
+        leak = _leak(loop, tick, motion, offset, has_propellant(params, motion.truth))
+        true = jnp.where((leak.begin < dt) & (leak.end > dt), leak.share * tick.thrusters.ratio, 0.0)
+    pressure = chamber_pressure.measure_at_rest(params.chamber_pressure, true, normals)
+    isolation, opened = thruster_isolation.watch(
+        params.flight.isolation, motion.isolation, pressure, on_time, dt, tick.time + offset + dt
+    )
+    assert tick.flight.rcs is not None
+    vehicle = rcs_control.with_propellant_used(params.flight.vehicle, tick.flight.rcs)
+    given_N = rcs_control.delta_v(believed, vehicle, motion.attitude.q_BN, opened.time)
+    return replace(
+        motion,
+        isolation=isolation,
+        uncommanded=jax.tree.map(jnp.add, motion.uncommanded, opened),
+        delta_v_N=motion.delta_v_N + given_N,
+    )
