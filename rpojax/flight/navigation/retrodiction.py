@@ -67,13 +67,14 @@ def exposure(history: History, q_BN: Float[Array, "4"], age: Scalar, tick_s: flo
     Velocity changes are spread over their ticks, and the attitude is interpolated between them.
     """
     ticks = history.q_BN.shape[0]
-    elapsed = jnp.clip(age / tick_s, 0.0, float(ticks))
+    ago = jnp.arange(ticks + 1, dtype=age.dtype)
+    elapsed = jnp.clip(age / tick_s, 0.0, ticks)
     attitudes = jnp.concatenate([q_BN[None, :], history.q_BN])
-    near = jnp.maximum(1.0 - jnp.abs(elapsed - jnp.arange(ticks + 1)), 0.0)
+    near = jnp.maximum(1.0 - jnp.abs(elapsed - ago), 0.0)
     # The two signs of a quaternion are one attitude.
     sign = jnp.where(jnp.sum(attitudes * q_BN[None, :], axis=1) < 0.0, -1.0, 1.0)
-    share = jnp.clip(elapsed - jnp.arange(ticks), 0.0, 1.0)
-    since = tick_s * (0.5 * share**2 + jnp.maximum(elapsed - jnp.arange(1, ticks + 1), 0.0))
+    share = jnp.clip(elapsed - ago[:-1], 0.0, 1.0)
+    since = tick_s * (0.5 * share**2 + jnp.maximum(elapsed - ago[1:], 0.0))
     return Exposure(
         age=elapsed * tick_s,
         q_BN=quaternion.normalize(jnp.sum((near * sign)[:, None] * attitudes, axis=0)),
