@@ -13,7 +13,6 @@ from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply
 from rpojax.flight import control_effort, navigation_health
 from rpojax.flight.control import rcs_control, wheel_torque_allocation
-from rpojax.flight.control.rcs_control import RcsCommand
 from rpojax.flight.control.thruster_isolation import OpenTime
 from rpojax.flight.decisions import burn_conditions, mission_decision
 from rpojax.flight.decisions.mission_decision import TeamStart
@@ -345,7 +344,10 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         if motion.uncommanded is not None:
             acts |= jnp.any(motion.uncommanded.time > 0.0, axis=0)
         burning &= ~acts
-        size = _size_of_pulses(params, memory.rcs, delta_v_N, motion.uncommanded, dt)
+        assert params.thrusters is not None
+        size = rcs_control.burn_size(
+            params.thrusters, params.vehicle, memory.rcs, motion.uncommanded, delta_v_N, params.navigation, dt
+        )
         burn_delta_v = jnp.where(acts, size, burn_delta_v)
     thrust_estimate = memory.thrust_estimate
     if motion.thrust_ratio is not None:
@@ -400,25 +402,6 @@ def _by_pressures(params: FlightParams, memory: FlightMemory, motion: MotionOnBo
         for each in (memory.rcs, rcs)
     )
     return replace(memory, rcs=rcs_control.shut_off(rcs)), motion.delta_v_N + after - before
-
-
-def _size_of_pulses(
-    params: FlightParams, rcs: RcsCommand, delta_v_N: Vector, uncommanded: OpenTime | None, dt: float
-) -> Scalar:
-    """Size [m/s] of a burn whose errors are those of the pulses of a tick.
-
-    Thrusters push partly against each other, and each has its error: it grows with the sum of all forces, not with the
-    velocity change that is left of them. When one opened or closed without a command is known to a step alone.
-    """
-    assert params.thrusters is not None
-    size = gradient_safe.norm(delta_v_N)
-    if uncommanded is None:
-        effort = rcs_control.effort(params.thrusters, params.vehicle, rcs.shares) * dt
-        return effort * gradient_safe.safe_div(effort, size)
-    effort = rcs_control.effort(params.thrusters, params.vehicle, rcs.shares + uncommanded.time / dt) * dt
-    errors = gradient_safe.sqrt(uncommanded.variance) / params.navigation.burn_magnitude_sigma
-    timing = rcs_control.effort(params.thrusters, params.vehicle, errors)
-    return gradient_safe.safe_div(effort**2 + timing**2, size)
 
 
 def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> LastingEffects:

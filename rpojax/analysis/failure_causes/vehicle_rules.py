@@ -85,9 +85,13 @@ def _isolated(evidence: RunEvidence, kind: str, chosen: Flags) -> str:
 def _mended_fault(evidence: RunEvidence, kind: str) -> str:
     """What helps against a kind of fault."""
     file = evidence.file
-    if kind == STUCK_OPEN and not file.isolates_thrusters:
-        needed = [("chamber_pressure", file.chamber_pressure.enabled), ("isolation", file.isolation.enabled)]
-        return " and ".join(change(file, f"{name}.enabled", "true") for name, has in needed if not has)
+    # The others of a list take the place of one whose failure is known.
+    is_of_list = bool(file.thrusters) and kind.startswith("thruster_")
+    needed = {"chamber_pressure": file.chamber_pressure.enabled or not is_of_list}
+    if kind == STUCK_OPEN:
+        needed["isolation"] = file.isolation.enabled
+    if not all(needed.values()):
+        return " and ".join(change(file, f"{name}.enabled", "true") for name, has in needed.items() if not has)
     return "equipment in reserve, or a shorter fault.duration_s"
 
 

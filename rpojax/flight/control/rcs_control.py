@@ -12,7 +12,8 @@ from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply_transposed
 from rpojax.flight.control import thruster_allocation, thruster_isolation
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
-from rpojax.flight.control.thruster_isolation import Isolation
+from rpojax.flight.control.thruster_isolation import Isolation, OpenTime
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.vehicle_model import VehicleModel
 
 Scalar = Float[Array, ""]
@@ -117,6 +118,30 @@ def effort(thrusters: ThrusterLayout, vehicle: VehicleModel, shares: Float[Array
     """Sum of the sizes of all accelerations [m/s^2] at shares of full thrust, also of those that cancel each other."""
     forces = jax.vmap(gradient_safe.norm, in_axes=1)(thrusters.wrench[:3])
     return jnp.sum(shares * forces, axis=0) / vehicle.mass
+
+
+def burn_size(
+    thrusters: ThrusterLayout,
+    vehicle: VehicleModel,
+    given: RcsCommand,
+    uncommanded: OpenTime | None,
+    delta_v_N: Vector,
+    tuning: OrbitFilterTuning,
+    tick_s: float,
+) -> Scalar:
+    """Size [m/s] of a burn whose errors are those of the pulses of a tick with a velocity change in N [m/s].
+
+    Thrusters push partly against each other, and each has its error: it grows with the sum of all forces, not with the
+    velocity change that is left of them. When one opened or closed without a command is known to a step alone.
+    """
+    size = gradient_safe.norm(delta_v_N)
+    if uncommanded is None:
+        spent = effort(thrusters, vehicle, given.shares) * tick_s
+        return spent * gradient_safe.safe_div(spent, size)
+    spent = effort(thrusters, vehicle, given.shares + uncommanded.time / tick_s) * tick_s
+    errors = gradient_safe.sqrt(uncommanded.variance) / tuning.burn_magnitude_sigma
+    timing = effort(thrusters, vehicle, errors)
+    return gradient_safe.safe_div(spent**2 + timing**2, size)
 
 
 def learn_ratios(given: RcsCommand, measured: Float[Array, " n"], fired: Float[Array, " n"]) -> RcsCommand:

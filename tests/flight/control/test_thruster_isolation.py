@@ -11,6 +11,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.control import rcs_control, thruster_allocation, thruster_isolation
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.flight.control.thruster_isolation import Isolation, IsolationTuning, OpenTime
+from rpojax.flight.flight_records import FlightParams
 from rpojax.sensors import chamber_pressure
 from rpojax.sensors.chamber_pressure import ChamberPressure
 
@@ -120,3 +121,17 @@ def test_an_isolated_thruster_gets_no_pulse_and_leaves_the_allocation() -> None:
     assert np.allclose(owed, 0.0)
     assert np.array_equal(rcs_control.shut_off(given).ratio, [1.0, 0.0])
     assert np.array_equal(rcs_control.shut_off(replace(given, isolation=None)).ratio, [1.0, 1.0])
+
+
+def test_the_size_of_a_burn_has_the_errors_of_an_uncommanded_one(flight: FlightParams) -> None:
+    """One of 0.3 N is open without a command for a second of a tick; each end of it is known to 0.2 s alone."""
+    layout, mass, sigma = pair(), float(flight.vehicle.mass), float(flight.navigation.burn_magnitude_sigma)
+    opened = OpenTime(time=jnp.array([1.0, 0.0]), variance=jnp.array([2.0 * STEP**2 / 12.0, 0.0]))
+    delta_v_N = jnp.array([0.3 / mass, 0.0, 0.0])
+    command = rcs_control.no_command(layout, isolates=True)
+    size = rcs_control.burn_size(layout, flight.vehicle, command, opened, delta_v_N, flight.navigation, 1.0)
+    variance = float(size) * 0.3 / mass * sigma**2
+    by_hand = (0.3 / mass) ** 2 * (sigma**2 + 2.0 * STEP**2 / 12.0)
+    assert variance == pytest.approx(by_hand, rel=1e-9)
+    never = rcs_control.burn_size(layout, flight.vehicle, command, None, delta_v_N, flight.navigation, 1.0)
+    assert float(never) == 0.0
