@@ -65,6 +65,7 @@ class RatesSection(Section):
     plant_hz: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)]
     camera_hz: Positive
     formation_period_s: Positive
+    command_delay_s: Delay = 0.0
 
 
 class OrbitSection(section_of(KeplerianElements)):

@@ -26,6 +26,7 @@ MEANINGS: Final[dict[str, str]] = {
     "effects.plume": "plumes of `[[thrusters]]` push and turn the target",
     "rates.plant_hz": "steps of truth, gyro and attitude control; a whole multiple of camera_hz",
     "rates.camera_hz": "camera, GPS, star tracker, both filters and guidance",
+    "rates.command_delay_s": "from the flight computer to wheels and valves, a whole number of plant steps",
     "rates.formation_period_s": "time between burn decisions, a whole number of camera periods",
     "start.target": "orbit message or element set of the target",
     "start.servicer": "orbit message of the servicer",
@@ -57,9 +58,9 @@ MEANINGS: Final[dict[str, str]] = {
     "navigation.gating": "boxes must pass the gate, or are all accepted",
     "navigation.sharing": "what the servicers of a team share",
     "navigation.zonal_degree": "highest zonal harmonic of the filter's gravity model",
-    "navigation.delays": "late measurements: `compensated`, used as of their exposure, or `ignored`, taken for those of now",
-    "navigation.delay_memory_s": "time for which flight software remembers attitude and burns for late measurements; 0 is "
-    "the longest of the delays",
+    "navigation.delays": "late measurements: `compensated`, used as of their exposure, or `ignored`, taken as of now",
+    "navigation.delay_memory_s": "for how long flight software remembers attitude and burns for late measurements; 0 "
+    "is the longest of the delays",
     "navigation.luni_solar": "whether the filter models third-body gravity of Sun and Moon",
     "safety.horizons": "how long drifts are followed; each has a metric passive_range_HORIZON_m",
     "safety.spacing_s": "time between two instants from which drifts begin",

@@ -41,6 +41,7 @@ class Scenario:
         additional_sensors: names and classes of the additional sensors
         team: static settings of a team of servicers, None for a servicer alone
         thrusters: number of those of the reaction control system
+        command_steps: plant steps until wheels and valves have a command
         delays: of measurements, None where flight software has each at once
         isolation: whether flight software shuts off those that are open without a command, by their pressure sensors
     """
@@ -62,6 +63,7 @@ class Scenario:
     additional_sensors: tuple[tuple[str, type[AdditionalSensor]], ...] = ()
     team: TeamSettings | None = None
     thrusters: int = 0
+    command_steps: int = 0
     delays: DelaySettings | None = None
     isolation: bool = False
 
@@ -137,6 +139,7 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         additional_sensors=tuple((name, type(sensor)) for name, sensor in present_sensors(file).items()),
         mission=mission_settings(file),
         thrusters=len(file.thrusters),
+        command_steps=round(rates.command_delay_s * rates.plant_hz),
         delays=delay_settings(file),
         isolation=file.isolates_thrusters,
     )

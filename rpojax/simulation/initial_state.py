@@ -25,7 +25,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import gyro, measurement_delay, star_tracker
 from rpojax.sensors.measurement_delay import InTransit
-from rpojax.simulation import tick_measurements
+from rpojax.simulation import command_delay, tick_measurements
 from rpojax.simulation.noise import InitialNoise, draw_initial_noise, draw_tick_noise
 from rpojax.simulation.state import SensorErrors, State
 from rpojax.simulation.tick import Loop
@@ -100,6 +100,9 @@ def init(
         failed_at=jnp.full_like(q_BN[0], jnp.inf),
         failure=jnp.zeros((), dtype=jnp.int32),
     )
+    if scenario.command_steps:
+        zero = jnp.zeros_like(state.failed_at)
+        state = replace(state, commands=command_delay.none_under_way(scenario.command_steps, scenario.thrusters, zero))
     return replace(state, in_transit=_nothing_in_transit(loop, state))
 
 

@@ -12,6 +12,7 @@ from rpojax.physics.plant_state import PlantParams, Truth, propellant_used
 from rpojax.physics.rcs_thrusters import Leak, RcsState, RcsThrust
 from rpojax.scenario.params import Params
 from rpojax.sensors import chamber_pressure
+from rpojax.simulation import command_delay
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.tick import Loop, Motion, Tick
 
@@ -40,7 +41,7 @@ def true_thrusters(loop: Loop, truth: Truth, noise: TickNoise, time: Scalar) -> 
 
 
 def pulses(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> tuple[RcsThrust, Motion, Float[Array, " n"]]:
-    """Thrust of the next step, the motion with what flight software knows of it, and the commanded on-times [s].
+    """Thrust of the next step, the motion with what flight software knows of it, and the on-times that valves get [s].
 
     The step begins `offset` [s] after the tick.
     """
@@ -48,8 +49,13 @@ def pulses(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> tuple[RcsT
     assert believed is not None
     assert given is not None
     assert motion.owed is not None
-    assert motion.fired is not None
+    fired = motion.fired
+    assert fired is not None
     on_time, owed = rcs_control.pulses(believed, given, motion.owed, dt, motion.isolation)
+    if motion.commands is not None:
+        assert motion.commands.on_time is not None
+        on_time, waiting = command_delay.exchanged(motion.commands.on_time, on_time)
+        motion = replace(motion, commands=replace(motion.commands, on_time=waiting))
     assert tick.thrusters is not None
     q_BN = motion.attitude.q_BN
     vehicle = rcs_control.with_propellant_used(params.flight.vehicle, given)
@@ -58,7 +64,7 @@ def pulses(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> tuple[RcsT
     fed_time = jnp.where(is_fed, on_time, 0.0)
     leak = _leak(loop, tick, motion, offset, is_fed) if loop.scenario.effects.faults else None
     thrust = rcs_thrusters.thrust_over_step(tick.thrusters, fed_time, loop.scenario.effects.integrator, dt, leak)
-    known = replace(motion, owed=owed, fired=motion.fired + on_time, delta_v_N=motion.delta_v_N + expected_N)
+    known = replace(motion, owed=owed, fired=fired + on_time, delta_v_N=motion.delta_v_N + expected_N)
     return thrust, known, on_time
 
 

@@ -13,6 +13,7 @@ from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors.measurement_delay import InTransit
+from rpojax.simulation.command_delay import CommandsUnderWay
 
 
 @pytree
@@ -43,6 +44,7 @@ class State:
         tick: () int32, ticks since the start
         failed_at: () time of failure [s], infinite for a run that has not failed
         failure: () int32, code of the outcome that froze the run, else 0
+        commands: that wheels and valves have not got yet, None where they have each at once
         in_transit: late measurements that flight software has not got yet, by sensor; empty without any
     """
 
@@ -54,6 +56,7 @@ class State:
     tick: Array
     failed_at: Array
     failure: Array
+    commands: CommandsUnderWay | None = None
     in_transit: dict[str, InTransit] = field(default_factory=dict)
 
 

@@ -25,7 +25,7 @@ from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, th
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import chamber_pressure, gyro
-from rpojax.simulation import reaction_control
+from rpojax.simulation import command_delay, reaction_control
 from rpojax.simulation.noise import TickNoise, draw_tick_noise
 from rpojax.simulation.outcomes.freezing import freeze_if_failed
 from rpojax.simulation.state import State, elapsed_time
@@ -182,6 +182,7 @@ def initial_motion(tick: Tick) -> Motion:
         fired=None if rcs is None else jnp.zeros_like(rcs.owed),
         isolation=None if rcs is None else rcs.isolation,
         uncommanded=None if rcs is None or rcs.isolation is None else thruster_isolation.never_open(rcs.isolation),
+        commands=tick.state.commands,
     )
 
 
@@ -215,6 +216,10 @@ def propagate_substep(
     now = replace(tick.flight, attitude=motion.attitude)
     # Times relative to the step, because in single precision times since the start are too coarse.
     ignition, cutoff = plan.ignition - tick.time - offset, plan.cutoff - tick.time - offset
+    if motion.commands is not None:
+        ignition, cutoff = (each + loop.scenario.command_steps * dt for each in (ignition, cutoff))
+        torque, waiting = command_delay.exchanged(motion.commands.torque, torque)
+        motion = replace(motion, commands=replace(motion.commands, torque=waiting))
     if tick.flight.rcs is not None:
         cutoff = jnp.where(tick.flight.rcs.acts, ignition, cutoff)
     burn = ValveCommand(ignition=ignition, cutoff=cutoff, burn_error=tick.burn_error)
@@ -246,7 +251,14 @@ def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
     with jax.named_scope("act"):
         flight = _predict(loop, tick, motion)
         sensors = advance_sensor_errors(loop.scenario, loop.params, tick.state, tick.noise)
-    after = replace(tick.state, truth=motion.truth, flight=flight, sensor_errors=sensors, burn_error=tick.burn_error)
+    after = replace(
+        tick.state,
+        truth=motion.truth,
+        flight=flight,
+        sensor_errors=sensors,
+        burn_error=tick.burn_error,
+        commands=motion.commands,
+    )
     with jax.named_scope("check"):
         after = freeze_if_failed(loop.params, tick.state, after, tick.time)
     return replace(after, tick=tick.state.tick + 1)

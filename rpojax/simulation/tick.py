@@ -24,6 +24,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.camera_models import camera_format
+from rpojax.simulation.command_delay import CommandsUnderWay
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import State, state_axes
 
@@ -122,6 +123,7 @@ class Motion:
         fired: (n,) their on-time in this tick [s], None without them
         isolation: what is known of thrusters that are open without a command, None where they are not isolated
         uncommanded: for how long they were open so in this tick by their pressure, None alike
+        commands: that wheels and valves have not got yet, None where they have each at once
     """
 
     truth: Truth
@@ -131,3 +133,4 @@ class Motion:
     fired: Array | None = None
     isolation: Isolation | None = None
     uncommanded: OpenTime | None = None
+    commands: CommandsUnderWay | None = None

@@ -1,4 +1,4 @@
-"""Late measurements: each is had once, the oldest first, as soon as it has arrived; a busy processor leaves some out."""
+"""Late measurements: each is had once, the oldest first, once it has arrived; a busy processor leaves some out."""
 
 import math
 
@@ -94,8 +94,7 @@ def test_a_measurement_that_waits_longer_than_the_slots_last_is_lost() -> None:
 
 
 def test_no_measurement_is_no_number() -> None:
-    found = measurement_delay.without_measurement(
-        {"range": jnp.asarray(3.0), "seen": jnp.asarray(True)}, jnp.asarray(False)
-    )
+    some = {"range": jnp.asarray(3.0), "seen": jnp.asarray(True)}
+    found = measurement_delay.without_measurement(some, jnp.asarray(False))
     assert np.isnan(found["range"])
     assert not found["seen"]

@@ -15,6 +15,8 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
 from rpojax.scenario.trained.coverage_surface import mesh_path
 
+_LONGEST_COMMAND_DELAY_S = 2.0
+"""Longest delay of a command [s]: attitude control of half a rad/s bandwidth is not stable beyond."""
 _MIN_PERIGEE_M = 6.47e6
 """Least radius of the perigee [m], some 100 km above the ground."""
 
@@ -38,6 +40,10 @@ def check_consistency(file: ScenarioFile) -> None:
     _check_whole_number(
         file.duration_s * rates.camera_hz, "duration_s", file.duration_s, "a whole number of camera periods"
     )
+    steps = rates.command_delay_s * rates.plant_hz
+    if not math.isclose(steps, round(steps), abs_tol=1e-9) or rates.command_delay_s > _LONGEST_COMMAND_DELAY_S:
+        expected = f"a whole number of plant steps, at most {_LONGEST_COMMAND_DELAY_S:g} s"
+        raise ScenarioError("rates.command_delay_s", rates.command_delay_s, expected)
     if file.camera.outlier_size_min_px > file.camera.outlier_size_max_px:
         raise ScenarioError(
             "camera.outlier_size_min_px", file.camera.outlier_size_min_px, "at most camera.outlier_size_max_px"
