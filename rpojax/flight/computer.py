@@ -171,11 +171,12 @@ def filtered_box(
     """
     cone = line_of_sight_uncertainty.uncertainty_cone(before.orbit, params.pointing.search_sigmas)
     tolerance = jnp.maximum(cone, target_visibility.VISIBILITY_TOLERANCE)
-    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, tolerance)
+    q_BN = before.attitude.q_BN
+    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, tolerance, q_BN)
     return replace(
         box,
         present=box.present & visible,
-        expected=box.expected & target_visibility.is_visible(params.vehicle, before.orbit, sun_N),
+        expected=box.expected & target_visibility.is_visible(params.vehicle, before.orbit, sun_N, q_BN=q_BN),
         # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
         attitude_variance_change=jnp.abs(attitude_variance - before.attitude_variance),
     )

@@ -14,6 +14,7 @@ from jaxtyping import Array
 
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.core.declared_numbers import declared_numbers
+from rpojax.core.lamp import Lamp
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.core.orbits.sun_moon_ephemeris import Epoch, epoch_at
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
@@ -73,6 +74,7 @@ class Params:
     imaging: Imaging
     networks: Networks | None
     statistics: CameraStatistics | None
+    lamp: Lamp | None
     flight: FlightParams
     limits: Limits
     link: RadioLink
@@ -105,9 +107,12 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
     starts, ends = map(array, np.array(outages).T)
     rest = _records(Params, tables, without=("link",))
+    lamp = section_record(Lamp, tables["lamp"]) if "lamp" in tables else None
     flight = FlightParams(
         vehicle=replace(
-            _nominal_vehicle(plant, rest["camera"], width_px, height_px), dark_reach=_reach_without_light(tables)
+            _nominal_vehicle(plant, rest["camera"], width_px, height_px),
+            dark_reach=_reach_without_light(tables),
+            lamp=lamp,
         ),
         navigation=_navigation(tables),
         mission=mission_from_phases.mission_tuning(tables),
@@ -122,6 +127,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         flight=flight,
         networks=trained_files.networks_for_model(tables),
         statistics=fitted_camera.statistics_for_model(tables),
+        lamp=lamp,
         handover=_handover_errors(tables["initial"].get("handover")),
         link=section_record(RadioLink, tables["link"], outage_start=starts, outage_end=ends),
         additional_sensors=_sensor_numbers(tables, believed=False),

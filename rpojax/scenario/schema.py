@@ -36,6 +36,7 @@ from rpojax.scenario.sections import (
     HealthSection,
     ImagingSection,
     InitialSection,
+    LampSection,
     LimitsSection,
     LinkRangeSection,
     LinkSection,
@@ -190,6 +191,7 @@ class ScenarioFile(Summarised, AdditionalSensors):
     wheels: WheelsSection
     camera: CameraSection
     imaging: ImagingSection
+    lamp: LampSection | None = None
     gps: GpsSection
     star_tracker: StarTrackerSection
     gyro: GyroSection
@@ -230,7 +232,7 @@ class ScenarioFile(Summarised, AdditionalSensors):
     @classmethod
     def absent_keys(cls) -> Iterable[str]:
         """Further keys that are left out where they are None."""
-        return ("plugin", "plugin_sha256", "start")
+        return ("plugin", "plugin_sha256", "start", "lamp")
 
     def _summary(self) -> Summary:
         return Summary(f"Scenario {self.name}: {self.description}", list(_summary_rows(self)))
@@ -249,6 +251,8 @@ def _summary_rows(file: ScenarioFile) -> Iterator[tuple[str, str]]:
         yield "servicers", ", ".join(each.name for each in file.servicers)
     yield "target", f"{file.target.mass_kg:g} kg, tumbling at {file.target.tumble_rate_deg_s:g} deg/s"
     yield "camera", f"{camera.model}, {camera.width_px} x {camera.height_px} px, {camera.field_of_view_deg:g} deg"
+    if file.lamp is not None:
+        yield "lamp", f"to {file.lamp.reach_m:g} m, within {file.lamp.beam_half_angle_deg:g} deg of its boresight"
     if file.phases:
         yield "phases", ", ".join(phase.name for phase in file.phases)
     yield "dispersed", f"{counted(len(file.dispersions), 'dispersion')}, {file.design.kind} draws"

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from rpojax.core.lamp import Lamp
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
@@ -191,6 +192,10 @@ class ImagingSection(section_of(Imaging, OrbitFilterTuning, name="imaging", firs
     detector: str
     statistics: str
     sky_seed: Annotated[int, Field(ge=0)]
+
+
+class LampSection(section_of(Lamp)):
+    """Lamp of the servicer that lights the target."""
 
 
 class GpsSection(section_of(Gps)):

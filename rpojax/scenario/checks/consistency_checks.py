@@ -4,6 +4,7 @@ import math
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
+from rpojax.scenario.checks.lamp_checks import check_lamp
 from rpojax.scenario.checks.listed_design_checks import check_design
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.ranging_checks import check_ranging
@@ -58,6 +59,7 @@ def check_consistency(file: ScenarioFile) -> None:
     check_thrusters(file)
     check_phases(file)
     check_ranging(file)
+    check_lamp(file)
     check_dispersions(file)
     check_design(file)
 
