@@ -29,9 +29,9 @@ class Lamp:
     )
     reach: Array = number(
         "range up to which the target is lit as brightly as the detector needs; a lamp of four times the radiant "
-        "intensity has twice the reach",
+        "intensity has twice the reach, and 0 is off",
         unit="m",
-        above=0.0,
+        at_least=0.0,
     )
 
 

@@ -52,6 +52,7 @@ MEANINGS: Final[dict[str, str]] = {
     "imaging.detector": "detector, as written by `rpojax detector train`",
     "imaging.statistics": "statistics of the statistical camera, as written by `rpojax calibrate-camera-model`",
     "imaging.sky_seed": "seed of stars and clouds",
+    "wide_lens.statistics": "statistics of the statistical camera through this lens, as `imaging.statistics`",
     "chamber_pressure.enabled": "whether the pressure is measured",
     "navigation.gating": "boxes must pass the gate, or are all accepted",
     "navigation.sharing": "what the servicers of a team share",

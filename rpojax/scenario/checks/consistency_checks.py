@@ -11,6 +11,7 @@ from rpojax.scenario.checks.ranging_checks import check_ranging
 from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.target_checks import check_target
 from rpojax.scenario.checks.thruster_checks import check_thrusters
+from rpojax.scenario.checks.wide_lens_checks import check_wide_lens
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
 from rpojax.scenario.trained.coverage_surface import mesh_path
@@ -60,6 +61,7 @@ def check_consistency(file: ScenarioFile) -> None:
     check_phases(file)
     check_ranging(file)
     check_lamp(file)
+    check_wide_lens(file)
     check_dispersions(file)
     check_design(file)
 

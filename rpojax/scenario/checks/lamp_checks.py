@@ -11,11 +11,11 @@ def check_lamp(file: ScenarioFile) -> None:
     Raises:
         ScenarioError: naming the key.
     """
-    lamp = file.lamp
-    if lamp is None:
+    lamp, dispersed = file.lamp, [key for entry in file.dispersions for key in entry.key_texts]
+    if lamp is None or (lamp.reach_m == 0.0 and "lamp.reach_m" not in dispersed):
         return
     if file.camera.model == "rendered":
-        expected = "'geometric' or 'statistical' with [lamp]: the radiance field has one light, the Sun"
+        expected = "'geometric' or 'statistical' with a [lamp] that is on: the radiance field has one light, the Sun"
         raise ScenarioError("camera.model", file.camera.model, expected)
     nearest = nearest_station_m(file)
     if nearest is not None and lamp.reach_m < nearest:

@@ -41,7 +41,7 @@ _QUANTITIES: Final[ChannelFunctions] = {
     "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
     "innovations": lambda tick: tick.telemetry.innovation.sensors,
     "image_area": lambda tick: (
-        tick.scenario.width_px * tick.scenario.height_px / tick.params.flight.vehicle.focal_px**2
+        tick.scenario.width_px * tick.scenario.height_px / tick.in_use.flight.vehicle.focal_px**2
     ),
     "pointing_error_sine_N": lambda tick: vectors.cross(*tick.boresight_and_line),
 }

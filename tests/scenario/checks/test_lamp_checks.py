@@ -33,6 +33,15 @@ def test_a_lamp_that_cannot_light_the_target_is_refused(
     assert_one_line(refused.value, key, words)
 
 
+def test_a_lamp_is_off_without_a_reach() -> None:
+    off = rpojax.load("inspection", [*LAMP, "lamp.reach_m=0", "camera.model=rendered"])
+    assert off.lamp is not None
+    on = ['dispersions.lamp.reach_m={kind = "uniform", low = 30.0, high = 60.0}']
+    with pytest.raises(ScenarioError) as refused:
+        rpojax.load("inspection", [*LAMP, "lamp.reach_m=0", "camera.model=rendered", *on])
+    assert_one_line(refused.value, "camera.model", "one light, the Sun")
+
+
 def test_flight_software_has_the_nominal_lamp() -> None:
     file = rpojax.load("inspection", LAMP)
     made = params.build_params(file.model_dump(), file.camera.width_px, file.camera.height_px)
