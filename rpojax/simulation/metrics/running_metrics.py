@@ -51,7 +51,8 @@ _QUANTITIES: Final[ChannelFunctions] = {
 def _is_arrival(tick: ObservedTick) -> Array:
     """Whether the last phase begins."""
     settings, state = tick.scenario.mission, tick.telemetry.flight.mission
-    is_now = jnp.abs(state.entered_at - tick.telemetry.tick * tick.scenario.tick_s) < 0.5 * tick.scenario.tick_s
+    time = tick.telemetry.tick.astype(state.entered_at.dtype) * tick.scenario.tick_s
+    is_now = jnp.abs(state.entered_at - time) < 0.5 * tick.scenario.tick_s
     return is_now & (state.phase == settings.hold - 1)
 
 
