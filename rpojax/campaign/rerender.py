@@ -98,7 +98,8 @@ def render_images(
         channels = {name: np.asarray(values[tick]) for name, values in time_series.items()}
         pose = {name: np.asarray(channels[name], dtype=np.float64) for name in _POSE_CHANNELS}
         truth = replace(state.truth, **pose)
-        lens = LensInUse(is_wide=channels["wide_lens"], is_new=np.bool_(False)) if "wide_lens" in channels else None
+        is_wide = jnp.asarray(channels.get("wide_lens", False))
+        lens = LensInUse(is_wide=is_wide, is_new=jnp.zeros((), bool))
         image = _render(scenario, params.seen_through(lens), truth, channels["window_px"], state.keys, np.int32(tick))
         yield np.asarray(image), channels
 
