@@ -33,7 +33,7 @@ from rpojax.scenario import schema
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.numbers import key_units
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.sections import StartSection
+from rpojax.scenario.sections import LampSection, StartSection, WideLensSection
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.simulation import channels
 from rpojax.simulation.channels import Channels, compute_channels
@@ -95,7 +95,11 @@ def sections_of_the_schema() -> dict[str, type[Section]]:
     models = {name: field.annotation for name, field in fields} | {
         name: sensor_classes(name)[0] for name in sensor_names()
     }
-    models["start"] = StartSection  # a scenario may be without it
+    models |= {
+        "start": StartSection,
+        "lamp": LampSection,
+        "wide_lens": WideLensSection,
+    }  # a scenario may be without these
     return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, Section)}
 
 
@@ -367,6 +371,7 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
         *channels.MISSION_CHANNELS,
         *channels.PLUME_CHANNELS,
         *channels.ISOLATION_CHANNELS,
+        *channels.LENS_CHANNELS,
         *channels.TEAM_CHANNELS,
         *channels.PHASING_CHANNELS,
     } - {"running"}

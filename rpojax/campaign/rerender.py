@@ -19,6 +19,7 @@ from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
 from rpojax.core.pytree import replace
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import ResultError, RpojaxError
+from rpojax.flight.guidance.lens_choice import LensInUse
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
@@ -97,7 +98,9 @@ def render_images(
         channels = {name: np.asarray(values[tick]) for name, values in time_series.items()}
         pose = {name: np.asarray(channels[name], dtype=np.float64) for name in _POSE_CHANNELS}
         truth = replace(state.truth, **pose)
-        image = _render(scenario, params, truth, channels["window_px"], state.keys, np.int32(tick))
+        is_wide = jnp.asarray(channels.get("wide_lens", False))
+        lens = LensInUse(is_wide=is_wide, is_new=jnp.zeros((), bool))
+        image = _render(scenario, params.seen_through(lens), truth, channels["window_px"], state.keys, np.int32(tick))
         yield np.asarray(image), channels
 
 

@@ -22,6 +22,7 @@ from rpojax.flight.guidance import (
     attitude_guidance,
     burn_schedule,
     detector_window,
+    lens_choice,
     line_of_sight_uncertainty,
     slew_profile,
     target_visibility,
@@ -84,7 +85,12 @@ def initial(
         own=software.stages.initial_memory(params=params, estimate=orbit, attitude=attitude, camera=software.camera),
         history=retrodiction.no_history(memory_ticks, attitude.q_BN) if memory_ticks else None,
         rcs=None if params.thrusters is None else rcs_control.no_command(params.thrusters, software.isolates),
+        lens=None if params.wide_lens is None else lens_choice.first_lens(params.wide_lens, _distance(orbit)),
     )
+
+
+def _distance(estimate: OrbitEstimate) -> Scalar:
+    return gradient_safe.norm(estimate.relative.r_TS_N)
 
 
 def navigate(
@@ -94,7 +100,7 @@ def navigate(
 
     Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    params, stages = software.params, software.stages
+    params, stages = software.params.seen_through(memory.lens), software.stages
     attitude, own = stages.call_with_memory(
         "attitude_update",
         memory.own,
@@ -189,13 +195,17 @@ def filtered_box(
     """
     cone = line_of_sight_uncertainty.uncertainty_cone(before.orbit, params.pointing.search_sigmas)
     tolerance = jnp.maximum(cone, target_visibility.VISIBILITY_TOLERANCE)
-    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, tolerance)
+    q_BN = before.attitude.q_BN
+    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, tolerance, q_BN)
+    # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
+    variance_change = jnp.abs(attitude_variance - before.attitude_variance)
+    if params.wide_lens is not None and before.lens is not None:
+        variance_change = variance_change + lens_choice.misalignment_variance(params.wide_lens, before.lens)
     return replace(
         box,
         present=box.present & visible,
-        expected=box.expected & target_visibility.is_visible(params.vehicle, before.orbit, sun_N),
-        # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
-        attitude_variance_change=jnp.abs(attitude_variance - before.attitude_variance),
+        expected=box.expected & target_visibility.is_visible(params.vehicle, before.orbit, sun_N, q_BN=q_BN),
+        attitude_variance_change=variance_change,
     )
 
 
@@ -420,8 +430,11 @@ def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionO
 
 
 def command_camera(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> FlightMemory:
-    """Memory with the command for an exposure at `time` [s], to which the estimates have been propagated."""
-    params = software.params
+    """Memory with lens and command for an exposure at `time` [s], to which the estimates have been propagated."""
+    params, lens = software.params, memory.lens
+    if params.wide_lens is not None and lens is not None:
+        lens = lens_choice.next_lens(params.wide_lens, lens, _distance(memory.orbit))
+        params = params.seen_through(lens)
     command = software.stages.call(
         "detector_window",
         memory.own,
@@ -433,7 +446,7 @@ def command_camera(software: FlightSoftware, memory: FlightMemory, time: Scalar)
         pointing=memory.pointing,
         time=time,
     )
-    return replace(memory, camera=command)
+    return replace(memory, camera=command, lens=lens)
 
 
 _FAILED_THRUST_RATIO = 0.3

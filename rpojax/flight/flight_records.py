@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.rcs_control import RcsCommand
@@ -15,6 +16,7 @@ from rpojax.flight.control.thruster_isolation import IsolationTuning
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_schedule import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand
+from rpojax.flight.guidance.lens_choice import BelievedWideLens, LensInUse
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import MissionTuning
@@ -46,6 +48,19 @@ class FlightParams:
     isolation: IsolationTuning
     sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
     thrusters: ThrusterLayout | None = None
+    wide_lens: BelievedWideLens | None = None
+
+    def seen_through(self, lens: LensInUse | None) -> "FlightParams":
+        """The same with focal length and edge noise of the lens in use, None without a second one."""
+        wide = self.wide_lens
+        if wide is None or lens is None:
+            return self
+        focal_px = jnp.where(lens.is_wide, wide.focal_px, self.vehicle.focal_px)
+        navigation = self.navigation
+        if wide.edge_noise is not None:
+            edge_noise = jnp.where(lens.is_wide, wide.edge_noise, navigation.edge_noise)
+            navigation = replace(navigation, edge_noise=edge_noise)
+        return replace(self, vehicle=replace(self.vehicle, focal_px=focal_px), navigation=navigation)
 
 
 @pytree
@@ -73,6 +88,7 @@ class FlightMemory:
         own: memory of replaced stages, empty without one
         rcs: command of the reaction control system, None without one
         history: of attitude and burns, for measurements that are late and not taken for those of now; else None
+        lens: of the latest exposure, None unless the camera has two
     """
 
     orbit: OrbitEstimate
@@ -93,6 +109,7 @@ class FlightMemory:
     own: Any = ()
     rcs: RcsCommand | None = None
     history: History | None = None
+    lens: LensInUse | None = None
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from jaxtyping import Array
 
+from rpojax.core.lamp import Lamp
 from rpojax.core.pytree import pytree
 
 
@@ -23,6 +24,7 @@ class VehicleModel:
         phase_limit: () of the camera [rad]
         sun_exclusion: () of the camera [rad]
         dark_reach: () range within which a LiDAR shows the target without light [m], None without one
+        lamp: that lights the target, None without one
     """
 
     mass: Array
@@ -38,3 +40,4 @@ class VehicleModel:
     phase_limit: Array
     sun_exclusion: Array
     dark_reach: Array | None = None
+    lamp: Lamp | None = None

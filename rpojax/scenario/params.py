@@ -14,16 +14,18 @@ from jaxtyping import Array
 
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.core.declared_numbers import declared_numbers
+from rpojax.core.lamp import Lamp
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.core.orbits.sun_moon_ephemeris import Epoch, epoch_at
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
 from rpojax.flight.control import thruster_allocation
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
+from rpojax.flight.guidance.lens_choice import BelievedWideLens, LensInUse
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
@@ -41,7 +43,7 @@ from rpojax.scenario.trained import coverage_surface, fitted_camera, ranging_sur
 from rpojax.sensors.additional import surface_ranging
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.sensors.additional.surface_ranging import TargetSurface
-from rpojax.sensors.camera import Camera
+from rpojax.sensors.camera import Camera, WideLens, through_wide
 from rpojax.sensors.chamber_pressure import ChamberPressure
 from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
@@ -75,6 +77,9 @@ class Params:
     imaging: Imaging
     networks: Networks | None
     statistics: CameraStatistics | None
+    lamp: Lamp | None
+    wide_lens: WideLens | None
+    wide_statistics: CameraStatistics | None
     flight: FlightParams
     limits: Limits
     link: RadioLink
@@ -86,6 +91,20 @@ class Params:
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
     surface: TargetSurface | None = None
+
+    def seen_through(self, lens: LensInUse | None) -> "Params":
+        """The same with camera and beliefs of the lens in use, None without a second one."""
+        if self.wide_lens is None or lens is None:
+            return self
+        statistics = self.statistics
+        if statistics is not None and self.wide_statistics is not None:
+            statistics = select(lens.is_wide, self.wide_statistics, statistics)
+        return replace(
+            self,
+            camera=through_wide(self.camera, self.wide_lens, lens.is_wide),
+            statistics=statistics,
+            flight=self.flight.seen_through(lens),
+        )
 
 
 _HANDOVER = "initial.handover"
@@ -107,15 +126,20 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
     starts, ends = map(array, np.array(outages).T)
     rest = _records(Params, tables, without=("link",))
+    lamp, wide = tables.get("lamp"), tables.get("wide_lens")
+    lamp = None if lamp is None else section_record(Lamp, lamp)
     flight = FlightParams(
         vehicle=replace(
-            _nominal_vehicle(plant, rest["camera"], width_px, height_px), dark_reach=_reach_without_light(tables)
+            _nominal_vehicle(plant, rest["camera"], width_px, height_px),
+            dark_reach=_reach_without_light(tables),
+            lamp=lamp,
         ),
         navigation=_navigation(tables),
         mission=mission_from_phases.mission_tuning(tables),
         atmosphere=plant.atmosphere,
         sensors=_sensor_numbers(tables, believed=True),
         thrusters=_nominal_thrusters(tables["thrusters"]) if thrusters else None,
+        wide_lens=None if wide is None else _believed_wide_lens(tables, width_px, height_px),
         **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere")),
     )
     return Params(
@@ -124,6 +148,9 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         flight=flight,
         networks=trained_files.networks_for_model(tables),
         statistics=fitted_camera.statistics_for_model(tables),
+        lamp=lamp,
+        wide_lens=None if wide is None else section_record(WideLens, wide),
+        wide_statistics=fitted_camera.wide_statistics_for_model(tables),
         handover=_handover_errors(tables["initial"].get("handover")),
         link=section_record(RadioLink, tables["link"], outage_start=starts, outage_end=ends),
         additional_sensors=_sensor_numbers(tables, believed=False),
@@ -224,6 +251,11 @@ def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_p
         phase_limit=camera.phase_limit,
         sun_exclusion=camera.sun_exclusion,
     )
+
+
+def _believed_wide_lens(tables: Mapping[str, Any], width_px: int, height_px: int) -> BelievedWideLens:
+    field_of_view = section_record(WideLens, tables["wide_lens"]).field_of_view
+    return record_of(BelievedWideLens, tables, "wide_lens", focal_px=_focal_px(field_of_view, width_px, height_px))
 
 
 def _reach_without_light(tables: Mapping[str, Any]) -> Array | None:

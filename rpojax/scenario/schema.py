@@ -37,6 +37,7 @@ from rpojax.scenario.sections import (
     ImagingSection,
     InitialSection,
     IsolationSection,
+    LampSection,
     LimitsSection,
     LinkRangeSection,
     LinkSection,
@@ -57,6 +58,7 @@ from rpojax.scenario.sections import (
     ThrusterSection,
     TuningSection,
     WheelsSection,
+    WideLensSection,
 )
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.registry import AdditionalSensors
@@ -192,6 +194,8 @@ class ScenarioFile(Summarised, AdditionalSensors):
     wheels: WheelsSection
     camera: CameraSection
     imaging: ImagingSection
+    wide_lens: WideLensSection | None = None
+    lamp: LampSection | None = None
     gps: GpsSection
     star_tracker: StarTrackerSection
     gyro: GyroSection
@@ -237,7 +241,7 @@ class ScenarioFile(Summarised, AdditionalSensors):
     @classmethod
     def absent_keys(cls) -> Iterable[str]:
         """Further keys that are left out where they are None."""
-        return ("plugin", "plugin_sha256", "start")
+        return ("plugin", "plugin_sha256", "start", "wide_lens", "lamp")
 
     def _summary(self) -> Summary:
         return Summary(f"Scenario {self.name}: {self.description}", list(_summary_rows(self)))
@@ -256,6 +260,10 @@ def _summary_rows(file: ScenarioFile) -> Iterator[tuple[str, str]]:
         yield "servicers", ", ".join(each.name for each in file.servicers)
     yield "target", f"{file.target.mass_kg:g} kg, tumbling at {file.target.tumble_rate_deg_s:g} deg/s"
     yield "camera", f"{camera.model}, {camera.width_px} x {camera.height_px} px, {camera.field_of_view_deg:g} deg"
+    if file.wide_lens is not None:
+        yield "wide lens", f"{file.wide_lens.field_of_view_deg:g} deg below {file.wide_lens.switch_range_m:g} m"
+    if file.lamp is not None:
+        yield "lamp", f"to {file.lamp.reach_m:g} m, within {file.lamp.beam_half_angle_deg:g} deg of its boresight"
     if file.phases:
         yield "phases", ", ".join(phase.name for phase in file.phases)
     yield "dispersed", f"{counted(len(file.dispersions), 'dispersion')}, {file.design.kind} draws"

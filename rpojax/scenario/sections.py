@@ -4,12 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from rpojax.core.lamp import Lamp
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.thruster_isolation import IsolationTuning
 from rpojax.flight.cooperation.team_settings import BaselineTuning
+from rpojax.flight.guidance.lens_choice import BelievedWideLens
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -28,7 +30,7 @@ from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
 from rpojax.scenario.numbers.number_sections import section_of
 from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
-from rpojax.sensors.camera import Camera
+from rpojax.sensors.camera import Camera, WideLens
 from rpojax.sensors.chamber_pressure import ChamberPressure
 from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
@@ -200,6 +202,18 @@ class ImagingSection(section_of(Imaging, OrbitFilterTuning, name="imaging", firs
     detector: str
     statistics: str
     sky_seed: Annotated[int, Field(ge=0)]
+
+
+class WideLensSection(
+    section_of(WideLens, BelievedWideLens, name="wide_lens", first=("field_of_view", "switch", "return"), optional=True)
+):
+    """Second, wider lens of the camera, through which it looks near the target."""
+
+    statistics: Annotated[str, Field(min_length=1)] | None = None
+
+
+class LampSection(section_of(Lamp)):
+    """Lamp of the servicer that lights the target."""
 
 
 class GpsSection(section_of(Gps)):

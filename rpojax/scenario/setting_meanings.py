@@ -53,6 +53,7 @@ MEANINGS: Final[dict[str, str]] = {
     "imaging.detector": "detector, as written by `rpojax detector train`",
     "imaging.statistics": "statistics of the statistical camera, as written by `rpojax calibrate-camera-model`",
     "imaging.sky_seed": "seed of stars and clouds",
+    "wide_lens.statistics": "statistics of the statistical camera through this lens, as `imaging.statistics`",
     "chamber_pressure.enabled": "whether the pressure is measured",
     "isolation.enabled": "whether each of `[[thrusters]]` has an isolation valve, which flight software shuts",
     "navigation.gating": "boxes must pass the gate, or are all accepted",

@@ -1,9 +1,10 @@
 """Camera parameters, and the record of one exposure, common to all camera models."""
 
-from jaxtyping import Array
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
 
 from rpojax.core.declared_numbers import number
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.value_types import Quaternion
 from rpojax.vision.bounding_box import BoundingBox
 
@@ -30,6 +31,38 @@ class Camera:
         "largest Sun-target-camera angle of a usable image", unit="deg", above=0.0, at_most=180.0
     )
     sun_exclusion: Array = number("least angle between line of sight and Sun", unit="deg", at_least=0.0, below=180.0)
+
+
+@pytree
+class WideLens:
+    """True parameters of a second, wider lens of the camera, before the same detector."""
+
+    field_of_view: Array = number(
+        "horizontal field of view, wider than that of the camera", unit="deg", above=0.0, below=180.0
+    )
+    misalignment: Array = number(
+        "small rotation of the camera about its own axes by the change to this lens",
+        unit="deg",
+        length=3,
+        default=[0.0, 0.0, 0.0],
+    )
+    edge_noise: Array | None = number(
+        "error of each box edge through it, 1 sigma, by default that of the camera",
+        unit="px",
+        at_least=0.0,
+        default=None,
+    )
+
+
+def through_wide(camera: Camera, lens: WideLens, is_wide: Bool[Array, ""]) -> Camera:
+    """The camera as it is through the wide lens where `is_wide`, else through its own."""
+    edge_noise = camera.edge_noise if lens.edge_noise is None else lens.edge_noise
+    return replace(
+        camera,
+        field_of_view=jnp.where(is_wide, lens.field_of_view, camera.field_of_view),
+        misalignment=jnp.where(is_wide, camera.misalignment + lens.misalignment, camera.misalignment),
+        edge_noise=jnp.where(is_wide, edge_noise, camera.edge_noise),
+    )
 
 
 @pytree

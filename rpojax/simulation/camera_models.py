@@ -1,14 +1,15 @@
 """Camera of a run by the model of the scenario: exposure, detector window, and box measurement."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from rpojax.core import quaternion, random_streams
+from rpojax.core import lamp, quaternion, random_streams
 from rpojax.core.constants import RADIUS_EARTH
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.numerics.gradient_safe import normalize
 from rpojax.core.orbits import camera_visibility, earth_rotation, eclipse
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
+from rpojax.core.pytree import replace
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
@@ -49,9 +50,7 @@ def expose(
         tick: () ticks since the start
     """
     camera = params.camera
-    observable = camera_visibility.is_observable(
-        truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion
-    )
+    observable, by_lamp_alone = _light(params, truth, sky)
     # All vertices use the pose: the barrier keeps XLA from recomputing it for each.
     pose = fusion_barrier(camera_pose.target_pose_in_camera(camera, truth.q_TN, truth.r_ST_N, truth.q_BN), tick)
     hull_K = camera_pose.hull_in_camera(params.plant.target.true_hull, *pose)
@@ -67,6 +66,8 @@ def expose(
     if scenario.camera_model == "statistical":
         assert params.statistics is not None
         assert box_edge_errors is not None
+        if by_lamp_alone is not None:
+            scene = _under_the_lamp(scene, by_lamp_alone)
         frame = statistical_camera.measure(
             params.statistics, scene, outline, in_front, size, *light_and_health, box_edge_errors, normals, uniforms
         )
@@ -76,6 +77,26 @@ def expose(
     picture = _render_window(scenario, params, view, scene, key)
     frame = rendered_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
     return frame, picture
+
+
+def _light(params: Params, truth: Truth, sky: SunMoonPositions) -> tuple[Bool[Array, ""], Bool[Array, ""] | None]:
+    """Whether there is light to see the target by, and whether it is that of the lamp alone; None without one."""
+    camera = params.camera
+    conditions = (truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
+    if params.lamp is None:
+        return camera_visibility.is_observable(*conditions), None
+    lamplit = lamp.lights(params.lamp, quaternion.rotate(truth.q_BN, -truth.r_ST_N))
+    by_sun, by_lamp = camera_visibility.light_sources(*conditions, lamplit)
+    return by_sun | by_lamp, by_lamp & ~by_sun
+
+
+def _under_the_lamp(scene: Scene, by_lamp_alone: Bool[Array, ""]) -> Scene:
+    """The scene with the light of the lamp in place of the Sun's: from the camera, at a phase angle of zero."""
+    return replace(
+        scene,
+        sun_T=jnp.where(by_lamp_alone, normalize(scene.r_KT_T), scene.sun_T),
+        sunlight=jnp.where(by_lamp_alone, 1.0, scene.sunlight),
+    )
 
 
 def camera_format(scenario: Scenario) -> CameraFormat:

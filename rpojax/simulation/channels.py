@@ -44,6 +44,11 @@ class ObservedTick:
     params: Params
     telemetry: Telemetry
 
+    @cached_property
+    def in_use(self) -> Params:
+        """Parameters with those of the lens in use."""
+        return self.params.seen_through(self.telemetry.flight.lens)
+
     @property
     def truth(self) -> Truth:
         """State of the plant."""
@@ -87,12 +92,12 @@ class ObservedTick:
     @cached_property
     def boresight_and_line(self) -> tuple[Vector, Vector]:
         """Unit vectors in N along the boresight and to the target."""
-        return boresight_N(self.params, self.truth), -gradient_safe.normalize(self.truth.r_ST_N)
+        return boresight_N(self.in_use, self.truth), -gradient_safe.normalize(self.truth.r_ST_N)
 
     @cached_property
     def measured_box(self) -> BoxMeasurement:
         """Measurement of the box."""
-        return tick_measurements.box_measurement(self.scenario, self.params, self.telemetry.frame)
+        return tick_measurements.box_measurement(self.scenario, self.in_use, self.telemetry.frame)
 
 
 ChannelFunctions = dict[str, Callable[[ObservedTick], Any]]
@@ -107,6 +112,8 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     functions = {**CHANNELS}
     if scenario.camera_model == "rendered":
         functions |= IMAGE_CHANNELS
+    if telemetry.flight.lens is not None:
+        functions |= LENS_CHANNELS
     if scenario.effects.plume:
         functions |= PLUME_CHANNELS
     if scenario.effects.faults and scenario.isolation:
@@ -175,7 +182,7 @@ def _corner_and_sides(edges: Float[Array, "4"]) -> Float[Array, "4"]:
 
 def _expected_box(tick: ObservedTick) -> Vector:
     """Centre and side of the box predicted by the orbit filter, NaN if the target is predicted behind the camera."""
-    expected, focal = tick.telemetry.innovation.expected_box, tick.params.flight.vehicle.focal_px
+    expected, focal = tick.telemetry.innovation.expected_box, tick.in_use.flight.vehicle.focal_px
     center_px = jnp.array([0.5 * tick.scenario.width_px, 0.5 * tick.scenario.height_px], dtype=focal.dtype)
     center = center_px + focal * expected.values[:2]
     side = focal * jnp.exp(expected.values[2:])
@@ -184,7 +191,7 @@ def _expected_box(tick: ObservedTick) -> Vector:
 
 def _gate(tick: ObservedTick) -> Float[Array, "2"]:
     """Half sides of the gate, NaN if the target is predicted behind the camera."""
-    expected, flight = tick.telemetry.innovation.expected_box, tick.params.flight
+    expected, flight = tick.telemetry.innovation.expected_box, tick.in_use.flight
     half_sides = flight.navigation.gate_sigma * flight.vehicle.focal_px * gradient_safe.sqrt(expected.variance[:2])
     return jnp.where(expected.in_front, half_sides, jnp.nan)
 
@@ -203,6 +210,13 @@ def _failed_tests(tick: ObservedTick) -> Array:
     ratios = tick.telemetry.flight.health.ratios
     bits = jnp.array([1 << place for place in range(len(ratios))], dtype=jnp.int16)
     return jnp.sum(jnp.where(ratios >= 1.0, bits, 0), axis=0, dtype=jnp.int16)
+
+
+def _is_wide(tick: ObservedTick) -> Array:
+    """Whether the camera looked through its wide lens."""
+    lens = tick.telemetry.flight.lens
+    assert lens is not None
+    return lens.is_wide
 
 
 def _mission(tick: ObservedTick) -> MissionState:
@@ -328,6 +342,8 @@ CHANNELS: Final[ChannelFunctions] = {
 """Channels by name, as functions of a tick."""
 IMAGE_CHANNELS: Final[ChannelFunctions] = {"window_px": lambda tick: tick.telemetry.frame.window}
 """Window of the image of a tick, from which with the poses it can be rendered again."""
+LENS_CHANNELS: Final[ChannelFunctions] = {"wide_lens": _is_wide}
+"""Lens of a tick, in scenarios with two."""
 PLUME_CHANNELS: Final[ChannelFunctions] = {"plume_impulse_n_s": lambda tick: tick.truth.plume_impulse}
 """Load of the thrusters' plumes on the target, in scenarios with it."""
 ISOLATION_CHANNELS: Final[ChannelFunctions] = {

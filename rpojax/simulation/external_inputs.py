@@ -88,7 +88,8 @@ def attitude_commands(loop: Loop, tick: Tick) -> AttitudeCommand:
 def detector_picture(loop: Loop, tick: Tick) -> UInt8[Array, "p p 3"]:
     """Detector input of a rendered camera as 8-bit sRGB codes."""
     state = tick.state
-    window = camera_models.recorded_window(loop.scenario, loop.params, tick.frame.window)
+    params = loop.params.seen_through(state.flight.lens)
+    window = camera_models.recorded_window(loop.scenario, params, tick.frame.window)
     key = noise.camera_key(state.keys, state.tick)
-    picture = camera_models.render_picture(loop.scenario, loop.params, window, state.truth, tick.sky, key, state.tick)
+    picture = camera_models.render_picture(loop.scenario, params, window, state.truth, tick.sky, key, state.tick)
     return jnp.round(255.0 * picture).astype(jnp.uint8)

@@ -68,7 +68,7 @@ def expose(
 
     That of the camera is its box, and its picture if a stage asks for it.
     """
-    scenario, params, truth = loop.scenario, loop.params, state.truth
+    scenario, params, truth = loop.scenario, loop.params.seen_through(state.flight.lens), state.truth
     frame, picture = camera_models.expose(
         scenario,
         params,
@@ -165,7 +165,7 @@ def measure_chamber_pressure(params: Params, noise: TickNoise, burn_error: BurnE
 
 def advance_sensor_errors(scenario: Scenario, params: Params, state: State, noise: TickNoise) -> SensorErrors:
     """Correlated sensor errors one tick later."""
-    box_edges = state.sensor_errors.box_edge_errors
+    box_edges, params = state.sensor_errors.box_edge_errors, params.seen_through(state.flight.lens)
     if box_edges is not None:
         assert params.statistics is not None
         assert noise.box_edge_errors is not None

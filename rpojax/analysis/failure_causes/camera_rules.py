@@ -219,7 +219,9 @@ def dark(evidence: RunEvidence) -> Finding:
         )
 
     def mend(_: Flags) -> str:
-        return "another plane or time (orbit.raan_deg, epoch_utc), or the side of the target on which the Sun is"
+        return (
+            "another plane or time (orbit.raan_deg, epoch_utc), the side of the target on which the Sun is, or a lamp"
+        )
 
     return Finding("dark", "there is no light to see the target by", Depth.ROOT, share / _DARK, at_s, words, mend)
 

@@ -53,6 +53,8 @@ class AnalysisSetup:
         if file.phases:
             expected = "a scenario without phases for a linear covariance analysis"
             raise ScenarioError("phases", len(file.phases), expected)
+        if file.wide_lens is not None:
+            raise ScenarioError("wide_lens", "a second lens", "one lens for a linear covariance analysis")
         self.file = file
         found = dispersion_linearisation.linearise_dispersions(file)
         self.left_out = found.left_out

@@ -22,6 +22,23 @@ def is_observable(
     return lit & phase & glare
 
 
+def light_sources(
+    r_TN_N: Vector,
+    r_ST_N: Vector,
+    r_sun_N: Vector,
+    phase_limit: Scalar,
+    sun_exclusion: Scalar,
+    lamplit: Bool[Array, ""],
+) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
+    """Whether the target can be seen in the light of the Sun, and whether in that of a lamp beside the camera.
+
+    A lamp needs no Sun, but a Sun near the line of sight blinds the camera where the Earth does not hide it. `lamplit`
+    says that the lamp lights the target; the other arguments are those of `viewing_conditions`.
+    """
+    lit, phase, glare = viewing_conditions(r_TN_N, r_ST_N, r_sun_N, phase_limit, sun_exclusion)
+    return lit & phase & glare, lamplit & (glare | ~lit)
+
+
 def viewing_conditions(
     r_TN_N: Vector, r_ST_N: Vector, r_sun_N: Vector, phase_limit: Scalar, sun_exclusion: Scalar
 ) -> tuple[Bool[Array, ""], Bool[Array, ""], Bool[Array, ""]]:

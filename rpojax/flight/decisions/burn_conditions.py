@@ -34,10 +34,8 @@ def is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
 
 def may_be_too_small(params: FlightParams, memory: FlightMemory) -> Flag:
     """True if the target appears so small that frames without a box are no sign of its loss."""
-    relative = memory.orbit.relative
-    return detection_model.may_be_too_small(
-        params.navigation, params.vehicle.focal_px, relative.r_TS_N, relative.slow["size"][0]
-    )
+    relative, focal_px = memory.orbit.relative, params.seen_through(memory.lens).vehicle.focal_px
+    return detection_model.may_be_too_small(params.navigation, focal_px, relative.r_TS_N, relative.slow["size"][0])
 
 
 def time_to_stop(software: FlightSoftware, stop_H: Vector, period: Scalar) -> Scalar:

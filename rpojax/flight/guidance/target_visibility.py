@@ -1,11 +1,12 @@
-"""Visibility of the estimated target: light, phase angle and Sun exclusion of the camera, and reach of a LiDAR."""
+"""Visibility of the estimated target: light of Sun and lamp, limits of the camera, and reach of a LiDAR."""
 
 import math
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.numerics.gradient_safe import normalize
+from rpojax.core import lamp, quaternion
+from rpojax.core.numerics.gradient_safe import norm, normalize
 from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.core.orbits import camera_visibility
 from rpojax.core.vectors import cross
@@ -17,16 +18,43 @@ Flag = Bool[Array, ""]
 Scalar = Float[Array, ""]
 
 
-def is_visible(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, tolerance: Scalar | float = 0.0) -> Flag:
+def is_visible(
+    vehicle: VehicleModel,
+    estimate: OrbitEstimate,
+    sun_N: Vector,
+    tolerance: Scalar | float = 0.0,
+    q_BN: Float[Array, "4"] | None = None,
+) -> Flag:
     """True while the target should be visible by the estimate, the Sun at `sun_N` [m] and the camera's limits.
 
-    `tolerance` [rad] widens the limits.
+    `tolerance` [rad] widens the limits. The beam of a lamp is where it is at an attitude `q_BN`; without one the camera
+    is taken to point at the target, and the lamp beside it.
     """
     r_TN_N = estimate.servicer.r_SN_N + estimate.relative.r_TS_N
     # Cosines are monotonous between zero and a half circle only.
     phase = jnp.minimum(vehicle.phase_limit + tolerance, math.pi)
     exclusion = jnp.maximum(vehicle.sun_exclusion - tolerance, 0.0)
-    return camera_visibility.is_observable(r_TN_N, -estimate.relative.r_TS_N, sun_N, phase, exclusion)
+    conditions = (r_TN_N, -estimate.relative.r_TS_N, sun_N, phase, exclusion)
+    return _by_sun_or_lamp(conditions, _is_lamplit(vehicle, estimate.relative.r_TS_N, tolerance, q_BN))
+
+
+def _is_lamplit(
+    vehicle: VehicleModel, r_TS_N: Vector, tolerance: Scalar | float = 0.0, q_BN: Float[Array, "4"] | None = None
+) -> Flag | None:
+    """Whether the lamp lights the target, None without one."""
+    if vehicle.lamp is None:
+        return None
+    if q_BN is None:
+        return lamp.is_in_reach(vehicle.lamp, norm(r_TS_N), tolerance)
+    return lamp.lights(vehicle.lamp, quaternion.rotate(q_BN, r_TS_N), tolerance)
+
+
+def _by_sun_or_lamp(conditions: tuple[Vector, Vector, Vector, Scalar, Scalar], lamplit: Flag | None) -> Flag:
+    """Whether the target can be seen, with the arguments of `viewing_conditions`."""
+    if lamplit is None:
+        return camera_visibility.is_observable(*conditions)
+    by_sun, by_lamp = camera_visibility.light_sources(*conditions, lamplit)
+    return by_sun | by_lamp
 
 
 def is_in_sight(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, tolerance: Scalar | float = 0.0) -> Flag:
@@ -50,7 +78,8 @@ def is_in_sight_after(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vec
         return c * vector + s * cross(normal, vector) + (1.0 - c) * jnp.sum(normal * vector, axis=0) * normal
 
     r_TN_N, r_ST_N = turned(servicer.r_SN_N + relative.r_TS_N), turned(-relative.r_TS_N)
-    visible = camera_visibility.is_observable(r_TN_N, r_ST_N, sun_N, vehicle.phase_limit, vehicle.sun_exclusion)
+    conditions = (r_TN_N, r_ST_N, sun_N, vehicle.phase_limit, vehicle.sun_exclusion)
+    visible = _by_sun_or_lamp(conditions, _is_lamplit(vehicle, relative.r_TS_N))
     return visible if vehicle.dark_reach is None else visible | _is_within(vehicle.dark_reach, estimate)
 
 

@@ -225,7 +225,7 @@ def _detector_image(scenario: Scenario, params: Params, telemetry: Telemetry) ->
     low, high = frame.box.edges[:2], frame.box.edges[2:]
     return DetectorImage(
         size_px=jnp.array(size, dtype=jnp.int32),
-        focal_px=params.flight.vehicle.focal_px / binning,
+        focal_px=params.flight.seen_through(telemetry.flight.lens).vehicle.focal_px / binning,
         center_px=(frame_center - corner) / binning,
         box_center_px=(0.5 * (low + high) - corner) / binning,
         box_size_px=(high - low) / binning,

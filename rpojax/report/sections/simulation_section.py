@@ -85,12 +85,21 @@ def _camera(scenario: Mapping[str, Any]) -> str:
     size = f", {camera['width_px']} \N{MULTIPLICATION SIGN} {camera['height_px']} px" if "width_px" in camera else ""
     rate = scenario.get("rates", {}).get("camera_hz")
     model = _MODELS.get(str(camera.get("model")), "")
-    lens = f"lens of {camera['field_of_view_deg']:g} deg (full angle){size}"
+    lens = f"lens of {camera['field_of_view_deg']:g} deg (full angle){_wide_lens(scenario)}{size}"
     parts = [lens, f"{rate:g} Hz" if rate is not None else "", model]
     if camera.get("model") == "geometric" and {"miss_probability", "outlier_probability"} <= camera.keys():
         shares = (100.0 * float(camera[name]) for name in ("miss_probability", "outlier_probability"))
         parts.append("{:.3g} % missed and {:.3g} % false".format(*shares))
+    if reach_m := (scenario.get("lamp") or {}).get("reach_m"):
+        parts.append(f"a lamp to {reach_m:g} m")
     return ", ".join(part for part in parts if part)
+
+
+def _wide_lens(scenario: Mapping[str, Any]) -> str:
+    lens = scenario.get("wide_lens") or {}
+    if not {"field_of_view_deg", "switch_range_m"} <= lens.keys():
+        return ""
+    return f" and one of {lens['field_of_view_deg']:g} deg below {lens['switch_range_m']:g} m"
 
 
 def _target(target: Mapping[str, Any]) -> str:

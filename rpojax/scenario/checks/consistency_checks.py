@@ -4,12 +4,14 @@ import math
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
+from rpojax.scenario.checks.lamp_checks import check_lamp
 from rpojax.scenario.checks.listed_design_checks import check_design
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.ranging_checks import check_ranging
 from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.target_checks import check_target
 from rpojax.scenario.checks.thruster_checks import check_thrusters
+from rpojax.scenario.checks.wide_lens_checks import check_wide_lens
 from rpojax.scenario.measurement_delays import check_delays
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
@@ -66,6 +68,8 @@ def check_consistency(file: ScenarioFile) -> None:
     check_phases(file)
     check_ranging(file)
     check_delays(file)
+    check_lamp(file)
+    check_wide_lens(file)
     check_dispersions(file)
     check_design(file)
 

@@ -22,20 +22,20 @@ def check_ranging(file: ScenarioFile) -> None:
     Raises:
         ScenarioError: naming the key.
     """
-    nearest = _nearest_station_m(file)
+    nearest = nearest_station_m(file)
     for name, sensor in (("range_finder", file.range_finder), ("lidar", file.lidar)):
         if sensor is None:
             continue
         if nearest is not None and sensor.maximum_range_m <= nearest:
             expected = f"more than {nearest:g}, the distance of the nearest station from the target"
             raise ScenarioError(f"{name}.maximum_range_m", sensor.maximum_range_m, expected)
-        off = _angle_from_camera_deg(file, sensor.boresight)
+        off = angle_from_camera_deg(file, sensor.boresight)
         if off > (limit := _largest_angle_deg(file, sensor, nearest)):
             expected = f"a direction within {limit:.3g} deg of the camera's boresight, which points at the target"
             raise ScenarioError(f"{name}.boresight", sensor.boresight, expected)
 
 
-def _nearest_station_m(file: ScenarioFile) -> float | None:
+def nearest_station_m(file: ScenarioFile) -> float | None:
     """Least distance from the target at which a phase ends or stays [m], None if no phase says it."""
     if not file.phases:
         return math.hypot(*file.formation.desired_position_m)
@@ -51,7 +51,8 @@ def _nearest_station_m(file: ScenarioFile) -> float | None:
     return min(found, default=None)
 
 
-def _angle_from_camera_deg(file: ScenarioFile, boresight: list[float]) -> float:
+def angle_from_camera_deg(file: ScenarioFile, boresight: list[float]) -> float:
+    """Angle [deg] between a direction in B and the camera's boresight, which points at the target."""
     w, x, y, z = file.camera.mounting
     # q_KB of this convention rotates components; its inverse takes the camera's axis to the body.
     axis_B = Rotation.from_quat([x, y, z, w]).inv().apply([0.0, 0.0, 1.0])

@@ -242,11 +242,12 @@ def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
     for key in ("target", "servicer"):
         if isinstance(start, dict) and isinstance(name := start.get(key), str):
             start[key] = str(absolute_path(folder / name))
-    imaging = tables.get("imaging")
-    for key in trained_files.PACKAGED_FILES:
-        name = imaging.get(key) if isinstance(imaging, dict) else None
-        if isinstance(name, str) and name != trained_files.PACKAGED and isinstance(imaging, dict):
-            imaging[key] = str(absolute_path(folder / name))
+    trained = [("imaging", key) for key in trained_files.PACKAGED_FILES]
+    for section, key in (*trained, ("wide_lens", "statistics")):
+        table = tables.get(section)
+        name = table.get(key) if isinstance(table, dict) else None
+        if isinstance(name, str) and name != trained_files.PACKAGED and isinstance(table, dict):
+            table[key] = str(absolute_path(folder / name))
     coverage = tables.get("coverage")
     if isinstance(coverage, dict) and isinstance(name := coverage.get("surface"), str) and name not in SURFACES:
         coverage["surface"] = str(absolute_path(folder / name))

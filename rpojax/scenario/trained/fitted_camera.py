@@ -6,7 +6,7 @@ from typing import Any
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.trained.image_sampling import range_limits
-from rpojax.scenario.trained.trained_files import REQUIRED_KEYS, file_digest, file_path
+from rpojax.scenario.trained.trained_files import REQUIRED_KEYS, file_digest, file_path, of_wide_lens
 from rpojax.sensors import statistical_camera_file
 from rpojax.sensors.statistical_camera import CameraStatistics
 
@@ -56,6 +56,21 @@ def statistics_for_model(tables: Mapping[str, Any]) -> CameraStatistics | None:
             )
     _check_card(tables, card)
     return statistics
+
+
+def wide_statistics_for_model(tables: Mapping[str, Any]) -> CameraStatistics | None:
+    """Fitted statistics of a statistical camera through its second lens, None without one.
+
+    Raises:
+        ScenarioError: as of `statistics_for_model`.
+    """
+    if tables["camera"]["model"] != "statistical" or (wide := of_wide_lens(tables)) is None:
+        return None
+    try:
+        return statistics_for_model(wide)
+    except ScenarioError as error:
+        name = tables["wide_lens"]["statistics"]
+        raise ScenarioError("wide_lens.statistics", name, f"statistics of this lens: {error}") from None
 
 
 def _check_card(tables: Mapping[str, Any], card: Mapping[str, Any]) -> None:

@@ -26,8 +26,23 @@ REQUIRED_KEYS = {"geometric": (), "statistical": ("statistics",), "rendered": ("
 
 
 def required_files(tables: Mapping[str, Any]) -> dict[str, Path]:
-    """Paths of the trained files that the camera model of a scenario reads, by key of the section `imaging`."""
-    return {key: file_path(tables, key) for key in REQUIRED_KEYS[tables["camera"]["model"]]}
+    """Paths of the trained files that the camera model of a scenario reads, by key of the section `imaging`.
+
+    Those of a second lens are by the key with its section.
+    """
+    found = {key: file_path(tables, key) for key in REQUIRED_KEYS[tables["camera"]["model"]]}
+    if (wide := of_wide_lens(tables)) and "statistics" in found:
+        found["wide_lens.statistics"] = file_path(wide, "statistics")
+    return found
+
+
+def of_wide_lens(tables: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Tables of a scenario whose camera has its second lens alone, None without one that has statistics."""
+    lens = tables.get("wide_lens")
+    if lens is None or lens.get("statistics") is None:
+        return None
+    camera = {**tables["camera"], "field_of_view_deg": lens["field_of_view_deg"]}
+    return {**tables, "camera": camera, "imaging": {**tables["imaging"], "statistics": lens["statistics"]}}
 
 
 def file_path(tables: Mapping[str, Any], key: str) -> Path:

@@ -206,6 +206,8 @@ _CAMERA: Final = (
         "camera.model = 'rendered' or 'statistical'",
         lambda at: at.file.camera.model != "geometric",
     ),
+    Use(("wide_lens.edge_noise_px",), "camera.model = 'geometric'", lambda at: at.file.camera.model == "geometric"),
+    Use(("wide_lens.statistics",), "camera.model = 'statistical'", lambda at: at.file.camera.model == "statistical"),
     Use(("imaging.sky_seed",), "camera.model = 'rendered'", lambda at: at.file.camera.model == "rendered"),
     Use(("imaging.statistics",), "camera.model = 'statistical'", lambda at: at.file.camera.model == "statistical"),
     Use(

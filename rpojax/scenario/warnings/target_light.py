@@ -78,7 +78,11 @@ def _blocked(
     )
     limits = np.radians([reach.low("camera.phase_limit_deg"), reach.high("camera.sun_exclusion_deg")])
     seconds = epoch_seconds(file.epoch_utc)
-    return ~np.asarray(_conditions(elements, anomalies, np.asarray(place_H), seconds, limits))
+    dark, phase, glare = ~np.asarray(_conditions(elements, anomalies, np.asarray(place_H), seconds, limits))
+    if file.lamp is not None and float(np.linalg.norm(place_H)) <= reach.low("lamp.reach_m"):
+        # A Sun near the line of sight blinds the camera even so, but for one behind the Earth.
+        return np.stack([np.zeros_like(dark), np.zeros_like(phase), glare & ~dark])
+    return np.stack([dark, phase, glare])
 
 
 @jax.jit

@@ -119,14 +119,14 @@ _SAME_SHARE = 0.2
 def small_box_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Places from which the box of the target is too small in a large share of attitudes."""
     sides = hull_sides(file.target.hull_m).max(axis=1) * reach.low("target.scale")
-    half_angle = np.radians(0.5 * reach.high("camera.field_of_view_deg"))
-    focal_px = 0.5 * file.camera.width_px / np.tan(half_angle)
     geometric = file.camera.model == "geometric"
     least = reach.high("camera.minimum_size_px") if geometric else _LEAST_SEEN_PX
     limit = "camera.minimum_size_px" if geometric else "a pixel"
     found = []
     for key, place in (("initial.relative_position_m", "start"), ("formation.desired_position_m", "station")):
         distance = max(reach.norms(key)[1], 1e-3)
+        half_angle = np.radians(0.5 * reach.high(_field_of_view_key(file, distance)))
+        focal_px = 0.5 * file.camera.width_px / np.tan(half_angle)
         boxes = focal_px * sides / distance
         share = float(np.mean(boxes <= least))
         if share > _MOST_TOO_SMALL:
@@ -147,10 +147,17 @@ def small_box_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
 def _beyond_frame(file: ScenarioFile, reach: DispersedReach, distance_m: float) -> float:
     """Share of attitudes in which the target is larger than the frame from that distance."""
     sides = hull_sides(file.target.hull_m).max(axis=1) * reach.high("target.scale")
-    return float(np.mean(sides > 2.0 * least_half_frame(file, reach) * max(distance_m, 1e-3)))
+    half_frame = least_half_frame(file, reach, _field_of_view_key(file, distance_m))
+    return float(np.mean(sides > 2.0 * half_frame * max(distance_m, 1e-3)))
 
 
-def least_half_frame(file: ScenarioFile, reach: DispersedReach) -> float:
-    """Tangent of half the angle that the camera sees along the shorter side of its frame."""
-    tangent = float(np.tan(np.radians(0.5 * reach.low("camera.field_of_view_deg"))))
+def _field_of_view_key(file: ScenarioFile, distance_m: float) -> str:
+    """Key of the lens through which the camera looks from a distance [m]."""
+    is_wide = file.wide_lens is not None and distance_m < file.wide_lens.switch_range_m
+    return "wide_lens.field_of_view_deg" if is_wide else "camera.field_of_view_deg"
+
+
+def least_half_frame(file: ScenarioFile, reach: DispersedReach, key: str = "camera.field_of_view_deg") -> float:
+    """Tangent of half the angle that the camera sees along the shorter side of its frame, by the key of its lens."""
+    tangent = float(np.tan(np.radians(0.5 * reach.low(key))))
     return tangent * min(1.0, file.camera.height_px / file.camera.width_px)

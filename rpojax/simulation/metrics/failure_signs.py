@@ -19,6 +19,8 @@ MAX_INTERVALS: Final = 64
 """Most intervals of a run. A choice: 140 s of `vbar_approach`, in 3 % of the disk of its traces."""
 LEAST_INTERVAL_S: Final = 30.0
 """Shortest interval [s]."""
+LENS_CHANNEL: Final = "wide_lens"
+"""Lens of a camera that has two."""
 REQUIRED_CHANNELS: Final = (
     "box_present",
     "box_accepted",
@@ -81,8 +83,11 @@ def evaluate(
     looking = lit & np.isin(records["mode"], (Mode.LOOK, Mode.SEARCH))
     least_side = min(file.camera.width_px, file.camera.height_px) / file.camera.width_px
     field_of_view_deg = values_of_runs(varied, "camera.field_of_view_deg", file.camera.field_of_view_deg)
-    half_deg = np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * field_of_view_deg))))
-    in_view = lit & (records["pointing_error_deg"] <= half_deg[:, None])
+    half_deg = _half_angle_deg(least_side, field_of_view_deg)[:, None]
+    if file.wide_lens is not None and LENS_CHANNEL in records:
+        wide_deg = values_of_runs(varied, "wide_lens.field_of_view_deg", file.wide_lens.field_of_view_deg)
+        half_deg = np.where(records[LENS_CHANNEL], _half_angle_deg(least_side, wide_deg)[:, None], half_deg)
+    in_view = lit & (records["pointing_error_deg"] <= half_deg)
     good = present & ~outlier & in_view
     flags = {
         "ticks": running,
@@ -102,6 +107,11 @@ def evaluate(
     counts = {name: _counted(flags[name], starts) for name in COUNTS}
     tests = np.where(running, records[FAILED_TESTS], 0).astype(np.int16)
     return {**counts, FAILED_TESTS: np.bitwise_or.reduceat(tests, starts, axis=1)}
+
+
+def _half_angle_deg(least_side: float, field_of_view_deg: np.ndarray) -> np.ndarray:
+    """Half of the angle that a lens sees along the shorter side, `least_side` of the frame's width [deg]."""
+    return np.degrees(np.arctan(least_side * np.tan(np.radians(0.5 * field_of_view_deg))))
 
 
 def _after_abort(records: Mapping[str, np.ndarray]) -> NDArray[np.bool_]:

@@ -42,7 +42,7 @@ _QUANTITIES: Final[ChannelFunctions] = {
     "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
     "innovations": lambda tick: tick.telemetry.innovation.sensors,
     "image_area": lambda tick: (
-        tick.scenario.width_px * tick.scenario.height_px / tick.params.flight.vehicle.focal_px**2
+        tick.scenario.width_px * tick.scenario.height_px / tick.in_use.flight.vehicle.focal_px**2
     ),
     "pointing_error_sine_N": lambda tick: vectors.cross(*tick.boresight_and_line),
 }
@@ -52,7 +52,8 @@ _QUANTITIES: Final[ChannelFunctions] = {
 def _is_arrival(tick: ObservedTick) -> Array:
     """Whether the last phase begins."""
     settings, state = tick.scenario.mission, tick.telemetry.flight.mission
-    is_now = jnp.abs(state.entered_at - tick.telemetry.tick * tick.scenario.tick_s) < 0.5 * tick.scenario.tick_s
+    time = tick.telemetry.tick.astype(state.entered_at.dtype) * tick.scenario.tick_s
+    is_now = jnp.abs(state.entered_at - time) < 0.5 * tick.scenario.tick_s
     return is_now & (state.phase == settings.hold - 1)
 
 

@@ -51,3 +51,10 @@ def test_beliefs_that_causes_name_have_a_line_with_their_values(campaign):
     cause = {"name": "belief", "title": "a wrong belief of navigation.bearing_bias_sigma_deg"}
     found = dict(simulation_section.rows(campaign, [cause, {"name": "wheels", "title": "wheels are saturated"}]))
     assert found["Believed"] == "bearing_bias_sigma_deg 0.1 deg"
+
+
+def test_a_second_lens_and_a_lamp_are_named(campaign):
+    found = lines(campaign, "final_approach")["Camera"]
+    assert "lens of 20 deg (full angle) and one of 45 deg below 12 m, " in found
+    assert found.endswith("a lamp to 120 m")
+    assert "lamp" not in lines(campaign, "night_approach")["Camera"]  # it is off

@@ -1,0 +1,71 @@
+"""Choice between the two lenses of a camera by the estimated range: the wide one near the target."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.declared_numbers import number
+from rpojax.core.pytree import pytree
+
+Scalar = Float[Array, ""]
+
+
+@pytree
+class BelievedWideLens:
+    """The wide lens as flight software knows it, and the ranges at which it changes lenses.
+
+    Attributes:
+        focal_px: () nominal focal length [px]
+    """
+
+    focal_px: Array
+    switch_range: Array = number(
+        "estimated range below which the camera looks through the wide lens",
+        key="wide_lens.switch_range_m",
+        above=0.0,
+    )
+    return_range: Array = number(
+        "estimated range from which on it looks through its own lens again, above the other",
+        key="wide_lens.return_range_m",
+        above=0.0,
+    )
+    edge_noise: Array | None = number(
+        "what the filter believes of the error of an edge through it, by default `navigation.edge_noise_px`",
+        key="wide_lens.believed_edge_noise_px",
+        above=0.0,
+        default=None,
+    )
+    misalignment_sigma: Array = number(
+        "what the filter believes of its rotation from the other lens across the boresight, 1 sigma per axis",
+        key="wide_lens.believed_misalignment_deg",
+        at_least=0.0,
+        default=0.0,
+    )
+
+
+@pytree
+class LensInUse:
+    """The lens through which the camera looks.
+
+    Attributes:
+        is_wide: () bool, the wide one
+        is_new: () bool, the frame before was taken through the other one
+    """
+
+    is_wide: Array
+    is_new: Array
+
+
+def first_lens(lens: BelievedWideLens, distance: Scalar) -> LensInUse:
+    """Lens at the start, at an estimated range [m]."""
+    return LensInUse(is_wide=distance < lens.switch_range, is_new=jnp.zeros((), bool))
+
+
+def next_lens(lens: BelievedWideLens, before: LensInUse, distance: Scalar) -> LensInUse:
+    """Lens of the next exposure at an estimated range [m]: it changes at different ranges on the way in and out."""
+    is_wide: Bool[Array, ""] = distance < jnp.where(before.is_wide, lens.return_range, lens.switch_range)
+    return LensInUse(is_wide=is_wide, is_new=is_wide != before.is_wide)
+
+
+def misalignment_variance(lens: BelievedWideLens, in_use: LensInUse) -> Scalar:
+    """Variance [rad^2] of the camera's direction that a change of lenses adds in this frame."""
+    return jnp.where(in_use.is_new, lens.misalignment_sigma**2, 0.0)
