@@ -4,6 +4,7 @@ import hashlib
 import json
 from typing import Any
 
+from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import coverage_surface, trained_files
 from rpojax.sensors.additional.registry import sensor_names
@@ -29,6 +30,10 @@ def scenario_digest(file: ScenarioFile) -> str:
     for name in ("phases", "servicers", "thrusters"):
         if not content[name]:
             del content[name]
+    for name in set(content) & set(sensor_names()):
+        for key in DELAY_KEYS:
+            if not content[name].get(key):
+                content[name].pop(key, None)
     for phase in content.get("phases", ()):
         if phase["control"] == "burns":
             del phase["control"]

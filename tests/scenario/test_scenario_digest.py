@@ -60,8 +60,17 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
     del content["target"]["scale"], content["fault"]["thruster"], content["effects"]["plume"]
-    del content["health"]["lasting_limit"]
-    for key in ("ballistic_sigma_m2_kg", "adaptation_limit", "thrust_walk_sqrt_s", "pressure_noise"):
+    del content["health"]["lasting_limit"], content["rates"]["command_delay_s"]
+    for key in ("delay_s", "delay_jitter_s", "processing_s", "time_tag_error_s"):
+        del content["camera"][key]
+    for key in (
+        "ballistic_sigma_m2_kg",
+        "adaptation_limit",
+        "thrust_walk_sqrt_s",
+        "pressure_noise",
+        "delays",
+        "delay_memory_s",
+    ):
         del content["navigation"][key]
     for key in (
         "minimum_size_px",

@@ -49,10 +49,11 @@ def test_numbers_of_a_tick_come_from_their_streams(
         "biases": normal(later, 6),
         "box_edge_errors": normal(fold_in(later, 1), 4) if model == "statistical" else None,
     }
-    assert {*expected, "additional", "thrusters", "pressures_at_rest"} == {
+    assert {*expected, "additional", "thrusters", "pressures_at_rest", "delays"} == {
         field.name for field in dataclasses.fields(drawn)
     }
     assert drawn.thrusters is drawn.pressures_at_rest is None
+    assert drawn.delays == {}
     assert set(drawn.additional) == {"range_finder"}
     np.testing.assert_array_equal(drawn.additional["range_finder"], normal(fold_in(sensor, tick), 1))
     for name, values in expected.items():

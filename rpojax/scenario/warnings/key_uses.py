@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
+from rpojax.scenario.measurement_delays import delay_settings
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import RelativeOrbitSection, TransferSection
 from rpojax.scenario.schema import ScenarioFile
@@ -233,6 +235,27 @@ _CAMERA: Final = (
     ),
 )
 
+
+def _is_late(sensor: str) -> Callable[[Situation], bool]:
+    def holds(at: Situation) -> bool:
+        delays = delay_settings(at.file)
+        return delays is not None and sensor in delays.sensors
+
+    return holds
+
+
+_DELAYS: Final = (
+    *(
+        Use(tuple(f"{sensor}.{key}" for key in DELAY_KEYS), f"one of these keys of {sensor} beside 0", _is_late(sensor))
+        for sensor in ("camera", "range_finder", "lidar")
+    ),
+    Use(
+        ("navigation.delays", "navigation.delay_memory_s"),
+        "late measurements, such as by camera.delay_s",
+        lambda at: delay_settings(at.file) is not None,
+    ),
+)
+
 _FLIGHT: Final = (
     Use(
         ("navigation.nearest_surface", "navigation.nearest_surface_sigma"),
@@ -360,7 +383,7 @@ _TEAM: Final = (
     ),
 )
 
-USES: Final = (*_PLANT, *_FAULTS, *_CAMERA, *_FLIGHT, *_TEAM)
+USES: Final = (*_PLANT, *_FAULTS, *_CAMERA, *_DELAYS, *_FLIGHT, *_TEAM)
 """Conditions of keys of sections."""
 
 

@@ -98,7 +98,8 @@ def _any_dispersion(key: str) -> Any:
 def test_the_parameters_hold_the_drawn_value_of_every_key(mission: ScenarioFile) -> None:
     keys = every_key(mission)
     assert len(keys) > 60
-    file = with_dispersions(mission, *(_any_dispersion(key) for key in keys))
+    remembers = mission.navigation.model_copy(update={"delay_memory_s": 9.0})
+    file = with_dispersions(mission.model_copy(update={"navigation": remembers}), *map(_any_dispersion, keys))
     static = static_settings(file)
     nominal = params.build_params(file.model_dump(), static.width_px, static.height_px)
     values = dispersed_values.draw(file, random_streams.fold_in(random_streams.master_key(0), 1), {})

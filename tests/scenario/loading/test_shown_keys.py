@@ -188,7 +188,7 @@ def test_the_command_prints_one_key_a_section_and_json(mine: str, capsys: pytest
     assert main.main(["show", mine, "phases"]) == 0
     assert "[phases.approach.until]" in capsys.readouterr().out
     assert main.main(["show", mine, "rates", "--json"]) == 0
-    assert [each["unit"] for each in json.loads(capsys.readouterr().out)["keys"]] == ["Hz", "Hz", "s"]
+    assert [each["unit"] for each in json.loads(capsys.readouterr().out)["keys"]] == ["Hz", "Hz", "s", "s"]
 
 
 @pytest.mark.parametrize(

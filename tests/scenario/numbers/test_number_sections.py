@@ -18,7 +18,7 @@ from rpojax.scenario.numbers.section_records import section_record
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.params import Params, declared_leaves
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.sections import HandoverSection
+from rpojax.scenario.sections import HandoverSection, LampSection, WideLensSection
 from rpojax.value_types import ChangesOf, OptionalKeys, Section
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "docs"))
@@ -165,6 +165,7 @@ def test_the_numbers_of_all_sections_are_the_leaves_of_the_parameters() -> None:
     file = scenario_loader.load("inspection")
     sections = {"initial.handover": HandoverSection()}
     sections |= {name: getattr(file, name) for name in ScenarioFile.model_fields}
+    sections |= {"wide_lens": WideLensSection.model_construct(), "lamp": LampSection.model_construct()}
     keys = {
         f"{name}.{key}"
         for name, section in sections.items()

@@ -18,6 +18,7 @@ import rpojax
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.metrics import metric_catalogue, running_reduction
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
 from rpojax.scenario.plugins import custom_metrics, plugin_registry
 from rpojax.scenario.plugins.plugin import described_plugin
 from rpojax.scenario.scenario_digest import scenario_digest
@@ -88,7 +89,8 @@ def test_a_scenario_carries_the_hash_of_its_plugin_and_the_sections_of_its_senso
     digest = hashlib.sha256((example.parent / "mine.py").read_bytes()).hexdigest()
     assert (file.plugin, file.plugin_sha256) == (f"{example.parent / 'mine.py'}:setup", digest)
     assert isinstance(file, ScenarioFile)
-    assert file.model_dump()["ranger"] == {"noise_m": 0.05, "reach_m": 35.0}
+    at_once = dict.fromkeys(DELAY_KEYS, 0.0)
+    assert file.model_dump()["ranger"] == {"noise_m": 0.05, "reach_m": 35.0} | at_once
     assert [name for name, _ in static_settings(file).additional_sensors] == ["ranger"]
     assert plugin_registry.stages_of(file).formation_law.__name__ == "cautious_law"
     assert scenario_loader.validate(file.model_dump()) == file
