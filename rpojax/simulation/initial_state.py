@@ -24,7 +24,6 @@ from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import gyro, measurement_delay, star_tracker
-from rpojax.sensors.measurement_delay import InTransit
 from rpojax.simulation import command_delay, tick_measurements
 from rpojax.simulation.noise import InitialNoise, draw_initial_noise, draw_tick_noise
 from rpojax.simulation.state import SensorErrors, State
@@ -81,18 +80,12 @@ def init(
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
     star_q = star_tracker.measure(params.star_tracker, q_BN, noise.star_tracker)
     gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, noise.gyro, scenario.step_s)
-    loop = Loop(scenario, params, stages or Stages())
+    loop, team = Loop(scenario, params, stages or Stages()), None
+    if first_decision is not None:
+        team = TeamStart(first_decision=first_decision, phase_rate=params.team.phase_rate)
     state = State(
         truth=truth,
-        flight=computer.initial(
-            loop.software,
-            orbit,
-            star_q,
-            gyro_B,
-            None
-            if first_decision is None
-            else TeamStart(first_decision=first_decision, phase_rate=params.team.phase_rate),
-        ),
+        flight=computer.initial(loop.software, orbit, star_q, gyro_B, team),
         sensor_errors=sensors,
         burn_error=BurnError(magnitude=jnp.zeros_like(q_BN[0]), direction=jnp.zeros(3)),
         keys=streams,
@@ -100,26 +93,25 @@ def init(
         failed_at=jnp.full_like(q_BN[0], jnp.inf),
         failure=jnp.zeros((), dtype=jnp.int32),
     )
+    return _with_nothing_under_way(loop, state)
+
+
+def _with_nothing_under_way(loop: Loop, state: State) -> State:
+    """State with empty slots for late commands, and for the late measurements of each sensor."""
+    scenario, delays, zero = loop.scenario, loop.scenario.delays, jnp.zeros_like(state.failed_at)
     if scenario.command_steps:
-        zero = jnp.zeros_like(state.failed_at)
         state = replace(state, commands=command_delay.none_under_way(scenario.command_steps, scenario.thrusters, zero))
-    return replace(state, in_transit=_nothing_in_transit(loop, state))
-
-
-def _nothing_in_transit(loop: Loop, state: State) -> dict[str, InTransit]:
-    """Empty slots for the late measurements of each sensor."""
-    delays = loop.scenario.delays
     if delays is None:
-        return {}
+        return state
 
     def exposed() -> dict[str, Any]:
-        noise, time = draw_tick_noise(loop.scenario, state.keys, state.tick), jnp.zeros_like(state.failed_at)
-        sky = sun_and_moon_at(loop.params.epoch, time)
-        return tick_measurements.expose(loop, state, noise, sky, equipment_faults.healthy(), time)[0]
+        noise, sky = draw_tick_noise(scenario, state.keys, state.tick), sun_and_moon_at(loop.params.epoch, zero)
+        return tick_measurements.expose(loop, state, noise, sky, equipment_faults.healthy(), zero)[0]
 
     # Only their shapes are wanted.
-    shapes, zero = jax.eval_shape(exposed), jnp.zeros_like(state.failed_at)
-    return {name: measurement_delay.none_in_transit(delays.slots, shapes[name], zero) for name in delays.sensors}
+    shapes = jax.eval_shape(exposed)
+    empty = {name: measurement_delay.none_in_transit(delays.slots, shapes[name], zero) for name in delays.sensors}
+    return replace(state, in_transit=empty)
 
 
 def _shares(scenario: Scenario) -> bool:

@@ -10,7 +10,7 @@ from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import third_body_gravity
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions, sun_and_moon_at
 from rpojax.core.pytree import replace, select
-from rpojax.flight import computer
+from rpojax.flight import computer, tick_prediction
 from rpojax.flight.control import thruster_isolation
 from rpojax.flight.decisions import burn_decision, mission_decision, translation
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
@@ -223,7 +223,7 @@ def propagate_substep(
     if tick.flight.rcs is not None:
         cutoff = jnp.where(tick.flight.rcs.acts, ignition, cutoff)
     burn = ValveCommand(ignition=ignition, cutoff=cutoff, burn_error=tick.burn_error)
-    delta_v_N = motion.delta_v_N + computer.expected_delta_v(params.flight, now, ignition, cutoff, dt)
+    delta_v_N = motion.delta_v_N + tick_prediction.expected_delta_v(params.flight, now, ignition, cutoff, dt)
     thrust = thrust_over_step(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
     health = _fed(params, motion.truth, tick.health)
     rcs = on_time = None
@@ -280,7 +280,7 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
         pressures = chamber_pressure.measure(params.chamber_pressure, ratio, tick.noise.thrusters[scenario.thrusters :])
     if scenario.chamber_pressure:
         thrust_ratio = measure_chamber_pressure(params, tick.noise, tick.burn_error, tick.health)
-    on_board = computer.MotionOnBoard(
+    on_board = tick_prediction.MotionOnBoard(
         q_BN_before=tick.flight.attitude.q_BN,
         delta_v_N=motion.delta_v_N,
         thrust_ratio=thrust_ratio,
@@ -293,7 +293,7 @@ def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:
     memory = replace(tick.flight, attitude=motion.attitude)
     if memory.rcs is not None:
         memory = replace(memory, rcs=replace(memory.rcs, owed=motion.owed, isolation=motion.isolation))
-    return computer.predict(loop.software, memory, on_board, tick.time + scenario.tick_s)
+    return tick_prediction.predict(loop.software, memory, on_board, tick.time + scenario.tick_s)
 
 
 def _luni_solar_acceleration(scenario: Scenario, flight: FlightMemory, sky: SunMoonPositions) -> Array:

@@ -19,8 +19,7 @@ import rpojax
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
-from rpojax.flight import computer
-from rpojax.flight.computer import MotionOnBoard
+from rpojax.flight import computer, tick_prediction
 from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.decisions import burn_decision
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
@@ -32,8 +31,9 @@ from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.stages import Stages
+from rpojax.flight.tick_prediction import MotionOnBoard
 
-expected_delta_v = jax.jit(computer.expected_delta_v)
+expected_delta_v = jax.jit(tick_prediction.expected_delta_v)
 
 
 @partial(jax.jit, static_argnums=(1, 2))
@@ -80,7 +80,7 @@ def control_attitude(
 
 @jax.jit
 def predict(flight: FlightParams, memory: FlightMemory, motion: MotionOnBoard, end: jax.Array) -> FlightMemory:
-    return computer.predict(rendezvous_scene.software(flight), memory, motion, end)
+    return tick_prediction.predict(rendezvous_scene.software(flight), memory, motion, end)
 
 
 @pytest.fixture(scope="module")
