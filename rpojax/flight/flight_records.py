@@ -10,6 +10,7 @@ from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.plume_rule import PlumeRule
 from rpojax.flight.control.rcs_control import RcsCommand
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.flight.control.thruster_isolation import IsolationTuning
@@ -46,6 +47,7 @@ class FlightParams:
     mission: MissionTuning
     atmosphere: Atmosphere
     isolation: IsolationTuning
+    plume_rule: PlumeRule
     sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
     thrusters: ThrusterLayout | None = None
     wide_lens: BelievedWideLens | None = None

@@ -9,6 +9,7 @@ from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.plume_rule import PlumeRule
 from rpojax.flight.control.thruster_isolation import IsolationTuning
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.guidance.lens_choice import BelievedWideLens
@@ -179,8 +180,8 @@ class IsolationSection(section_of(IsolationValves, IsolationTuning, name="isolat
     enabled: bool = False
 
 
-class PlumeSection(section_of(Plume)):
-    """Plumes of the thrusters of the reaction control system on the target."""
+class PlumeSection(section_of(Plume, PlumeRule, name="plume")):
+    """Plumes of the thrusters of the reaction control system, and when they may not point at the target."""
 
 
 class WheelsSection(section_of(ReactionWheels)):

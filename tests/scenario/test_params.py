@@ -148,12 +148,16 @@ ON_PURPOSE = {
     "atmosphere.density_kg_m3": (".atmosphere.density", AIR),
     "atmosphere.rotation_rad_s": (".atmosphere.rotation", AIR),
     "atmosphere.scale_height_m": (".atmosphere.scale_height", AIR),
+    "plume.inhibit_within_m": (".plume_rule.inhibit_within", "a rule of flight software, declared beside the plume"),
+    "plume.inhibit_angle_deg": (".plume_rule.inhibit_angle", "a rule of flight software, declared beside the plume"),
     "limits.keep_out_m": (".mission.keep_out", "the rule that outcomes judge is the one that flight software keeps"),
 }
 """Key of a section of the truth -> leaf of the flight software that it sets, and why."""
 
 
 BESIDE_THE_TRUTH = {
+    "plume.inhibit_within_m",
+    "plume.inhibit_angle_deg",
     "imaging.center_sigma_m",
     "wide_lens.switch_range_m",
     "wide_lens.return_range_m",

@@ -74,23 +74,25 @@ def command(
     delta_v_N: Vector,
     wheel_speed: Vector,
     acts: Bool[Array, ""],
+    may_fire: Bool[Array, " n"],
     tick_s: float,
 ) -> RcsCommand:
     """Command for a velocity change [m/s] over a tick at the estimated attitude, which also unloads the wheels.
 
-    The velocity change is limited to what any direction allows. `wheel_speed` (3,) is that of the tachometers [rad/s].
+    The velocity change is limited to what any direction allows. `wheel_speed` (3,) is that of the tachometers [rad/s],
+    `may_fire` (n,) says which thrusters may be used.
     """
     limit = thrusters.authority / vehicle.mass * tick_s
     delta_v_N = delta_v_N * limit / jnp.maximum(gradient_safe.norm(delta_v_N), limit)
     force_B = quaternion.rotate(q_BN, delta_v_N) * (vehicle.mass / tick_s)
     momentum_B = apply_transposed(vehicle.wheel_axes, vehicle.wheel_inertia * wheel_speed)
     wrench = jnp.concatenate([force_B, -momentum_B / _UNLOADING_TIME])
-    works = jnp.where(before.ratio > _FAILED_RATIO, 1.0, 0.0)
+    works = jnp.where((before.ratio > _FAILED_RATIO) & may_fire, 1.0, 0.0)
     shares = thruster_allocation.allocate(_as_known(thrusters, before), wrench, works)
     return replace(
         before,
         shares=jnp.where(acts, shares, 0.0),
-        owed=jnp.where(acts, before.owed, 0.0),
+        owed=jnp.where(acts & may_fire, before.owed, 0.0),
         acts=acts,
     )
 

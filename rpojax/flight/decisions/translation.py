@@ -3,12 +3,13 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core import quaternion
 from rpojax.core.frames import hill_frame
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import apply_transposed
-from rpojax.flight.control import formation_law, rcs_control
+from rpojax.flight.control import formation_law, plume_rule, rcs_control
 from rpojax.flight.decisions import burn_conditions, phase_goal
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
@@ -40,6 +41,8 @@ def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector,
     duration = jnp.maximum(plan.cutoff - plan.ignition, software.tick_s)
     overlap = jnp.minimum(time + software.tick_s, plan.cutoff) - jnp.maximum(time, plan.ignition)
     planned_N = jnp.maximum(overlap, 0.0) / duration * plan.delta_v_N
+    to_target_B = quaternion.rotate(memory.attitude.q_BN, memory.orbit.relative.r_TS_N)
+    may_fire = plume_rule.may_fire(software.params.plume_rule, thrusters, to_target_B, has_aborted)
     rcs = rcs_control.command(
         thrusters,
         rcs_control.with_propellant_used(software.params.vehicle, memory.rcs),
@@ -48,6 +51,7 @@ def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector,
         jnp.where(has_aborted, planned_N, followed_N),
         wheel_speed,
         is_translating(software, memory),
+        may_fire,
         software.tick_s,
     )
     return replace(memory, rcs=rcs)

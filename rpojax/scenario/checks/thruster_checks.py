@@ -1,6 +1,7 @@
 """Checks of the reaction control system: that its thrusters can push and turn the servicer every way."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rpojax.errors import ScenarioError
 from rpojax.flight.control import thruster_allocation
@@ -41,12 +42,24 @@ def check_thrusters(file: ScenarioFile) -> None:
     if file.fault.thruster > len(names) - 1:
         expected = f"at most {len(names) - 1}, the last of [[thrusters]]"
         raise ScenarioError("fault.thruster", file.fault.thruster, expected)
-    _check_authority(file)
+    _check_authority(file, np.ones(len(names), dtype=bool), "thrusters")
+    if file.plume.inhibit_within_m > 0.0:
+        _check_authority(file, _away_from_boresight(file), "plume.inhibit_angle_deg")
 
 
-def _check_authority(file: ScenarioFile) -> None:
-    """Refuses thrusters that leave the servicer without force or torque in some direction."""
+def _away_from_boresight(file: ScenarioFile) -> np.ndarray:
+    """Which thrusters may fire near a target on the camera's boresight."""
+    w, x, y, z = file.camera.mounting
+    boresight_B = Rotation.from_quat([x, y, z, w]).inv().apply([0.0, 0.0, 1.0])
+    direction = np.array([each.direction for each in file.thrusters])
+    cosine = -direction @ boresight_B / np.linalg.norm(direction, axis=1)
+    return cosine < np.cos(np.radians(file.plume.inhibit_angle_deg))
+
+
+def _check_authority(file: ScenarioFile, used: np.ndarray, key: str) -> None:
+    """Refuses thrusters of which those `used` leave the servicer without force or torque in some direction."""
     force = np.array([each.force_n for each in file.thrusters])
+    force = np.where(used, force, 0.0)
     direction = np.array([each.direction for each in file.thrusters])
     position = np.array([each.position_m for each in file.thrusters])
     authority = thruster_allocation.axis_authority(thruster_allocation.wrench_matrix(force, direction, position))
@@ -57,4 +70,6 @@ def _check_authority(file: ScenarioFile) -> None:
             if found <= needed:
                 unit = "N" if axis.startswith("force") else "N m"
                 expected = f"thrusters that give {axis} to both sides with nothing else beside it"
-                raise ScenarioError("thrusters", f"{found:.3g} {unit} of {axis}, {sign} side", expected)
+                if not used.all():
+                    expected += ", also without those whose plumes point along the camera's boresight"
+                raise ScenarioError(key, f"{abs(found):.3g} {unit} of {axis}, {sign} side", expected)

@@ -13,8 +13,8 @@ from rpojax.untrusted.structure_limits import StructureError
 from rpojax.untrusted.toml_reading import MOST_KEY_PARTS, parse_toml
 
 _OPTIONAL_SECTIONS = (
-    "initial.handover", "wide_lens", "lamp", "chamber_pressure", "isolation", "mission", "goal", "link", "team",
-    "gps_differences", "link_range",
+    "initial.handover", "wide_lens", "lamp", "chamber_pressure", "isolation", "plume", "mission", "goal", "link",
+    "team", "gps_differences", "link_range",
 )  # fmt: skip
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
 _NAMED = {"phases": "phase", "servicers": "servicer", "thrusters": "thruster"}

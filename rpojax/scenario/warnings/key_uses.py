@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from rpojax.core.declared_numbers import declared_numbers
+from rpojax.physics.plume_impingement import Plume
 from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
 from rpojax.scenario.measurement_delays import delay_settings
 from rpojax.scenario.phases.phase_sections import PhaseSection
@@ -123,7 +125,17 @@ _PLANT: Final = (
         "effects.drag, effects.solar_pressure or effects.plume = true",
         lambda at: at.file.effects.drag or at.file.effects.solar_pressure or at.file.effects.plume,
     ),
-    Use(("plume.*",), "effects.plume = true", lambda at: at.file.effects.plume),
+    Use(
+        tuple(f"plume.{key}" for key, _ in declared_numbers(Plume).values()),
+        "effects.plume = true",
+        lambda at: at.file.effects.plume,
+    ),
+    Use(("plume.inhibit_within_m",), "[[thrusters]]", lambda at: bool(at.file.thrusters)),
+    Use(
+        ("plume.inhibit_angle_deg",),
+        "[[thrusters]] and a plume.inhibit_within_m above 0",
+        lambda at: bool(at.file.thrusters) and at.can_differ_from_zero("plume.inhibit_within_m"),
+    ),
     Use(
         ("target.tumble_axis",),
         "a target.tumble_rate_deg_s other than 0",
