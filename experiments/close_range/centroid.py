@@ -3,11 +3,12 @@
 python experiments/close_range/centroid.py [--frames 300] [--seed 0]
 
 Each frame has the target of `night_approach` in a random attitude, in the middle of the cone of flight software that
-knows its place to some centimetres, and a sensor without noise. What is left is the sampling of which the filter is told
-as `_SPREAD` times the target's size over the number of returns to the power of 3/4; the table has that factor.
+knows its place to some centimetres, and a sensor without noise. What is left is the sampling of which the filter is
+told as `_SPREAD` times the target's size over the number of returns to the power of 3/4; the table has that factor.
 """
 
 import argparse
+from collections.abc import Callable
 from typing import Final
 from unittest import mock
 
@@ -55,7 +56,7 @@ def main() -> None:
         )
 
 
-def _centroids(rays: int):  # noqa: ANN202
+def _centroids(rays: int) -> Callable[[jax.Array, jax.Array, float], tuple[jax.Array, jax.Array]]:
     """Centroids (n, 3) in B [m] and numbers of returns (n,) of frames of `rays` beams at one range."""
     _, params, state = rpojax.initialise_run(rpojax.load("night_approach"), 0, 0)
     settings = {**params.additional_sensors["lidar"], "noise": jnp.zeros(()), "angle_noise": jnp.zeros(())}

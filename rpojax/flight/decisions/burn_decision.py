@@ -113,8 +113,7 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
     can_burn = (keeps & works) | after_abort.of_abort | after_abort.of_sight
     decided = state.team
     if team is None or decided is None or not settings.keeps_clear:
-        near_sigma = _execution_sigma(params) if any(settings.translates) else None
-        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait, near_sigma=near_sigma)
+        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait, near_sigma=_near_sigma(software))
     else:
         in_light = _drift_after_burn(software, decision, jnp.zeros_like(stops), period, is_blind)
         others = _others(software, decision, in_light, team)
@@ -182,6 +181,11 @@ def _within_limit(
     planned_N = apply_transposed(predicted.R_CN, planned_H)
     share = burn_schedule.share_within_limit(software.guidance, planned_N, pointing.q_BN)
     return planned_H * share
+
+
+def _near_sigma(software: FlightSoftware) -> Scalar | None:
+    """That error in missions that come within metres of the zone, those with continuous control; else None."""
+    return _execution_sigma(software.params) if any(software.mission.translates) else None
 
 
 def _execution_sigma(params: FlightParams) -> Scalar:

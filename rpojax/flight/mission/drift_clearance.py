@@ -110,9 +110,8 @@ def least_clearance(
         first, begin, last = passages[0], passages[-2], passages[-1]
         a, b = (each[:, :-2, None] * sizes[None] for each in (begin, last))
         transition = yamanaka_ankersen.free_motion(place, time, of_states)[:3] / drift.semi_axes[:, None]
-        at_first = first[:, :-2, None] * sizes[None] + first[:, -2][:, None, None] if near else None
-        a_first = a + first[:, -2][:, None, None] if at_first is None else at_first
-        found = [_certain_square_distance(a_first, drift, transition)]
+        at_first = first[:, :-2, None] * sizes[None] + first[:, -2][:, None, None]
+        found = [_certain_square_distance(at_first, drift, transition)]
         for scale, other in signs:
             # The covariance covers the first passages; metres from the zone the drift constant moves them too far.
             drifted = [each[:, -1] - first[:, -1] if near else each[:, -1] for each in (begin, last)]
@@ -122,28 +121,32 @@ def least_clearance(
             ]
             found.append(_square_distance_to_line(a + base[0][:, None, None], b + base[1][:, None, None]))
         estimated = _square_distance_to_line(a + begin[:, -2][:, None, None], b + last[:, -2][:, None, None])
-        if at_first is not None:
+        if near:
             estimated = jnp.minimum(estimated, jnp.sum(at_first * at_first, axis=0))
         found.append(estimated)
         return jnp.stack(found)
 
-    edge = 1.0 / samples
-    parts = [(0.0, 1.0, samples)]
+    times = _parts_of_span(drift, samples, near)
+    least = _least_over(square_distances, times, jnp.full((6, *sizes.shape), jnp.inf, dtype=sizes.dtype))
+    return gradient_safe.sqrt(jnp.min(least[:-1], axis=0)), gradient_safe.sqrt(least[-1])
+
+
+def _parts_of_span(drift: Drift, samples: int, near: bool) -> list[Array]:
+    """Times of the first span [s] in parts evenly spaced in eccentric anomaly, each from the end of the last one on."""
+    edge, parts = 1.0 / samples, [(0.0, 1.0, samples)]
     if near:
         parts = [(0.0, edge, _NEAR_SAMPLES), (edge, 1.0 - edge, samples - 2), (1.0 - edge, 1.0, _NEAR_SAMPLES)]
-    times = [
+    return [
         yamanaka_ankersen.times_of_even_eccentric_anomalies(
             drift.orbit, drift.first_span, jnp.linspace(begin, end, number + 1, dtype=drift.state_H.dtype)
         )
         for begin, end, number in parts
     ]
-    least = _least_over(square_distances, times, jnp.full((6, *sizes.shape), jnp.inf, dtype=sizes.dtype))
-    return gradient_safe.sqrt(jnp.min(least[:-1], axis=0)), gradient_safe.sqrt(least[-1])
 
 
 def _least_over(
     square_distances: Callable[[Scalar], Float[Array, "n d k"]],
-    times: Sequence[Float[Array, " t"]],
+    times: Sequence[Array],
     none: Float[Array, "n d k"],
 ) -> Float[Array, "n d k"]:
     """Least value of a function of time at `times` but the first and between them; `none` is infinite.
