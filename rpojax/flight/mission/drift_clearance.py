@@ -88,8 +88,7 @@ def least_clearance(
     # A zone of no size, of which every point is clear, has no direction.
     drift = replace(drift, semi_axes=jnp.maximum(drift.semi_axes, LEAST_SEMI_AXIS))
     columns = jnp.concatenate([jnp.zeros_like(directions_H), directions_H])
-    identity = jnp.eye(6, dtype=drift.state_H.dtype)
-    columns = jnp.concatenate([columns, drift.state_H[:, None], identity], axis=1)
+    columns = jnp.concatenate([columns, drift.state_H[:, None], jnp.eye(6, dtype=drift.state_H.dtype)], axis=1)
     constants = yamanaka_ankersen.constants_of_motion(drift.orbit, columns)
     constants, of_states = constants[:, :-6], constants[:, -6:]
     unit_drift = jnp.where(jnp.arange(6)[:, None] == 3, 1.0, jnp.zeros_like(constants[:, :1]))
@@ -126,8 +125,9 @@ def least_clearance(
         found.append(estimated)
         return jnp.stack(found)
 
-    times = _parts_of_span(drift, samples, near)
-    least = _least_over(square_distances, times, jnp.full((6, *sizes.shape), jnp.inf, dtype=sizes.dtype))
+    least = _least_over(
+        square_distances, _parts_of_span(drift, samples, near), jnp.full((6, *sizes.shape), jnp.inf, dtype=sizes.dtype)
+    )
     return gradient_safe.sqrt(jnp.min(least[:-1], axis=0)), gradient_safe.sqrt(least[-1])
 
 
