@@ -78,6 +78,14 @@ def center_of_mass_shift(effects: Effects, params: PlantParams, y: Truth) -> Vec
     return thruster.center_of_mass_shift(params.thruster, params.servicer.mass - y.mass, y.mass)
 
 
+def servicer_inertia(effects: Effects, params: PlantParams, truth: Truth) -> Float[Array, "3 3"]:
+    """Inertia of the servicer about its present centre of mass, wheels locked, in B [kg m^2]."""
+    if not effects.inertia_change:
+        return params.servicer.inertia
+    used = params.servicer.mass - truth.mass
+    return thruster.inertia_after(params.thruster, params.servicer.inertia, used, truth.mass)
+
+
 def third_body_accelerations(effects: Effects, y: Truth, sky: SunMoonPositions) -> Difference:
     """Acceleration [m/s^2] by Sun and Moon in N of the target, and of the servicer less that of the target."""
     r = Difference(value=y.r_TN_N, change=y.r_ST_N)

@@ -72,6 +72,9 @@ def step(
 
     Sun, Moon and the health of the equipment are those at the start of the step.
     """
+    # Constant over a step, in which a thousandth of a gram is used.
+    inertia = forces_and_torques.servicer_inertia(effects, params, truth)
+    params = replace(params, servicer=replace(params.servicer, inertia=inertia))
     inputs = _StepInputs(
         effects=effects,
         params=params,

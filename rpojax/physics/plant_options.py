@@ -20,6 +20,7 @@ class Effects:
         wheel_torque_steps: wheel drives quantise their torque
         thruster_ramps: thrust rises and falls in finite times
         center_of_mass_shift: propellant used moves the centre of mass
+        inertia_change: propellant used changes the inertia
         faults: equipment can fail
         plume: the small thrusters' plumes push and turn the target
     """
@@ -37,6 +38,7 @@ class Effects:
     center_of_mass_shift: bool = False
     faults: bool = False
     plume: bool = False
+    inertia_change: bool = False
 
 
 FaultKind = Literal[

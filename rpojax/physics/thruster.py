@@ -12,6 +12,7 @@ from rpojax.core.pytree import pytree
 from rpojax.value_types import Direction
 
 Vector = Float[Array, "3"]
+Matrix = Float[Array, "3 3"]
 Scalar = Float[Array, ""]
 
 
@@ -35,6 +36,9 @@ class Thruster:
     tank_position: Array = number("propellant from the centre of mass of the full servicer, B", unit="m", length=3)
     magnitude_noise: Array = number("burn-to-burn relative error of the force, 1 sigma", at_least=0.0)
     direction_noise: Array = number("burn-to-burn rotation of the force per axis, 1 sigma", unit="deg", at_least=0.0)
+    tank_radius: Array = number(
+        "radius of the spherical tank, which the propellant fills evenly", unit="m", at_least=0.0, default=0.0
+    )
 
 
 @pytree
@@ -108,6 +112,23 @@ def thrust_over_step(
 def center_of_mass_shift(thruster: Thruster, propellant_used: Scalar, mass: Scalar) -> Vector:
     """Displacement of the centre of mass [m] in B after `propellant_used` [kg] while `mass` [kg] remains."""
     return -propellant_used / mass * thruster.tank_position
+
+
+def inertia_after(thruster: Thruster, inertia: Matrix, propellant_used: Scalar, mass: Scalar) -> Matrix:
+    """Inertia [kg m^2] about the present centre of mass after `propellant_used` [kg] while `mass` [kg] remains.
+
+    The propellant fills its sphere evenly at any time (UniformBurn of Basilisk's fuel tanks, Allard et al., 2016): what
+    is used takes the inertia of a sphere of its mass at the tank's place with it, by the parallel-axis theorem.
+    """
+    shift = center_of_mass_shift(thruster, propellant_used, mass)
+    of_sphere = 0.4 * propellant_used * thruster.tank_radius**2 * jnp.eye(3, dtype=inertia.dtype)
+    used = of_sphere + propellant_used * _parallel_axis(thruster.tank_position)
+    return inertia - used - mass * _parallel_axis(shift)
+
+
+def _parallel_axis(place: Vector) -> Matrix:
+    """Inertia of a unit mass at a place about the origin [m^2]."""
+    return jnp.sum(place * place, axis=0) * jnp.eye(3, dtype=place.dtype) - place[:, None] * place[None, :]
 
 
 def _node_factors(

@@ -138,6 +138,7 @@ class EffectsSection(Section):
     center_of_mass_shift: bool
     faults: bool
     plume: bool = False
+    inertia_change: bool = False
 
 
 class AtmosphereSection(section_of(Atmosphere)):

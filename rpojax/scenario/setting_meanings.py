@@ -22,6 +22,8 @@ MEANINGS: Final[dict[str, str]] = {
     "effects.wheel_torque_steps": "wheel torques are quantised",
     "effects.thruster_ramps": "finite rise and fall times of the thrust",
     "effects.center_of_mass_shift": "propellant consumption moves the centre of mass",
+    "effects.inertia_change": "propellant consumption changes the inertia, see `thruster.tank_radius_m`; it needs "
+    "`center_of_mass_shift`, about which it is",
     "effects.faults": "equipment faults, see [fault]",
     "effects.plume": "plumes of `[[thrusters]]` push and turn the target",
     "rates.plant_hz": "steps of truth, gyro and attitude control; a whole multiple of camera_hz",

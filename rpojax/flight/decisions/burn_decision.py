@@ -106,14 +106,14 @@ def plan_burn(software: FlightSoftware, decision: Decision) -> tuple[BurnPlan, M
         return _scheduled(software, decision, burn_H, (sees | is_blind) & works), state
     trusts, has_aborted = sees & memory.health.confident, state.phase == settings.aborted
     keeps = trusts & ~has_aborted
-    was_made = _is_made(params, memory, time)
+    was_made = _is_made(software, memory, time)
     after_abort = abort_burn.permission(state.abort_burns, has_aborted, works, trusts, was_made)
     planned_H = _within_limit(software, predicted, pointing, jnp.where(keeps, planned_H, 0.0))
     may_wait = is_passively_safe(settings, state) & ~after_abort.of_abort
     can_burn = (keeps & works) | after_abort.of_abort | after_abort.of_sight
     decided = state.team
     if team is None or decided is None or not settings.keeps_clear:
-        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
+        burn_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait, near_sigma=_near_sigma(software))
     else:
         in_light = _drift_after_burn(software, decision, jnp.zeros_like(stops), period, is_blind)
         others = _others(software, decision, in_light, team)
@@ -183,10 +183,24 @@ def _within_limit(
     return planned_H * share
 
 
-def _is_made(params: FlightParams, memory: FlightMemory, time: Scalar) -> Flag:
+def _near_sigma(software: FlightSoftware) -> Scalar | None:
+    """That error in missions that come within metres of the zone, those with continuous control; else None."""
+    return _execution_sigma(software.params) if any(software.mission.translates) else None
+
+
+def _execution_sigma(params: FlightParams) -> Scalar:
+    """New execution error of a burn over its size, 1 sigma [-]."""
+    navigation = params.navigation
+    return jnp.hypot(burn_execution_error.new_sigma(navigation), burn_execution_error.new_direction_sigma(navigation))
+
+
+def _is_made(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> Flag:
     """Whether the latest planned burn gave its velocity change, or may still give it after `time` [s]."""
-    plan, vehicle = memory.plan, params.vehicle
-    given = (jnp.minimum(plan.cutoff, time) - jnp.minimum(plan.ignition, time)) * vehicle.thrust / vehicle.mass
+    plan, vehicle, force = memory.plan, software.params.vehicle, software.params.vehicle.thrust
+    if software.params.thrusters is not None:
+        authority = software.params.thrusters.authority
+        force = jnp.where(translation.is_translating(software, memory), authority, force)
+    given = (jnp.minimum(plan.cutoff, time) - jnp.minimum(plan.ignition, time)) * force / vehicle.mass
     has_failed = memory.thruster_failed_at >= plan.ignition
     return abort_burn.is_made(plan.delta_v_N, given, time >= plan.cutoff, has_failed)
 
@@ -225,7 +239,6 @@ def _with_phase_of_team(software: FlightSoftware, decision: Decision, team: Team
 
 def _others(software: FlightSoftware, decision: Decision, drift: Drift, team: Team) -> safe_burn.Clearance:
     """Clearance of the free motion after a burn, like the `drift`, from those of the others in the team."""
-    navigation = software.params.navigation
     state_H, covariance_H = peer_drift.relative_motion(
         decision.memory.orbit,
         team.peers,
@@ -235,7 +248,7 @@ def _others(software: FlightSoftware, decision: Decision, drift: Drift, team: Te
             time=decision.time,
             lead=software.params.formation.lead,
         ),
-        jnp.hypot(burn_execution_error.new_sigma(navigation), burn_execution_error.new_direction_sigma(navigation)),
+        _execution_sigma(software.params),
     )
     drifts = PeerDrifts(
         state_H=state_H,

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import jax
@@ -13,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.flight.mission.drift_clearance import Drift, least_clearance
 
 Scalar = Float[Array, ""]
@@ -54,7 +55,14 @@ _DIRECTIONS: Final = np.array(
 47 deg from one of them, so that two thirds of a burn or more act in the direction that is needed."""
 
 
-def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Flag, improves: bool = False) -> Vector:
+def safe_delta_v(
+    drift: Drift,
+    planned_H: Vector,
+    greatest: Scalar,
+    may_wait: Flag,
+    improves: bool = False,
+    near_sigma: Scalar | None = None,
+) -> Vector:
     """Velocity change [m/s] of the next burn: as much of the planned one as is safe, else the smallest that is safe.
 
     If nothing is safe, the burn with the greatest clearance is made; if no burn has clearance, the best one by the
@@ -68,13 +76,29 @@ def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Fl
         greatest: () size of the greatest change that can be made in any direction [m/s]
         may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
         improves: whether a planned change counts as safe, too, that is nearly clear and clearer than no burn
+        near_sigma: () for a servicer that comes within metres of the zone, execution error of the burn over its size
+            per axis, 1 sigma, that is covered, too [-]; None elsewhere, where the zone is larger than that matters
     """
     tried = _Tried(planned_H=planned_H, greatest=greatest, may_wait=may_wait, improves=improves)
 
     def clearances(direction_H: Float[Array, "3 1"], sizes: Float[Array, "1 k"]) -> _Clearances:
-        return _of_direction(least_clearance(drift, direction_H, sizes))
+        if near_sigma is None:
+            return _of_direction(least_clearance(drift, direction_H, sizes))
+        executed = gradient_safe.norm(direction_H[:, 0]) * sizes[0] * near_sigma
+        return _of_direction(jax.vmap(partial(_near_clearance, drift, direction_H), -1, -1)(sizes, executed))
 
     return _chosen(_searched(tried, clearances, lambda found: found), tried)
+
+
+def _near_clearance(
+    drift: Drift, direction_H: Float[Array, "3 1"], size: Float[Array, "1"], executed: Scalar
+) -> tuple[Float[Array, "1"], Float[Array, "1"]]:
+    """Clearance of one burn that adds an uncertainty per axis [m/s] to the velocity, and that by the estimate alone."""
+    is_velocity = jnp.arange(6) >= 3
+    added = jnp.diag(jnp.where(is_velocity, executed * executed, 0.0))
+    uncertain = replace(drift, covariance_H=drift.covariance_H + added)
+    found = least_clearance(uncertain, direction_H, size[:, None], near=True)
+    return found[0][:, 0], found[1][:, 0]
 
 
 Clearance = Callable[[Float[Array, "3 d"], Float[Array, "d k"]], tuple[Float[Array, "n d k"], Float[Array, "n d k"]]]

@@ -1,4 +1,4 @@
-"""Checks of the reaction control system: that its thrusters can push and turn the servicer every way."""
+"""Checks of thrusters and tank, and of the reaction control system: it can push and turn the servicer every way."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,6 +20,9 @@ def check_thrusters(file: ScenarioFile) -> None:
     Raises:
         ScenarioError: naming the key, what was found and what was expected.
     """
+    if file.effects.inertia_change and not file.effects.center_of_mass_shift:
+        expected = "false, or effects.center_of_mass_shift = true: the inertia is that about the centre of mass"
+        raise ScenarioError("effects.inertia_change", True, expected)
     if not file.thrusters:
         if file.effects.faults and (leaks := sorted(DispersedReach(file).fault_kinds & set(LEAKS))):
             expected = "another kind, or [[thrusters]]: the one thruster neither sticks open nor leaks"

@@ -164,6 +164,7 @@ _PLANT: Final = (
         "effects.center_of_mass_shift = true",
         lambda at: at.file.effects.center_of_mass_shift,
     ),
+    Use(("thruster.tank_radius_m",), "effects.inertia_change = true", lambda at: at.file.effects.inertia_change),
 )
 
 _FAULTS: Final = (

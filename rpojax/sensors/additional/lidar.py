@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 RAYS: Final = 64
 _TURN_RATE: Final = 2.399963
 """Rate at which the pattern turns [rad/s]: by the golden angle in a second, so that frames meet other places."""
-_SPREAD: Final = 0.25
-"""Distance of a return from the centroid of the surface in sight along an axis across, over the target's size, 1 sigma
-[-]: of the packaged target, mean over attitudes. The centroid of evenly spread places is nearer to that of the
-surface than of independent ones: their error falls with the number to the power of -3/4 (Kendall, On the Number of
-Lattice Points inside a Random Oval, 1948)."""
+_SPREAD: Final = 0.22
+"""Distance of a return from the centroid of the surface in sight along an axis, over the target's size, 1 sigma [-]: by
+the scatter of the packaged target's centroid at 3 to 50 m (experiments/close_range/centroid.py). The centroid of evenly
+spread places is nearer to that of the surface than of independent ones: their error falls with the number to the power
+of -3/4 (Kendall, On the Number of Lattice Points inside a Random Oval, 1948)."""
 
 
 class Lidar(AdditionalSensor):

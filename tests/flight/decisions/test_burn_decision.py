@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from rpojax.core.pytree import replace
 from rpojax.flight import computer
+from rpojax.flight.control import thruster_allocation
 from rpojax.flight.decisions import burn_decision
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams
@@ -266,3 +267,21 @@ def test_a_held_place_stops_before_darkness_and_an_abort_stays_one(exact: Flight
     now = replace(at(memory, exact, before_burn(at_rest), sigmas=(0.3, 1e-3)), own=jnp.zeros(3))
     # By the estimate alone it could stay, but not with its uncertainty over a day.
     assert np.linalg.norm(planned_in_row(exact, now, jnp.asarray(2))) > 1e-3
+
+
+@pytest.mark.parametrize(("open_s", "is_made"), [(10.0, True), (4.0, False)])
+@pytest.mark.parametrize("translates", [True, False])
+def test_a_burn_is_made_by_what_the_force_of_its_thrusters_gives(
+    exact: FlightParams, memory: FlightMemory, translates: bool, open_s: float, is_made: bool
+) -> None:
+    """Those of the reaction control system in a mission that translates by them, else the one thruster."""
+    wrench = np.concatenate([np.eye(6), -np.eye(6)], axis=1)
+    thrusters = thruster_allocation.layout(wrench, np.ones(12), np.zeros(12))
+    software = rendezvous_scene.software(replace(exact, thrusters=thrusters))
+    phases = tuple(dataclasses.replace(each, translates=translates) for each in software.mission.phases)
+    software = dataclasses.replace(software, mission=dataclasses.replace(software.mission, phases=phases))
+    force = thrusters.authority if translates else exact.vehicle.thrust
+    burn_N = jnp.array([0.0, 10.0, 0.0]) * force / exact.vehicle.mass
+    plan = replace(memory.plan, ignition=jnp.asarray(5.0), cutoff=jnp.asarray(5.0 + open_s), delta_v_N=burn_N)
+    after = replace(memory, plan=plan)
+    assert bool(burn_decision._is_made(software, after, jnp.asarray(100.0))) is is_made

@@ -38,6 +38,7 @@ def free_motions(orbit: TargetOrbit, time: jax.Array, constants: jax.Array) -> j
 
 
 least_clearance = jax.jit(drift_clearance.least_clearance)
+near_clearance = jax.jit(partial(drift_clearance.least_clearance, near=True))
 safe_delta_v = jax.jit(safe_burn.safe_delta_v)
 
 
@@ -241,6 +242,46 @@ def test_an_abort_leaves_the_keep_out_zone_alone_for_a_day(seed: int) -> None:
     found = np.asarray(safe_delta_v(drift_of(state, sigmas=1.0), jnp.zeros(3), jnp.float64(GREATEST), NO))
     assert np.linalg.norm(found) <= GREATEST * (1.0 + 1e-12)
     assert least_range(np.array(state) + np.concatenate([np.zeros(3), found])) > 12.0
+
+
+CLOSE = [0.0, -3.05, 0.0, 0.0, 0.0, 0.0]
+CLOSE_COVARIANCE = jnp.asarray(np.diag([0.05, 0.04, 0.04, 1.2e-4, 1e-4, 5e-5]) ** 2)
+
+
+@pytest.mark.parametrize(
+    "burn",
+    [(0.0, -0.13, 0.0), (0.1, -0.1, 0.0), (-0.1, -0.1, 0.0), (0.13, 0.02, 0.0), (0.0, 0.1, 0.1), (0.0, 0.13, 0.0)],
+)
+def test_metres_from_the_zone_the_clearance_is_that_of_the_drift(burn: tuple[float, float, float]) -> None:
+    drift = drift_of(CLOSE, 2.3, covariance_H=CLOSE_COVARIANCE)
+    found = near_clearance(drift, np.array(burn)[:, None], np.ones((1, 1)))[1][0, 0] * 2.3
+    # The start counts but for what follows within some seconds, as does the least distance found.
+    moved = np.array(CLOSE) + np.concatenate([np.zeros(3), burn])
+    matrices = np.asarray(transition_matrices(N, np.arange(1.0, 0.9 * PERIOD, 1.0)))
+    distances = np.linalg.norm(matrices[:, :3] @ moved, axis=1)
+    assert distances.min() - 0.05 <= found <= distances[14:].min() + 0.05
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_abort_metres_from_the_zone_covers_the_error_of_its_burn(side: float) -> None:
+    close = -side * np.array(CLOSE)
+    drift = drift_of(close.tolist(), 2.3, sigmas=3.0, covariance_H=CLOSE_COVARIANCE)
+    greatest, sigma, rng = jnp.float64(2.7), 0.0106, np.random.default_rng(0)
+
+    def least(burn: np.ndarray) -> float:
+        """Of a hundred drifts with the errors of estimate and burn."""
+        size = np.linalg.norm(burn) * sigma
+        errors = rng.normal(size=(100, 6)) * np.sqrt(np.diag(CLOSE_COVARIANCE) + np.repeat([0.0, size**2], 3))
+        starts = close + np.concatenate([np.zeros(3), burn]) + errors
+        matrices = np.asarray(transition_matrices(N, np.arange(20.0, DAY, 10.0)))[:, :3]
+        return float(np.linalg.norm(starts @ matrices.transpose(0, 2, 1), axis=2).min())
+
+    found = np.asarray(safe_delta_v(drift, jnp.zeros(3), greatest, NO, near_sigma=jnp.float64(sigma)))
+    assert least(found) > 2.3
+    # The smallest one straight away is enough, which lines from the first passage on take for one through the target.
+    np.testing.assert_allclose(found, [0.0, side * 0.05 * 2.7, 0.0], atol=1e-12)
+    coarse = safe_delta_v(drift, jnp.zeros(3), greatest, NO)
+    assert np.linalg.norm(coarse) > 2.0 * np.linalg.norm(found)
 
 
 def test_a_change_that_is_not_finite_is_returned() -> None:

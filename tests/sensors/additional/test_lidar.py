@@ -125,8 +125,8 @@ def test_its_rows_are_linear_in_place_and_offsets() -> None:
     np.testing.assert_allclose(rows.jacobian[:, 6:12], signs, atol=1e-12)
     np.testing.assert_allclose(rows.jacobian[0, :3], line, atol=1e-12)
     np.testing.assert_allclose(rows.weight, 1.0)
-    # 16 evenly spread returns: 0.25 of 1.063 m over 16 to the power of 3/4, which is 8.
-    np.testing.assert_allclose(rows.variance[0], 0.05**2 / 16.0 + (0.25 * 1.063 / 8.0) ** 2, rtol=1e-12)
+    # 16 evenly spread returns: 0.22 of 1.063 m over 16 to the power of 3/4, which is 8.
+    np.testing.assert_allclose(rows.variance[0], 0.05**2 / 16.0 + (0.22 * 1.063 / 8.0) ** 2, rtol=1e-12)
     none = {"lidar_centroid_m": jnp.full(3, jnp.nan), "lidar_returns_count": jnp.asarray(0.0)}
     without = Lidar.rows(params.flight.sensors["lidar"], view, none)
     np.testing.assert_array_equal(without.weight, 0.0)
