@@ -60,6 +60,7 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
     del content["target"]["scale"], content["fault"]["thruster"], content["effects"]["plume"]
+    del content["effects"]["inertia_change"], content["thruster"]["tank_radius_m"]
     del content["health"]["lasting_limit"], content["rates"]["command_delay_s"]
     for key in ("delay_s", "delay_jitter_s", "processing_s", "time_tag_error_s"):
         del content["camera"][key]

@@ -9,6 +9,7 @@ scale of the motion and its drift. Metres from the zone the first and the last i
 line begins an orbit later: from the first passage it would lead through the target where the servicer does not.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -94,7 +95,6 @@ def least_clearance(
     unit_drift = jnp.where(jnp.arange(6)[:, None] == 3, 1.0, jnp.zeros_like(constants[:, :1]))
     constants = jnp.concatenate([constants, unit_drift], axis=1)
     scale_error, drift_error = drift.sigmas * drift.scale_sigma, drift.sigmas * _drift_sigma(drift, of_states[3])
-    signs = [(scale, other) for scale in (-1.0, 1.0) for other in (-1.0, 1.0)]
     later = drift.horizon - drift.first_span
     ends = jnp.stack([jnp.zeros_like(later), *([jnp.minimum(drift.first_span, later)] if near else []), later])
 
@@ -111,7 +111,7 @@ def least_clearance(
         transition = yamanaka_ankersen.free_motion(place, time, of_states)[:3] / drift.semi_axes[:, None]
         at_first = first[:, :-2, None] * sizes[None] + first[:, -2][:, None, None]
         found = [_certain_square_distance(at_first, drift, transition)]
-        for scale, other in signs:
+        for scale, other in itertools.product((-1.0, 1.0), repeat=2):
             # The covariance covers the first passages; metres from the zone the drift constant moves them too far.
             drifted = [each[:, -1] - first[:, -1] if near else each[:, -1] for each in (begin, last)]
             base = [
