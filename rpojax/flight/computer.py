@@ -100,7 +100,8 @@ def navigate(
 
     Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    params, stages = software.params.seen_through(memory.lens), software.stages
+    frame = lens_choice.of_frame(memory.lens, measurements.is_wide)
+    params, stages = software.params.seen_through(frame), software.stages
     attitude, own = stages.call_with_memory(
         "attitude_update",
         memory.own,
@@ -122,7 +123,7 @@ def navigate(
         view = SensorView(tuning=params.navigation, relative=relative, q_BN=q_BN, time=exposed)
         return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
 
-    box = filtered_box(params, memory, variance, measurements.box, sun_N)
+    box = filtered_box(params, replace(memory, lens=frame), variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
         own,
@@ -137,7 +138,7 @@ def navigate(
         additional=measurements.additional,
         sensors={each.name: partial(rows, each) for each in software.filter.sensors},
         picture=measurements.picture,
-        window=memory.camera,
+        window=memory.camera if measurements.window is None else measurements.window,
         exposures=exposures,
         time=time,
     )
@@ -152,6 +153,7 @@ def navigate(
         gate=gate,
         rejected_s=rejected_s,
         own=own,
+        lens=lens_choice.after_frame(memory.lens, frame),
     )
     evidence = _health_evidence(memory, after, innovation, adaptation, box.interval, time)
     health = navigation_health.update(params.health, params.navigation, memory.health, evidence)

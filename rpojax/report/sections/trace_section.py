@@ -64,9 +64,7 @@ def charts(campaign: CampaignResults, content: Mapping[str, Any]) -> list[TraceC
     return found
 
 
-def _shown_run(
-    campaign: CampaignResults, violated: Sequence[Mapping[str, Any]], ranked: np.ndarray
-) -> ShownRun | None:
+def _shown_run(campaign: CampaignResults, violated: Sequence[Mapping[str, Any]], ranked: np.ndarray) -> ShownRun | None:
     """Run beside the median: a failed one of the most violated requirement, another failed one, else the worst."""
     failed = np.asarray(campaign.failed, dtype=bool)
     ids = campaign.run_ids.tolist()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
+from rpojax.scenario.measurement_delays import delay_settings
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import RelativeOrbitSection, TransferSection
 from rpojax.scenario.schema import ScenarioFile
@@ -234,6 +235,11 @@ _CAMERA: Final = (
 )
 
 _FLIGHT: Final = (
+    Use(
+        ("navigation.delays", "navigation.delay_memory_s"),
+        "a delay of a sensor, such as camera.delay_s",
+        lambda at: delay_settings(at.file) is not None,
+    ),
     Use(
         ("navigation.nearest_surface", "navigation.nearest_surface_sigma"),
         "a section range_finder",
