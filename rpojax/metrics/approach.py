@@ -45,8 +45,8 @@ METRICS: Final = (
         "final_range_error_m",
         "m",
         title="Range error at arrival",
-        meaning="Size of the true range to the target's centre of mass minus that of the reference, too near or too far, as "
-        "the last phase begins.",
+        meaning="Size of the true range to the target's centre of mass minus that of the reference, too near or too "
+        "far, as the last phase begins.",
         inputs=("rho_H", "desired_position_H", "is_arrival"),
         value=_along,
         reduction="max",

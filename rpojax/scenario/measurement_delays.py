@@ -42,6 +42,12 @@ def delay_settings(file: ScenarioFile) -> DelaySettings | None:
     return DelaySettings(tuple(late), slots, file.navigation.delays == "compensated")
 
 
+def delayed_sensor(file: ScenarioFile, key: str) -> str | None:
+    """Name of the sensor whose measurements a key makes late, None for any other key."""
+    name, _, setting = key.partition(".")
+    return name if setting in KEYS and name in _sections(file) else None
+
+
 def check_delays(file: ScenarioFile) -> None:
     """Refuses delays that flight software cannot remember, and those where no one takes them into account.
 
@@ -76,10 +82,10 @@ def _check_dispersed(file: ScenarioFile, name: str) -> None:
             if len(each.key_texts) > 1 or not reach or not np.isfinite(reach).all():
                 expected = f"one with ends, such as uniform, for {name}.{key}, which flight software must remember"
                 raise ScenarioError(f"dispersions.{number}.kind", each.kind, expected)
-            ends[key] = float(reach[0][0] if key == _TIME_TAG else reach[0][1])
+            ends[key] = float(reach[0][0] if key == TIME_TAG else reach[0][1])
     for key in KEYS:
         if values := getattr(file.design, "values", {}).get(f"{name}.{key}"):
-            ends[key] = float(min(values) if key == _TIME_TAG else max(values))
+            ends[key] = float(min(values) if key == TIME_TAG else max(values))
     longest = _longest_s(section.model_copy(update=ends))
     if longest > memory + _ROUNDING:
         expected = f"at least {longest:g}, the longest delay of {name} that is drawn, with all that adds to it"
@@ -89,7 +95,7 @@ def _check_dispersed(file: ScenarioFile, name: str) -> None:
 LONGEST_S: Final = 10.0
 """Longest delay [s]: the filter takes the target's motion over it for a straight line."""
 _ROUNDING: Final = 1e-9
-_TIME_TAG: Final = "time_tag_error_s"
+TIME_TAG: Final = "time_tag_error_s"
 """Key of which the least value makes a measurement oldest."""
 _ENDS: Final = np.array([0.0, 1.0])
 

@@ -248,10 +248,8 @@ def test_a_late_box_has_the_beliefs_of_the_lens_of_its_exposure(flight: FlightPa
         seen = None if of_box is None else jnp.asarray(of_box)
         memory, _ = sense(two, replace(ready, lens=lens), pixels=3.0, is_wide=seen)
         assert memory.lens is not None
-        assert (bool(memory.lens.is_wide), bool(memory.lens.was_wide)) == (
-            is_wide,
-            is_wide if of_box is None else of_box,
-        )
+        assert bool(memory.lens.is_wide) is is_wide
+        assert bool(memory.lens.was_wide) is (is_wide if of_box is None else of_box)
         return memory
 
     # The camera looks through the wide lens by now, but this frame is older.

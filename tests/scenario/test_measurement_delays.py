@@ -4,12 +4,14 @@ import pytest
 
 import rpojax
 from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
-from rpojax.errors import ScenarioError
+from rpojax.campaign.single_run import nominal_parameters
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation.live_run import simulate_live
 from rpojax.interop.cosimulation.live_settings import LiveSettings
 from rpojax.scenario.loading.scenario_warnings import scenario_warnings
 from rpojax.scenario.measurement_delays import DelaySettings, delay_settings
+from rpojax.simulation.tick import Loop
 from tests.scenario_error_assertions import assert_one_line
 
 
@@ -115,3 +117,25 @@ def test_a_linear_covariance_and_a_live_run_refuse_late_measurements() -> None:
     with pytest.raises(ScenarioError) as refused:
         simulate_live(late, 0, 0, LiveSettings(), lambda _: None)
     assert_one_line(refused.value, "navigation.delays", "live run")
+
+
+def test_derivatives_to_delays_are_refused_where_they_would_be_zero() -> None:
+    at_once, late = rpojax.load("inspection"), rpojax.load("inspection", ["camera.delay_s=0.5"])
+    for file, key, words in (
+        (late, "camera.delay_s", "decides the tick of an arrival"),
+        (late, "camera.delay_jitter_s", "decides the tick of an arrival"),
+        (at_once, "camera.time_tag_error_s", "measurements without an age"),
+    ):
+        with pytest.raises(RpojaxError, match=f"^{key}: found [^\n]*{words}"):
+            rpojax.gradient(file, [key], runs=1, progress=False)
+
+
+def test_an_orbit_filter_of_ones_own_says_what_it_does_with_late_measurements() -> None:
+    scenario, params = nominal_parameters(rpojax.load("inspection", ["camera.delay_s=0.5"]))
+    late = Stages(orbit_update=lambda estimate, gate, exposures: (estimate, gate, exposures))
+    at_once = Stages(orbit_update=lambda estimate, gate: (estimate, gate, None))
+    assert Loop(scenario, params, late)
+    with pytest.raises(RpojaxError, match=r"^stages.orbit_update: found one without the argument `exposures`"):
+        Loop(scenario, params, at_once)
+    ignored, params = nominal_parameters(rpojax.load("inspection", ["camera.delay_s=0.5", "navigation.delays=ignored"]))
+    assert Loop(ignored, params, at_once)
