@@ -113,16 +113,8 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
-
     exposures = _exposures(software, memory.history, attitude.q_BN, measurements)
-
-    def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
-        q_BN, exposed = attitude.q_BN, time
-        if sensor.name in exposures:
-            q_BN, exposed = exposures[sensor.name].q_BN, time - exposures[sensor.name].age
-        view = SensorView(tuning=params.navigation, relative=relative, q_BN=q_BN, time=exposed)
-        return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
-
+    rows = partial(_rows, params, measurements, exposures, attitude.q_BN, time)
     box = filtered_box(params, replace(memory, lens=frame), variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
@@ -158,6 +150,22 @@ def navigate(
     evidence = _health_evidence(memory, after, innovation, adaptation, box.interval, time)
     health = navigation_health.update(params.health, params.navigation, memory.health, evidence)
     return replace(after, health=health), innovation
+
+
+def _rows(
+    params: FlightParams,
+    measurements: Measurements,
+    exposures: dict[str, Exposure],
+    q_BN: Float[Array, "4"],
+    time: Scalar,
+    sensor: BelievedSensor,
+    relative: RelativeEstimate,
+) -> MeasurementRows:
+    """Rows of an additional sensor for an estimate as of its exposure, which is now unless it is late."""
+    if sensor.name in exposures:
+        q_BN, time = exposures[sensor.name].q_BN, time - exposures[sensor.name].age
+    view = SensorView(tuning=params.navigation, relative=relative, q_BN=q_BN, time=time)
+    return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
 
 
 def _exposures(

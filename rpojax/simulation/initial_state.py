@@ -26,6 +26,7 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import gyro, measurement_delay, star_tracker
 from rpojax.sensors.measurement_delay import InTransit
 from rpojax.simulation import command_delay, tick_measurements
+from rpojax.simulation.command_delay import CommandsUnderWay
 from rpojax.simulation.noise import InitialNoise, draw_initial_noise, draw_tick_noise
 from rpojax.simulation.state import SensorErrors, State
 from rpojax.simulation.tick import Loop
@@ -81,18 +82,12 @@ def init(
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
     star_q = star_tracker.measure(params.star_tracker, q_BN, noise.star_tracker)
     gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, noise.gyro, scenario.step_s)
-    loop = Loop(scenario, params, stages or Stages())
+    loop, team = Loop(scenario, params, stages or Stages()), None
+    if first_decision is not None:
+        team = TeamStart(first_decision=first_decision, phase_rate=params.team.phase_rate)
     state = State(
         truth=truth,
-        flight=computer.initial(
-            loop.software,
-            orbit,
-            star_q,
-            gyro_B,
-            None
-            if first_decision is None
-            else TeamStart(first_decision=first_decision, phase_rate=params.team.phase_rate),
-        ),
+        flight=computer.initial(loop.software, orbit, star_q, gyro_B, team),
         sensor_errors=sensors,
         burn_error=BurnError(magnitude=jnp.zeros_like(q_BN[0]), direction=jnp.zeros(3)),
         keys=streams,
@@ -100,10 +95,15 @@ def init(
         failed_at=jnp.full_like(q_BN[0], jnp.inf),
         failure=jnp.zeros((), dtype=jnp.int32),
     )
-    if scenario.command_steps:
-        zero = jnp.zeros_like(state.failed_at)
-        state = replace(state, commands=command_delay.none_under_way(scenario.command_steps, scenario.thrusters, zero))
-    return replace(state, in_transit=_nothing_in_transit(loop, state))
+    return replace(state, commands=_no_commands(scenario, state), in_transit=_nothing_in_transit(loop, state))
+
+
+def _no_commands(scenario: Scenario, state: State) -> CommandsUnderWay | None:
+    """Commands under way at the start, None where they are not delayed."""
+    if not scenario.command_steps:
+        return None
+    zero = jnp.zeros_like(state.failed_at)
+    return command_delay.none_under_way(scenario.command_steps, scenario.thrusters, zero)
 
 
 def _nothing_in_transit(loop: Loop, state: State) -> dict[str, InTransit]:

@@ -133,8 +133,9 @@ def _exchange_late(
 def _as_present(seen: SeenByCamera, present: Bool[Array, ""], lens: LensInUse | None) -> SeenByCamera:
     """What arrived of the camera, or what stands for nothing: that does not tell that there is no target."""
     box = replace(seen.box, present=seen.box.present & present, expected=seen.box.expected & present)
-    is_wide = None if lens is None else jnp.where(present, seen.is_wide, lens.was_wide)
-    return replace(seen, box=box, is_wide=is_wide)
+    if lens is None or seen.is_wide is None:
+        return replace(seen, box=box)
+    return replace(seen, box=box, is_wide=jnp.where(present, seen.is_wide, lens.was_wide))
 
 
 def _delay_of(params: Params, name: str) -> MeasurementDelay:
