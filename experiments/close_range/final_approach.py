@@ -41,7 +41,7 @@ def main() -> int:
     metrics = campaign.metrics
     print(f"{np.isfinite(metrics['final_lateral_error_m']).sum()} runs reach the last phase")
     for name in ARRIVAL:
-        _print(name, np.abs(metrics[name][np.isfinite(metrics[name])]))
+        _print(name, metrics[name][np.isfinite(metrics[name])])
     print(f"relative NEES / 6: {np.mean(metrics['nees_relative_mean']) / 6.0:.2f}")
     return int("keep_out" in outcomes or not _isolates(campaign))
 

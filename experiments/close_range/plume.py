@@ -39,7 +39,7 @@ def main() -> int:
     _print("vector of the target's rate, size of the change [mdeg/s]", 1e3 * _size(with_plume - without))
     for metric in ("final_lateral_error_m", "final_range_error_m", "nees_relative_mean", "delta_v_m_s"):
         for name, campaign in found.items():
-            _print(f"{metric}, plume {name}", np.abs(campaign.metrics[metric]))
+            _print(f"{metric}, plume {name}", campaign.metrics[metric])
     return 0
 
 

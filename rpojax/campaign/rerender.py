@@ -99,7 +99,7 @@ def render_images(
         pose = {name: np.asarray(channels[name], dtype=np.float64) for name in _POSE_CHANNELS}
         truth = replace(state.truth, **pose)
         is_wide = jnp.asarray(channels.get("wide_lens", False))
-        lens = LensInUse(is_wide=is_wide, is_new=jnp.zeros((), bool))
+        lens = LensInUse(is_wide=is_wide, was_wide=is_wide)
         image = _render(scenario, params.seen_through(lens), truth, channels["window_px"], state.keys, np.int32(tick))
         yield np.asarray(image), channels
 

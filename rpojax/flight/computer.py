@@ -97,7 +97,8 @@ def navigate(
 
     Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    params, stages = software.params.seen_through(memory.lens), software.stages
+    frame = lens_choice.of_frame(memory.lens, measurements.is_wide)
+    params, stages = software.params.seen_through(frame), software.stages
     attitude, own = stages.call_with_memory(
         "attitude_update",
         memory.own,
@@ -109,10 +110,9 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
-
     exposures = _exposures(software, memory.history, attitude.q_BN, measurements)
     rows = _believed_rows(params, measurements, attitude, exposures, time)
-    box = filtered_box(params, memory, variance, measurements.box, sun_N)
+    box = filtered_box(params, replace(memory, lens=frame), variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
         own,
@@ -127,7 +127,7 @@ def navigate(
         additional=measurements.additional,
         sensors={each.name: partial(rows, each) for each in software.filter.sensors},
         picture=measurements.picture,
-        window=memory.camera,
+        window=memory.camera if measurements.window is None else measurements.window,
         exposures=exposures,
         time=time,
     )
@@ -142,6 +142,7 @@ def navigate(
         gate=gate,
         rejected_s=rejected_s,
         own=own,
+        lens=lens_choice.after_frame(memory.lens, frame),
     )
     evidence = _health_evidence(memory, after, innovation, adaptation, box.interval, time)
     health = navigation_health.update(params.health, params.navigation, memory.health, evidence)

@@ -143,6 +143,8 @@ class Measurements:
         additional: measurements of additional sensors by name
         picture: (p, p, 3) that the detector got, None where no stage asks for it
         age: () time since its exposure by its time tag [s], of each sensor with late measurements, by name
+        is_wide: () bool, the box is of a frame through the wide lens; None with one lens
+        window: of the picture, None where no stage asks for it
     """
 
     gps: GpsMeasurement
@@ -152,3 +154,5 @@ class Measurements:
     additional: dict[str, Array] = field(default_factory=dict)
     picture: Array | None = None
     age: dict[str, Array] = field(default_factory=dict)
+    is_wide: Array | None = None
+    window: CameraCommand | None = None

@@ -133,6 +133,21 @@ def check_believed(stages: Stages, sensors: Iterable[str]) -> None:
             raise RpojaxError(f"stages.orbit_update: found one without the argument `sensors`, expected {expected}")
 
 
+def check_exposures(stages: Stages, memory_ticks: int) -> None:
+    """Refuses a replaced update of the filter that takes late measurements for those of now, where they are not to be.
+
+    Raises:
+        RpojaxError: naming the stage.
+    """
+    if (
+        memory_ticks
+        and "orbit_update" in stages.replaced
+        and not named_arguments.takes(stages.orbit_update, "exposures")
+    ):
+        expected = "one that takes `exposures`, for measurements are late, or navigation.delays = 'ignored'"
+        raise RpojaxError(f"stages.orbit_update: found one without the argument `exposures`, expected {expected}")
+
+
 def check(stages: Stages, modes: Iterable[Mode]) -> None:
     """Refuses replaced stages that one of the modes does not use, or only in part.
 

@@ -20,8 +20,8 @@ def _lateral(xp: ModuleType, rho: Quantity, axis: Quantity, is_arrival: Quantity
 
 
 def _along(xp: ModuleType, rho: Quantity, desired: Quantity, is_arrival: Quantity) -> WeightedValue:
-    """True range minus that of the reference."""
-    return WeightedValue(_length(xp, rho) - _length(xp, desired), is_arrival)
+    """Size of the true range minus that of the reference: too near is as bad as too far."""
+    return WeightedValue(xp.abs(_length(xp, rho) - _length(xp, desired)), is_arrival)
 
 
 def _length(xp: ModuleType, vector: Quantity) -> Quantity:
@@ -45,10 +45,11 @@ METRICS: Final = (
         "final_range_error_m",
         "m",
         title="Range error at arrival",
-        meaning="True range to the target's centre of mass minus that of the reference, as the last phase begins.",
+        meaning="Size of the true range to the target's centre of mass minus that of the reference, too near or too "
+        "far, as the last phase begins.",
         inputs=("rho_H", "desired_position_H", "is_arrival"),
         value=_along,
-        reduction="mean",
+        reduction="max",
         has_derivative=True,
         needs="phases",
     ),

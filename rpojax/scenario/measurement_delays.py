@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+
 from rpojax.errors import ScenarioError
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.sensors.additional.registry import present_sensors
@@ -40,6 +42,12 @@ def delay_settings(file: ScenarioFile) -> DelaySettings | None:
     return DelaySettings(tuple(late), slots, file.navigation.delays == "compensated")
 
 
+def delayed_sensor(file: ScenarioFile, key: str) -> str | None:
+    """Name of the sensor whose measurements a key makes late, None for any other key."""
+    name, _, setting = key.partition(".")
+    return name if setting in KEYS and name in _sections(file) else None
+
+
 def check_delays(file: ScenarioFile) -> None:
     """Refuses delays that flight software cannot remember, and those where no one takes them into account.
 
@@ -54,17 +62,42 @@ def check_delays(file: ScenarioFile) -> None:
             raise ScenarioError(f"{name}.delay_s", section.delay_s, f"{expected}: {longest:g} s")
         if longest > LONGEST_S:
             raise ScenarioError(f"{name}.delay_s", section.delay_s, f"at most {LONGEST_S:g} s with all that adds to it")
-        if _is_late(section) and file.servicers:
+    dispersed = _dispersed(file)
+    for name, section in _sections(file).items():
+        if file.servicers and (_is_late(section) or name in dispersed):
             raise ScenarioError(f"{name}.delay_s", section.delay_s, "no late measurements in a team of servicers")
-    for name in _dispersed(file):
+    for name in dispersed:
         if not memory:
             expected = "a time for which flight software remembers, with a delay that is dispersed"
             raise ScenarioError("navigation.delay_memory_s", memory, f"{expected} ({name})")
+        _check_dispersed(file, name)
+
+
+def _check_dispersed(file: ScenarioFile, name: str) -> None:
+    """Refuses drawn delays of a sensor that may be longer than flight software remembers."""
+    section, memory, ends = _sections(file)[name], file.navigation.delay_memory_s, dict[str, float]()
+    for number, each in enumerate(file.dispersions):
+        for key in (key for key in KEYS if f"{name}.{key}" in each.key_texts):
+            reach = [one.ppf(_ENDS) for one in each.marginals(np.atleast_1d(getattr(section, key))) if one is not None]
+            if len(each.key_texts) > 1 or not reach or not np.isfinite(reach).all():
+                expected = f"one with ends, such as uniform, for {name}.{key}, which flight software must remember"
+                raise ScenarioError(f"dispersions.{number}.kind", each.kind, expected)
+            ends[key] = float(reach[0][0] if key == TIME_TAG else reach[0][1])
+    for key in KEYS:
+        if values := getattr(file.design, "values", {}).get(f"{name}.{key}"):
+            ends[key] = float(min(values) if key == TIME_TAG else max(values))
+    longest = _longest_s(section.model_copy(update=ends))
+    if longest > memory + _ROUNDING:
+        expected = f"at least {longest:g}, the longest delay of {name} that is drawn, with all that adds to it"
+        raise ScenarioError("navigation.delay_memory_s", memory, expected)
 
 
 LONGEST_S: Final = 10.0
 """Longest delay [s]: the filter takes the target's motion over it for a straight line."""
 _ROUNDING: Final = 1e-9
+TIME_TAG: Final = "time_tag_error_s"
+"""Key of which the least value makes a measurement oldest."""
+_ENDS: Final = np.array([0.0, 1.0])
 
 
 def _sections(file: ScenarioFile) -> dict[str, Any]:

@@ -64,6 +64,7 @@ class Loop:
         kinds = stage_use.kinds_of(self.scenario.camera_model, self.scenario.mission, self.scenario.team)
         stage_use.check(self.stages, kinds)
         stage_use.check_believed(self.stages, [each.name for each in self.scenario.filter_settings.sensors])
+        stage_use.check_exposures(self.stages, self.scenario.filter_settings.memory_ticks)
         stage_use.check_picture(self.stages, self.scenario.camera_model)
 
 

@@ -1,15 +1,17 @@
 """Measurements of one tick by all sensors, and propagation of the correlated sensor errors."""
 
-from dataclasses import replace
 from typing import Any, Final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
+from rpojax.core.pytree import pytree, replace
 from rpojax.flight.flight_records import Measurements
+from rpojax.flight.guidance.detector_window import CameraCommand
+from rpojax.flight.guidance.lens_choice import LensInUse
 from rpojax.flight.guidance.sight_cone import sight_cone
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.physics.equipment_faults import Health
@@ -35,6 +37,23 @@ CAMERA: Final = "camera"
 """Name of the camera among the sensors whose measurements may be late."""
 
 
+@pytree
+class SeenByCamera:
+    """What flight software gets of an exposure of the camera.
+
+    Attributes:
+        box: bounding box
+        picture: (p, p, 3) that the detector got, None where no stage asks for it
+        window: of the picture, likewise
+        is_wide: () bool, through the wide lens; None with one lens
+    """
+
+    box: BoxMeasurement
+    picture: Array | None
+    window: CameraCommand | None
+    is_wide: Array | None
+
+
 def measure(
     loop: Loop,
     state: State,
@@ -47,16 +66,18 @@ def measure(
     params, truth = loop.params, state.truth
     exposed, frame = expose(loop, state, noise, sky, health, time)
     arrived, in_transit, age = _exchange_late(loop, state, exposed, noise)
-    box, picture = arrived.pop(CAMERA)
+    seen: SeenByCamera = arrived.pop(CAMERA)
     measurements = Measurements(
         gps=measure_position(params.gps, truth, state.sensor_errors.gps_bias_N, noise.gps, health),
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, noise.star_tracker),
         star_tracker_present=health.star_tracker
         & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
-        box=box,
+        box=seen.box,
         additional={key: value for channels in arrived.values() for key, value in channels.items()},
-        picture=picture,
+        picture=seen.picture,
         age=age,
+        is_wide=seen.is_wide,
+        window=seen.window,
     )
     return measurements, frame, in_transit
 
@@ -66,7 +87,7 @@ def expose(
 ) -> tuple[dict[str, Any], CameraFrame]:
     """Measurements whose exposure is at `time` [s], of each sensor that may be late, by name; and the camera frame.
 
-    That of the camera is its box, and its picture if a stage asks for it.
+    That of the camera is `SeenByCamera`.
     """
     scenario, params, truth = loop.scenario, loop.params.seen_through(state.flight.lens), state.truth
     frame, picture = camera_models.expose(
@@ -81,7 +102,13 @@ def expose(
         camera_key(state.keys, state.tick),
         state.tick,
     )
-    of_camera = (box_measurement(scenario, params, frame), picture if loop.stages.takes_picture else None)
+    takes, lens = loop.stages.takes_picture, state.flight.lens
+    of_camera = SeenByCamera(
+        box=box_measurement(scenario, params, frame),
+        picture=picture if takes else None,
+        window=state.flight.camera if takes else None,
+        is_wide=None if lens is None else lens.is_wide,
+    )
     return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, time)}, frame
 
 
@@ -97,13 +124,18 @@ def _exchange_late(
         )
         age[name], present = delivery.age, delivery.present
         if name == CAMERA:
-            box, picture = delivery.measurement
-            # A tick without a frame does not tell that there is no target.
-            box = replace(box, present=box.present & present, expected=box.expected & present)
-            arrived[name] = (box, picture)
+            arrived[name] = _as_present(delivery.measurement, present, state.flight.lens)
         else:
             arrived[name] = measurement_delay.without_measurement(delivery.measurement, present)
     return arrived, in_transit, age
+
+
+def _as_present(seen: SeenByCamera, present: Bool[Array, ""], lens: LensInUse | None) -> SeenByCamera:
+    """What arrived of the camera, or what stands for nothing: that does not tell that there is no target."""
+    box = replace(seen.box, present=seen.box.present & present, expected=seen.box.expected & present)
+    if lens is None or seen.is_wide is None:
+        return replace(seen, box=box)
+    return replace(seen, box=box, is_wide=jnp.where(present, seen.is_wide, lens.was_wide))
 
 
 def _delay_of(params: Params, name: str) -> MeasurementDelay:

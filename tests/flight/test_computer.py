@@ -26,6 +26,7 @@ from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.burn_schedule import BurnPlan
+from rpojax.flight.guidance.lens_choice import BelievedWideLens, LensInUse
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
@@ -213,6 +214,7 @@ def sense(
     pixels: float = 0.0,
     stars: bool = True,
     stages: Stages | None = None,
+    is_wide: jax.Array | None = None,
 ) -> tuple[FlightMemory, Innovation]:
     """Memory after a tick whose box lies `pixels` beside the target, and whose other measurements are as expected.
 
@@ -226,8 +228,42 @@ def sense(
         star_tracker_q_BN=memory.attitude.q_BN,
         star_tracker_present=jnp.asarray(stars),
         box=box,
+        is_wide=is_wide,
     )
     return navigate(stages or Stages(), flight, memory, measurements, sun_N, np.float64(7.0))
+
+
+def test_a_late_box_has_the_beliefs_of_the_lens_of_its_exposure(flight: FlightParams, ready: FlightMemory) -> None:
+    wide = BelievedWideLens(
+        focal_px=0.4 * flight.vehicle.focal_px,
+        switch_range=jnp.float64(1.0),
+        return_range=jnp.float64(2.0),
+        edge_noise=jnp.float64(9.0),
+        misalignment_sigma=jnp.float64(2e-3),
+    )
+    two = replace(flight, wide_lens=wide)
+
+    def after(is_wide: bool, was_wide: bool, of_box: bool | None) -> FlightMemory:
+        lens = LensInUse(is_wide=jnp.asarray(is_wide), was_wide=jnp.asarray(was_wide))
+        seen = None if of_box is None else jnp.asarray(of_box)
+        memory, _ = sense(two, replace(ready, lens=lens), pixels=3.0, is_wide=seen)
+        assert memory.lens is not None
+        assert bool(memory.lens.is_wide) is is_wide
+        assert bool(memory.lens.was_wide) is (is_wide if of_box is None else of_box)
+        return memory
+
+    # The camera looks through the wide lens by now, but this frame is older.
+    late, at_once = after(True, False, False), after(False, False, None)
+    np.testing.assert_array_equal(late.orbit.relative.covariance, at_once.orbit.relative.covariance)
+    np.testing.assert_array_equal(late.orbit.relative.vector, at_once.orbit.relative.vector)
+    # The misalignment comes with the first frame through the other lens, whenever that arrives.
+    bias = late.orbit.relative.layout["bearing_bias"]
+
+    def bias_variance(memory: FlightMemory) -> float:
+        return float(jnp.trace(memory.orbit.relative.covariance[bias, bias]))
+
+    first, second = after(True, False, True), after(True, True, True)
+    assert bias_variance(first) > bias_variance(second)
 
 
 def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:

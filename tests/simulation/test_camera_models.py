@@ -104,7 +104,7 @@ def test_a_frame_through_a_lens_is_that_of_a_camera_with_it_alone() -> None:
     wide_alone = ["camera.field_of_view_deg=25", "camera.edge_noise_px=3", f"camera.misalignment_deg={both}"]
     static, run, start, sky = scene("geometric", *LENS, *OTHER)
     for is_wide, alone in ((True, wide_alone), (False, [])):
-        lens = LensInUse(is_wide=jnp.asarray(is_wide), is_new=jnp.asarray(False))
+        lens = LensInUse(is_wide=jnp.asarray(is_wide), was_wide=jnp.asarray(False))
         found = expose(static, run.seen_through(lens), start, sky)
         own_static, own_run, own_start, _ = scene("geometric", *alone)
         expected = expose(own_static, own_run, replace(own_start, truth=start.truth), sky)
@@ -117,7 +117,7 @@ def test_boxes_are_measured_with_the_lens_that_flight_software_chose() -> None:
     static, run, start, sky = scene("geometric", *LENS, "wide_lens.edge_noise_px=0", "camera.edge_noise_px=0")
     tangents = []
     for is_wide in (True, False):
-        lens = LensInUse(is_wide=jnp.asarray(is_wide), is_new=jnp.asarray(False))
+        lens = LensInUse(is_wide=jnp.asarray(is_wide), was_wide=jnp.asarray(False))
         through = run.seen_through(lens)
         frame = expose(static, through, start, sky)
         tangents.append(np.asarray(tick_measurements.box_measurement(static, through, frame).tangent))
@@ -133,7 +133,7 @@ def test_statistics_are_those_of_the_lens_in_use() -> None:
     wide = WideLens(field_of_view=run.camera.field_of_view, misalignment=jnp.zeros(3))
     two = replace(run, wide_lens=wide, wide_statistics=fitted(true=0.0001, false=0.0))
     wide_in_use, own_in_use = (
-        two.seen_through(LensInUse(is_wide=jnp.asarray(each), is_new=jnp.asarray(False))) for each in (True, False)
+        two.seen_through(LensInUse(is_wide=jnp.asarray(each), was_wide=jnp.asarray(False))) for each in (True, False)
     )
     expected = expose(static, run, start, sky)
     assert bool(expected.box.present)

@@ -20,6 +20,7 @@ from rpojax.runtime.progress import stage
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.measurement_delays import TIME_TAG, delay_settings, delayed_sensor
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.params import leaf_path_and_factor
 from rpojax.scenario.schema import ScenarioFile
@@ -200,7 +201,24 @@ def _nominal_of(file: ScenarioFile, key: str) -> np.ndarray:
     value = nominal_of_key(file, key)
     if value is None or key.startswith("fault."):
         raise RpojaxError(f"{key}: found no continuous number of the scenario, expected one")
+    _check_delay(file, key)
     return np.asarray(value, dtype=np.float64)
+
+
+def _check_delay(file: ScenarioFile, key: str) -> None:
+    """Refuses times that decide the tick of an arrival, and time tags where no measurement is late.
+
+    Raises:
+        RpojaxError: the derivative would be zero, which says nothing of the effect.
+    """
+    name, late = delayed_sensor(file, key), delay_settings(file)
+    if name is None:
+        return
+    if not key.endswith(TIME_TAG):
+        raise RpojaxError(f"{key}: found a time that decides the tick of an arrival, expected a key with a derivative")
+    if late is None or name not in late.sensors or not late.compensated:
+        expected = "a delay that is not 0 and that the filter compensates beside it"
+        raise RpojaxError(f"{key}: found measurements without an age, expected {expected}")
 
 
 def _shifted_values(file: ScenarioFile, nominal: Mapping[str, np.ndarray]) -> Callable[[Array, Array], Values]:

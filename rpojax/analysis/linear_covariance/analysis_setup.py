@@ -17,6 +17,7 @@ from rpojax.errors import ScenarioError
 from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.measurement_delays import delay_settings
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
 from rpojax.scenario.team.members import refuse_team
@@ -55,6 +56,9 @@ class AnalysisSetup:
             raise ScenarioError("phases", len(file.phases), expected)
         if file.wide_lens is not None:
             raise ScenarioError("wide_lens", "a second lens", "one lens for a linear covariance analysis")
+        if (late := delay_settings(file)) is not None:
+            expected = "no late measurements for a linear covariance analysis"
+            raise ScenarioError(f"{late.sensors[0]}.delay_s", "late measurements", expected)
         self.file = file
         found = dispersion_linearisation.linearise_dispersions(file)
         self.left_out = found.left_out

@@ -18,6 +18,8 @@ from rpojax.scenario.schema import RequirementSection
 _MAX_IDS = 20
 VIOLATED = "violated"
 """A requirement in words that is not verified: the violations refute it, and no further runs can help."""
+OUT_OF_REACH = "open: more runs at this rate of violations would not verify it"
+"""A requirement in words that is not decided by runs of which more violate it than may."""
 
 
 class Verdict(StrEnum):
@@ -82,15 +84,28 @@ class RequirementEvaluation:
         return self.violations - self.without_value
 
     @property
+    def is_out_of_reach(self) -> bool:
+        """Whether it is not decided, but so large a share violates that more runs at that rate would not verify it."""
+        share = self.success_fraction
+        is_open = self.more_runs is not None and self.violations > 0 and self.runs > 1
+        return is_open and share is not None and share <= self.requirement.probability
+
+    @property
     def text(self) -> str:
-        """The verdict in words, with the number of missing runs; of a single run, which cannot verify, what it did."""
+        """The verdict in words, with the number of missing runs; of a single run, which cannot verify, what it did.
+
+        That number is of runs without a violation, so that it is the least one where some violate.
+        """
         if self.verdict is Verdict.NOT_VERIFIED:
             return VIOLATED
         if self.more_runs is None:
             return self.verdict
         if self.runs == 1 and not self.not_counted:
             return f"{'violated' if self.violations else 'kept'} by the one run, which gives no verdict"
-        return f"needs {self.more_runs} more {'run' if self.more_runs == 1 else 'runs'}"
+        if self.is_out_of_reach:
+            return OUT_OF_REACH
+        least = "at least " if self.violations else ""
+        return f"needs {least}{self.more_runs} more {'run' if self.more_runs == 1 else 'runs'}"
 
 
 def violates(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:

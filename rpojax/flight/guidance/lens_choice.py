@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.declared_numbers import number
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 
 Scalar = Float[Array, ""]
 
@@ -48,24 +48,35 @@ class LensInUse:
 
     Attributes:
         is_wide: () bool, the wide one
-        is_new: () bool, the frame before was taken through the other one
+        was_wide: () bool, that of the latest frame that flight software has
     """
 
     is_wide: Array
-    is_new: Array
+    was_wide: Array
 
 
 def first_lens(lens: BelievedWideLens, distance: Scalar) -> LensInUse:
     """Lens at the start, at an estimated range [m]."""
-    return LensInUse(is_wide=distance < lens.switch_range, is_new=jnp.zeros((), bool))
+    is_wide = distance < lens.switch_range
+    return LensInUse(is_wide=is_wide, was_wide=is_wide)
 
 
 def next_lens(lens: BelievedWideLens, before: LensInUse, distance: Scalar) -> LensInUse:
     """Lens of the next exposure at an estimated range [m]: it changes at different ranges on the way in and out."""
     is_wide: Bool[Array, ""] = distance < jnp.where(before.is_wide, lens.return_range, lens.switch_range)
-    return LensInUse(is_wide=is_wide, is_new=is_wide != before.is_wide)
+    return replace(before, is_wide=is_wide)
 
 
-def misalignment_variance(lens: BelievedWideLens, in_use: LensInUse) -> Scalar:
+def of_frame(in_use: LensInUse | None, is_wide: Bool[Array, ""] | None) -> LensInUse | None:
+    """Lens of the frame that flight software gets, which is not the one in use where frames are late."""
+    return in_use if in_use is None or is_wide is None else replace(in_use, is_wide=is_wide)
+
+
+def after_frame(in_use: LensInUse | None, frame: LensInUse | None) -> LensInUse | None:
+    """Lens in use, with that of the latest frame."""
+    return in_use if in_use is None or frame is None else replace(in_use, was_wide=frame.is_wide)
+
+
+def misalignment_variance(lens: BelievedWideLens, frame: LensInUse) -> Scalar:
     """Variance [rad^2] of the camera's direction that a change of lenses adds in this frame."""
-    return jnp.where(in_use.is_new, lens.misalignment_sigma**2, 0.0)
+    return jnp.where(frame.is_wide != frame.was_wide, lens.misalignment_sigma**2, 0.0)

@@ -25,6 +25,7 @@ from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.runtime import garbage_collection
 from rpojax.runtime.progress import items, stage
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
+from rpojax.scenario.measurement_delays import delay_settings
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.team.members import refuse_team
@@ -83,6 +84,9 @@ def simulate_live(
     refuse_team(file, "a live run")
     if file.thrusters:
         raise ScenarioError("thrusters", len(file.thrusters), "a scenario without [[thrusters]] for a live run")
+    if delay_settings(file) is not None:
+        # Its messages are those of the tick, and their stamps too.
+        raise ScenarioError("navigation.delays", file.navigation.delays, "no late measurements in a live run")
     events = EventLog(write_line)
     stages = settings.external_stages
     own = plugin_registry.stages_of(file)

@@ -64,8 +64,10 @@ def _passive_safety(safety: Mapping[str, Any]) -> list[VerdictTile]:
     note = f"keep-out sphere in free drift within {horizon}"
     if least is not None:
         note += f"; {safety_section.nearest_text(safety, least)}"
+    note += safety_section.without_drift_text(proportion)
     value = f"fails: {count} of {runs}" if count else f"holds: {runs} of {runs}"
-    return [VerdictTile("Passive safety", value, note, "alert" if count else "good", "safety")]
+    colour: Colour = "alert" if count else "open" if proportion.get("without_drift") else "good"
+    return [VerdictTile("Passive safety", value, note, colour, "safety")]
 
 
 def _worst(entry: Mapping[str, Any]) -> str:

@@ -87,16 +87,22 @@ def _verified(requirements: Sequence[Mapping[str, Any]]) -> str:
     kinds = (
         (verdicts.count(Verdict.VERIFIED), "is verified", "are verified"),
         (verdicts.count(Verdict.NOT_VERIFIED), "is violated", "are violated"),
-        (verdicts.count(Verdict.MORE_RUNS), "needs more runs", "need more runs"),
+        (sum(bool(entry["more_runs"]) for entry in requirements), "needs more runs", "need more runs"),
+        (sum(map(_is_out_of_reach, requirements)), "is open", "are open"),
         (sum(verdict in _NO_VERDICT for verdict in verdicts), "has no verdict", "have no verdict"),
     )
     found = [(number, one if number == 1 else many) for number, one, many in kinds if number]
     if len(found) == 1:
         return f"its requirement {found[0][1]}" if count == 1 else f"its {count} requirements {found[0][1]}"
-    if not kinds[2][0] and not kinds[3][0]:
+    if not any(number for number, *_ in kinds[2:]):
         return f"{found[1][0]} of {count} requirements {found[1][1]}"
     words = [f"{number} {word}" for number, word in found]
     return f"of {count} requirements {', '.join(words[:-1])} and {words[-1]}"
+
+
+def _is_out_of_reach(entry: Mapping[str, Any]) -> bool:
+    """Whether a requirement is not decided and more runs like these would not verify it."""
+    return entry["verdict"] == Verdict.MORE_RUNS and not entry["more_runs"]
 
 
 def _reason(content: Mapping[str, Any]) -> str:
@@ -114,6 +120,9 @@ def _reason(content: Mapping[str, Any]) -> str:
             f"after a loss of thrust {found['count']} of {found['runs']} runs could drift into the keep-out sphere "
             f"within {horizon}."
         )
+    if out_of_reach := [entry for entry in requirements if _is_out_of_reach(entry)]:
+        worst = max(out_of_reach, key=lambda entry: float(entry["violations"]))
+        return f"{_violation(worst)[:-1]}: too few to refute it, too many for more runs to verify it."
     if wanted := [entry["more_runs"] for entry in requirements if entry["more_runs"]]:
         which = "all" if len(wanted) == len(requirements) > 1 else str(len(wanted))
         noun = "requirement needs" if len(wanted) == 1 else "requirements need"

@@ -6,14 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.statistics.tolerance_verdicts import Verdict
+from rpojax.analysis.statistics.tolerance_verdicts import Verdict, counts, required_values, violates
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import format_number, format_p_value
 from rpojax.report.page.headline import ended_runs, passive_safety_count, weakest_requirement
 from rpojax.report.sections.failure_section import detail_counts
-from rpojax.report.sections.requirement_verdict_section import limit_text, violations_text, worst_text
-from rpojax.report.sections.safety_section import nearest_text
+from rpojax.report.sections.requirement_verdict_section import limit_text, requirement_of, violations_text, worst_text
+from rpojax.report.sections.safety_section import nearest_text, without_drift_text
 from rpojax.summary_text import counted
 
 _MOST_STEPS: Final = 6
@@ -84,9 +84,9 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
             "failures",
             *_repeat(campaign, cause["run_ids"][0]),
         )
-        for cause in why["causes"][:_MOST_CAUSES]
+        for cause in _shown_causes(content)
     ]
-    explained = _explained(content)
+    explained = _explained(why["causes"])
     without = [failure for failure in content["failures"] if failure["run_id"] not in explained]
     if without:
         what = _count_of_failed(len(without), runs["failed"])
@@ -126,6 +126,7 @@ def _passive_safety(campaign: CampaignResults, content: Mapping[str, Any]) -> li
         horizon, proportion = found
         what = f"{proportion['count']} of {proportion['runs']} runs are not passively safe"
         why = f"after a loss of thrust they could drift into the keep-out sphere within {horizon}"
+        why += without_drift_text(proportion)
         nearest = nearest_drift(safety)
         change = "accept the risk, or choose a passively safe orbit such as that of safety_ellipse"
         steps.append(
@@ -187,13 +188,13 @@ def _violations(
 def _consequences(
     campaign: CampaignResults, content: Mapping[str, Any], violated: Sequence[Mapping[str, Any]]
 ) -> list[NextStep]:
-    """One row of the requirements that only failed runs with a cause violate, by their values."""
-    explained, found = _explained(content), []
+    """One row of the requirements that only runs with a cause in the rows above violate, with a value or without."""
+    explained, found = _explained(_shown_causes(content)), []
     for entry in violated:
-        beyond = _beyond_limit(campaign, entry)
-        if not beyond or not explained >= beyond:
+        violating = _violating(campaign, entry)
+        if not entry["beyond_limit"] or not explained >= violating:
             continue
-        found.append(f"{limit_text(entry)} ({entry['beyond_limit']} of {entry['runs']}, worst {worst_text(entry)})")
+        found.append(f"{limit_text(entry)} ({entry['violations']} of {entry['runs']}, worst {worst_text(entry)})")
     if not found:
         return []
     what = "A requirement is violated, too" if len(found) == 1 else f"{len(found)} requirements are violated, too"
@@ -201,11 +202,12 @@ def _consequences(
     return [NextStep(what, why, "follows from that cause: mend it first", "requirements")]
 
 
-def _beyond_limit(campaign: CampaignResults, entry: Mapping[str, Any]) -> set[int]:
-    """Numbers of the runs with a value beyond a requirement's limit."""
-    values = np.asarray(campaign.metrics[str(entry.get("of", entry["metric"]))], dtype=float)
-    beyond = values > entry["limit"] if entry["bound"] == "at most" else values < entry["limit"]
-    return set(campaign.run_ids[beyond].tolist())
+def _violating(campaign: CampaignResults, entry: Mapping[str, Any]) -> set[int]:
+    """Numbers of all runs that violate a requirement, of which the entry names the first."""
+    requirement = requirement_of(entry)
+    values = required_values(requirement, campaign.metrics)
+    of_these = counts(requirement, campaign.metrics, np.asarray(campaign.outcomes))
+    return set(campaign.run_ids[violates(requirement, values) & of_these].tolist())
 
 
 def _influence(content: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
@@ -255,7 +257,7 @@ def _consistency(campaign: CampaignResults, content: Mapping[str, Any]) -> list[
     ratio = format_number(entry["mean"] / _NEES_COMPONENTS, 3)
     why = f"NEES / 6 of the relative state is {ratio} in the mean, and 1 is right"
     wrong = np.asarray(campaign.metrics["nees_relative_mean"]) > _INCONSISTENT * _NEES_COMPONENTS
-    explained = _explained(content)
+    explained = _explained(_shown_causes(content))
     if wrong.any() and explained.issuperset(campaign.run_ids[wrong].tolist()):
         why += f"; only in {int(wrong.sum())} runs that failed, by a cause above"
         return [NextStep(_OVERCONFIDENT, why, "follows from that cause: mend it first", "consistency")]
@@ -266,9 +268,15 @@ def _consistency(campaign: CampaignResults, content: Mapping[str, Any]) -> list[
     return [NextStep(_OVERCONFIDENT, why, change, "consistency")]
 
 
-def _explained(content: Mapping[str, Any]) -> set[int]:
-    """Numbers of the failed runs that have a cause."""
-    return {run for cause in content["why_failed"]["causes"] for run in cause["run_ids"]}
+def _shown_causes(content: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """Causes of failures that have a row."""
+    shown: Sequence[Mapping[str, Any]] = content["why_failed"]["causes"][:_MOST_CAUSES]
+    return shown
+
+
+def _explained(causes: Sequence[Mapping[str, Any]]) -> set[int]:
+    """Numbers of the failed runs that have one of these causes."""
+    return {run for cause in causes for run in cause["run_ids"]}
 
 
 def _nothing(content: Mapping[str, Any]) -> NextStep:

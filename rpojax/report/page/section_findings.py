@@ -7,7 +7,7 @@ from rpojax.analysis.statistics.tolerance_verdicts import VIOLATED, Verdict
 from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.report.page.headline import ended_runs, passive_safety_count
 from rpojax.report.sections.failure_section import outcomes_text
-from rpojax.report.sections.safety_section import worst_value_texts
+from rpojax.report.sections.safety_section import without_drift_text, worst_value_texts
 
 _NEES_COMPONENTS: Final = 6
 
@@ -70,7 +70,8 @@ def _safety(content: Mapping[str, Any], _: Mapping[str, Any]) -> str:
     found = passive_safety_count(safety)
     if found is not None:
         horizon, proportion = found
-        parts.append(f"{proportion['count']} of {proportion['runs']} could drift into the sphere within {horizon}")
+        words = f"{proportion['count']} of {proportion['runs']} could drift into the sphere within {horizon}"
+        parts.append(words + without_drift_text(proportion).replace(";", ",", 1))
     return "; ".join(parts)
 
 

@@ -68,6 +68,12 @@ def rows(entries: Sequence[Mapping[str, Any]]) -> list[RequirementRow]:
     return [_row(entry) for entry in entries]
 
 
+def requirement_of(entry: Mapping[str, Any]) -> RequirementSection:
+    """Requirement of an entry of report.json."""
+    names = RequirementSection.model_fields
+    return RequirementSection.model_validate({key: entry[key] for key in names if key in entry})
+
+
 def limit_text(entry: Mapping[str, Any]) -> str:
     """Metric, sign of comparison and limit of an entry of report.json."""
     label = metric_label(entry.get("of", entry["metric"]))
@@ -125,7 +131,7 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "unit": metric_label(requirement.metric_name).unit or "-",
         "verdict": str(found.verdict),
         "verdict_text": ALL_FAILED if is_hopeless else _verdict_text(found),
-        "more_runs": None if is_hopeless else found.more_runs,
+        "more_runs": None if is_hopeless or found.is_out_of_reach else found.more_runs,
         "runs": found.runs,
         "violations": found.violations,
         "beyond_limit": found.beyond_limit,
@@ -272,8 +278,7 @@ def _worst_cell(entry: Mapping[str, Any]) -> tuple[str, str]:
 
 def _share(entry: Mapping[str, Any]) -> str:
     """Demanded share of the runs that count."""
-    names = RequirementSection.model_fields
-    requirement = RequirementSection.model_validate({key: entry[key] for key in names if key in entry})
+    requirement = requirement_of(entry)
     return f"{100.0 * requirement.probability:g} % of {_of_runs(requirement)}"
 
 

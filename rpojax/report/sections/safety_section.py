@@ -11,6 +11,7 @@ from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horiz
 from rpojax.report.campaign_results import CampaignResults, keep_out_radii, probability_interval
 from rpojax.report.labels import format_number, format_percent_interval, metric_label, with_unit
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
+from rpojax.summary_text import counted
 
 
 class SafetyRow(NamedTuple):
@@ -40,12 +41,12 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
             "run_ids": campaign.run_ids[entered].tolist(),
         },
         "least_passive_range": _worst_value(campaign, "passive_range_m"),
-        "passive_below_keep_out": _range_violations(campaign, "passive_range_m", keep_out, entered),
+        "passive_below_keep_out": _drifts_into_sphere(campaign, "passive_range_m", keep_out, entered),
         "free_drift": [
             {
                 "horizon": horizon,
                 "least_range": _worst_value(campaign, name),
-                "below_keep_out": _range_violations(campaign, name, keep_out, entered),
+                "below_keep_out": _drifts_into_sphere(campaign, name, keep_out, entered),
             }
             for horizon in campaign.info.get("scenario", {}).get("safety", {}).get("horizons", ())
             if (name := horizon_metric_name(horizon)) in campaign.metrics
@@ -163,6 +164,14 @@ def _worst_value(campaign: CampaignResults, name: str) -> dict[str, Any] | None:
     return {"value": float(values[rows[0]]), "run_id": int(campaign.run_ids[rows[0]])}
 
 
+def _drifts_into_sphere(
+    campaign: CampaignResults, name: str, keep_out: np.ndarray | None, entered: np.ndarray
+) -> dict[str, Any] | None:
+    """Proportion of runs that enter the sphere or would drift into it, and the number of runs without a drift."""
+    found = _range_violations(campaign, name, keep_out, entered)
+    return None if found is None else {**found, "without_drift": len(entered) - found["runs"]}
+
+
 def _range_violations(
     campaign: CampaignResults, name: str, keep_out: np.ndarray | None, entered: np.ndarray
 ) -> dict[str, Any] | None:
@@ -226,5 +235,14 @@ def _proportion_texts(found: Mapping[str, Any] | None) -> tuple[str, str]:
         return "", ""
     value, interval = f"{found['count']} of {found['runs']}", found["interval_95"]
     if interval is None:
-        return value, "runs are not independent: no interval"
-    return value, f"95 % interval of the probability: {format_percent_interval(*interval)}"
+        return value, "runs are not independent: no interval" + without_drift_text(found)
+    return value, f"95 % interval of the probability: {format_percent_interval(*interval)}{without_drift_text(found)}"
+
+
+def without_drift_text(found: Mapping[str, Any]) -> str:
+    """Addition of the runs that a proportion leaves out, since no drift of theirs is known; empty where it has all.
+
+    A requirement on that drift counts them as violations, as it does all runs without a value.
+    """
+    count = found.get("without_drift")
+    return f"; {counted(count, 'run')} without a drift not counted" if count else ""

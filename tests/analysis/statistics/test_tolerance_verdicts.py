@@ -47,7 +47,9 @@ def test_just_enough_runs_verify(runs: int, violating: int) -> None:
 def test_one_run_less_needs_more_and_the_number_is_just_enough(runs: int, violating: int, more: int) -> None:
     found = campaign(runs, violating)
     assert found.verdict is Verdict.MORE_RUNS
-    assert found.text == f"needs {more} more {'run' if more == 1 else 'runs'}"
+    least = "at least " if violating else ""
+    assert found.text == f"needs {least}{more} more {'run' if more == 1 else 'runs'}"
+    assert not found.is_out_of_reach
     assert campaign(runs + more, violating).verdict is Verdict.VERIFIED
 
 
@@ -55,6 +57,11 @@ def test_a_requirement_is_refuted_where_so_many_violations_are_as_rare_as_the_ri
     # P(Bin(300, 0.01) >= k) first falls below a tenth at six.
     assert binom.sf(4, 300, 0.01) > 0.1 > binom.sf(5, 300, 0.01)
     assert campaign(300, 5).verdict is Verdict.MORE_RUNS
+    assert campaign(300, 5).text == "open: more runs at this rate of violations would not verify it"
+    # Nor does any number of runs with five violations in 300 each, while one in 300 is rare enough from 1200 runs on.
+    assert all(campaign(300 * times, 5 * times).verdict is Verdict.NOT_VERIFIED for times in (2, 4, 6))
+    assert campaign(1200, 4).verdict is Verdict.VERIFIED
+    assert not campaign(300, 1).is_out_of_reach
     found = campaign(300, 6)
     assert found.verdict is Verdict.NOT_VERIFIED
     assert found.text == "violated"

@@ -23,8 +23,9 @@ WIDE = BelievedWideLens(
 LARGE = CameraFormat(width_px=768, height_px=768, input_px=128)
 
 
-def lens(is_wide: bool, is_new: bool = False) -> LensInUse:
-    return LensInUse(is_wide=jnp.asarray(is_wide), is_new=jnp.asarray(is_new))
+def lens(is_wide: bool, was_wide: bool | None = None) -> LensInUse:
+    was = is_wide if was_wide is None else was_wide
+    return LensInUse(is_wide=jnp.asarray(is_wide), was_wide=jnp.asarray(was))
 
 
 def test_the_lens_changes_at_different_ranges_on_the_way_in_and_out() -> None:
@@ -33,7 +34,8 @@ def test_the_lens_changes_at_different_ranges_on_the_way_in_and_out() -> None:
     found = []
     for distance in (20.0, 14.0, 12.1, 11.9, 12.1, 14.9, 15.1, 14.0):
         in_use = change(WIDE, in_use, jnp.float64(distance))
-        found.append((bool(in_use.is_wide), bool(in_use.is_new)))
+        found.append((bool(in_use.is_wide), bool(in_use.is_wide != in_use.was_wide)))
+        in_use = lens_choice.after_frame(in_use, in_use)
     assert found == [
         (False, False), (False, False), (False, False), (True, True), (True, False), (True, False), (False, True),
         (False, False),
@@ -42,9 +44,9 @@ def test_the_lens_changes_at_different_ranges_on_the_way_in_and_out() -> None:
 
 
 def test_only_the_frame_after_a_change_adds_the_misalignment_of_the_lenses() -> None:
-    assert float(lens_choice.misalignment_variance(WIDE, lens(True, True))) == pytest.approx(1e-6)
+    assert float(lens_choice.misalignment_variance(WIDE, lens(True, False))) == pytest.approx(1e-6)
     assert float(lens_choice.misalignment_variance(WIDE, lens(False, True))) == pytest.approx(1e-6)
-    assert float(lens_choice.misalignment_variance(WIDE, lens(True, False))) == 0.0
+    assert float(lens_choice.misalignment_variance(WIDE, lens(True, True))) == 0.0
 
 
 def test_beliefs_are_those_of_the_lens_in_use(flight: FlightParams) -> None:

@@ -105,6 +105,27 @@ def test_a_run_that_is_picked_is_marked_everywhere_and_opens(build):
     assert found["missing"] == 0
 
 
+def test_labels_in_charts_end_within_them(build):
+    campaign = build(runs=9, failed=(4,), kept=())
+    # From just before the middle of a narrow chart the words would go on beyond its right edge.
+    campaign.failed_at_s[4] = 0.48 * campaign.trace_time_s[-1]
+    script = """
+      const cut = [...document.querySelectorAll("svg.plot")].flatMap((plot) => {
+        const { left, right } = plot.getBoundingClientRect();
+        return [...plot.querySelectorAll("text.mark")].filter((text) => {
+          const box = text.getBoundingClientRect();
+          return box.left < left - 0.5 || box.right > right + 0.5;
+        }).map((text) => text.textContent);
+      });
+      const words = [...document.querySelectorAll("text.mark")].map((text) => text.textContent).join(" ");
+      return { cut, words };
+    """
+    found, messages = after_script(write_report(campaign), script, *view_options(400, 900))
+    assert messages == []
+    assert "run 4: entered the keep-out sphere" in found["words"]
+    assert found["cut"] == []
+
+
 def test_a_link_opens_the_section_that_it_leads_to(build):
     page = write_report(build(runs=30, seconds=60, kept=()))
     script = """

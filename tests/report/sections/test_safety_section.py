@@ -5,6 +5,8 @@ import pytest
 from synthetic_campaign_results import synthetic_team
 
 from rpojax.report import campaign_results
+from rpojax.report.page import report_json
+from rpojax.report.page.first_screen import verdict_tiles
 from rpojax.report.sections import envelope_section, safety_section
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -53,6 +55,27 @@ def test_drifts_into_the_sphere_are_alerts_with_their_intervals(build):
     assert not alerts[f"{into} 1 orbit after a loss of thrust"]
     assert alerts[f"{into} 24 h after a loss of thrust"]
     assert not any("did not end" in quantity for quantity in alerts)
+
+
+def test_runs_without_a_drift_are_not_counted_as_safe_and_it_is_said(build):
+    campaign = build(runs=30, seconds=300, kept=())
+    campaign.info["scenario"]["safety"] = {"horizons": ["24_h"]}
+    campaign.metrics["passive_range_24_h_m"] = np.where(np.arange(30) < 4, np.nan, 20.0)
+    content = {**report_json.report_content(campaign, []), "requirements": []}
+    [drift] = content["safety"]["free_drift"]
+    assert (drift["below_keep_out"]["runs"], drift["below_keep_out"]["without_drift"]) == (26, 4)
+    words = "; 4 runs without a drift not counted"
+    [row] = [row for row in safety_section.rows(content["safety"]) if "could drift" in row.quantity]
+    assert row.value == "0 of 26"
+    assert row.remark.endswith(words)
+    tile = next(tile for tile in verdict_tiles(content) if tile.title == "Passive safety")
+    assert tile.value == "holds: 26 of 26"
+    assert tile.css_class == "open"
+    assert tile.note.endswith(words)
+    # Where all have one nothing is said.
+    campaign.metrics["passive_range_24_h_m"][:] = 20.0
+    found = safety_section.content(campaign)
+    assert not any("not counted" in row.remark for row in safety_section.rows(found))
 
 
 def test_a_run_is_judged_by_its_own_sphere(build):

@@ -389,6 +389,17 @@ def test_the_command_evaluates_each_format(
     assert json.loads(capsys.readouterr().out)["images"] == 2
 
 
+def test_a_folder_without_annotations_is_refused_with_the_formats_that_there_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = yolo(tmp_path)
+    assert main.main(["detector", "evaluate", str(folder)]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert f"{folder}: found no annotations.json" in line
+    assert "--format speed, spark or yolo" in line
+
+
 @pytest.mark.parametrize("words", [["--limit", "0", "--format", "yolo"], ["--limit", "3"], ["--labels", "x.json"]])
 def test_options_that_do_not_belong_together_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str]

@@ -203,6 +203,7 @@ def evaluate(asked: EvaluateDetectorCommand) -> int:
 
     params, _ = load_detector(asked.weights)
     if asked.form == "coco":
+        _check_annotations(asked.dataset)
         _, unseen = _training_and_validation(asked.dataset, evaluate=True)
     else:
         unseen = data_formats.read_folder(asked.dataset, asked.form, asked.labels, asked.limit)
@@ -211,6 +212,14 @@ def evaluate(asked: EvaluateDetectorCommand) -> int:
         asked.as_json,
     )
     return 0
+
+
+def _check_annotations(folder: Path) -> None:
+    """Refuses a folder without annotations, naming the formats of others."""
+    name = detection_dataset.ANNOTATIONS
+    if not (folder / _VALIDATION).is_dir() and not (folder / name).is_file():
+        expected = f"{name} in COCO's format, or --format speed, spark or yolo for a folder of these"
+        raise DatasetError(f"{folder}: found no {name}, expected {expected}")
 
 
 def _training_and_validation(folder: Path, evaluate: bool = False) -> tuple[DetectionDataset, DetectionDataset]:

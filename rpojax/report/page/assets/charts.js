@@ -240,13 +240,20 @@ const Charts = (() => {
       if (!text) continue;
       const atEnd = upright && place > (box.left + box.right) / 2;
       const [left, top] = [upright ? place + (atEnd ? -4 : 4) : box.right - 4, upright ? box.top + 10 : place - 4];
-      label(root, text, left, top, upright && !atEnd ? "start" : "end", color(shape.line.color));
+      label(root, text, left, top, upright && !atEnd ? "start" : "end", color(shape.line.color), box);
     }
   }
 
-  // A label, below those that stand where it would.
-  function label(root, text, x, y, anchor, fill) {
+  // A label, below those that stand where it would. Within a box it crosses no edge: it is moved, and if it is wider, broken.
+  function label(root, text, from, y, anchor, fill, box) {
     const width = 6.6 * text.length;
+    const spaces = [...text.matchAll(/ /g)].map((one) => one.index);
+    if (box && spaces.length && width > box.right - box.left) {
+      const middle = spaces.reduce((best, one) => (Math.abs(2 * one - text.length) < Math.abs(2 * best - text.length) ? one : best));
+      for (const line of [text.slice(0, middle), text.slice(middle + 1)]) label(root, line, from, y, anchor, fill, box);
+      return;
+    }
+    const x = !box ? from : anchor === "end" ? Math.max(from, box.left + width) : Math.min(from, box.right - width);
     const left = anchor === "end" ? x - width : x;
     const others = [...root.querySelectorAll("text.mark")].map((one) => one.label);
     let at = y;

@@ -109,7 +109,9 @@ def test_headline_without_failures_is_the_verdicts_and_what_is_worst():
     ],
 )
 def test_what_is_open_is_told_apart_from_what_is_refuted(verdict, words):
-    stated = {**CONTENT, "requirements": [requirement("delta_v_m_s", "at most", 1.0, verdict, None, 0.5)]}
+    more = 30 if verdict == "needs more runs" else None
+    entry = requirement("delta_v_m_s", "at most", 1.0, verdict, None, 0.5, more_runs=more)
+    stated = {**CONTENT, "requirements": [entry]}
     assert headline(stated)[0] == f"None of 500 runs failed, {'but' if 'violated' in words else 'and'} {words}"
 
 
@@ -330,6 +332,19 @@ def test_statistics_of_complete_campaigns_have_no_dagger(build):
     assert "\N{DAGGER}" not in page_text(rendered_page(build(runs=20))).partition("Monte Carlo campaign report")[2]
 
 
+def test_more_runs_are_not_asked_for_where_so_many_violate_that_they_would_not_verify():
+    stated = copy.deepcopy(CONTENT)
+    for drift in stated["safety"]["free_drift"]:
+        drift["below_keep_out"]["count"] = 0
+    few = {"verdict": "needs more runs", "violations": 2, "violating_ids": [1, 2], "runs": 100, "more_runs": None}
+    stated["requirements"][0] |= few
+    limit = "Formation error \N{LESS-THAN OR EQUAL TO} 2 m"
+    assert headline(stated) == [
+        "None of 500 runs failed, and of 3 requirements 2 are verified and 1 is open.",
+        f"2 of 100 runs violate {limit}: too few to refute it, too many for more runs to verify it.",
+    ]
+
+
 def test_more_runs_are_not_asked_for_where_all_failed_and_few_have_an_interval(build):
     campaign = build(runs=8, failed=())
     campaign.outcomes[:] = str(Outcome.ABORTED)
@@ -376,6 +391,7 @@ def test_what_only_failed_runs_with_a_cause_show_follows_from_it(build):
     content = ended(497, lost=3) | {"warnings": [], "metrics": {"nees_relative_mean": {"mean": 2.2e7}}}
     content["failures"] = [{"run_id": run, "detail": ""} for run in (0, 1, 2)]
     cause = {"name": "misses", "title": "boxes are missing", "text": "", "mend": "", "runs": 3, "run_ids": [0, 1, 2]}
+    before = campaign.metrics["formation_error_rms_m"].copy()
     content["why_failed"] |= {"failed": 3, "causes": [cause]}
     violated = {"verdict": "not verified", "violations": 2, "beyond_limit": 2, "violating_ids": [0, 2], "worst": 2.5}
     content["requirements"][0] |= violated
@@ -384,6 +400,14 @@ def test_what_only_failed_runs_with_a_cause_show_follows_from_it(build):
     consequence = steps["A requirement is violated, too"]
     assert consequence.why == f"{limit} (2 of 500, worst 2.50 m): only by runs that failed by a cause above"
     assert consequence.change == "follows from that cause: mend it first"
+    # Neither where a run without a value violates it, too, that has no cause, nor by a cause that has no row.
+    campaign.metrics["formation_error_rms_m"][4] = np.nan
+    assert "A requirement is violated, too" not in {step.what for step in next_steps(campaign, content)}
+    campaign.metrics["formation_error_rms_m"] = before
+    hidden = [{**cause, "run_ids": [run]} for run in (10, 11, 12)]
+    content["why_failed"]["causes"] = [*hidden, cause]
+    assert "A requirement is violated, too" not in {step.what for step in next_steps(campaign, content)}
+    content["why_failed"]["causes"] = [cause]
     filter_row = steps["The filter is overconfident"]
     assert "only in 3 runs that failed" in filter_row.why
     assert filter_row.change == "follows from that cause: mend it first"
