@@ -23,6 +23,8 @@ def check_thrusters(file: ScenarioFile) -> None:
     if file.effects.inertia_change and not file.effects.center_of_mass_shift:
         expected = "false, or effects.center_of_mass_shift = true: the inertia is that about the centre of mass"
         raise ScenarioError("effects.inertia_change", True, expected)
+    if file.effects.inertia_change:
+        _check_tank(file)
     if not file.thrusters:
         if file.effects.faults and (leaks := sorted(DispersedReach(file).fault_kinds & set(LEAKS))):
             expected = "another kind, or [[thrusters]]: the one thruster neither sticks open nor leaks"
@@ -48,6 +50,22 @@ def check_thrusters(file: ScenarioFile) -> None:
     _check_authority(file, np.ones(len(names), dtype=bool), "thrusters")
     if file.plume.inhibit_within_m > 0.0:
         _check_authority(file, _away_from_boresight(file), "plume.inhibit_angle_deg")
+
+
+def _check_tank(file: ScenarioFile) -> None:
+    """Refuses a tank so far out that without its propellant the rest has the inertia of no body."""
+    full, propellant = file.servicer.mass_kg, file.limits.propellant_kg
+    if propellant >= full:
+        raise ScenarioError("limits.propellant_kg", propellant, f"less than servicer.mass_kg = {full:g}")
+    tank = np.array(file.thruster.tank_position_m)
+    # The tank's own inertia, and that of the rest about its centre of mass, which lies opposite.
+    with_lever = propellant * full / (full - propellant) * (tank @ tank * np.eye(3) - np.outer(tank, tank))
+    sphere = 0.4 * propellant * file.thruster.tank_radius_m**2 * np.eye(3)
+    dry = np.linalg.eigvalsh(np.array(file.servicer.inertia_kg_m2) - with_lever - sphere)
+    if dry[0] <= 0.0 or dry[2] > dry[0] + dry[1]:
+        found = ", ".join(f"{each:.3g}" for each in dry)
+        expected = f"a tank within the body: without its {propellant:g} kg moments of inertia would be {found} kg m^2"
+        raise ScenarioError("thruster.tank_position_m", file.thruster.tank_position_m, expected)
 
 
 def _away_from_boresight(file: ScenarioFile) -> np.ndarray:

@@ -101,3 +101,18 @@ def test_numbers_of_isolation_have_bounds(change: str) -> None:
     key, _, value = change.partition("=")
     with pytest.raises(ScenarioError, match=rf"^{key}: found {float(value):g}"):
         rpojax.load("thruster_failure", [change])
+
+
+def test_inertia_follows_the_propellant_only_with_the_centre_of_mass() -> None:
+    with pytest.raises(ScenarioError) as refused:
+        rpojax.load("inspection", ["effects.inertia_change=true", "effects.center_of_mass_shift=false"])
+    assert_one_line(refused.value, "effects.inertia_change", "center_of_mass_shift")
+
+
+@pytest.mark.parametrize("change", ["thruster.tank_position_m=[-0.9,0,0]", "thruster.tank_radius_m=0.9"])
+def test_a_tank_outside_of_the_body_is_refused(change: str) -> None:
+    both = ["effects.inertia_change=true", "effects.center_of_mass_shift=true"]
+    assert rpojax.load("inspection", both).effects.inertia_change
+    with pytest.raises(ScenarioError) as refused:
+        rpojax.load("inspection", [*both, change])
+    assert_one_line(refused.value, "thruster.tank_position_m", "within the body")
