@@ -1,12 +1,13 @@
 """Prediction of both filters over a tick, with what flight software knows of its motion: burns, pulses, pressures."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control import rcs_control
+from rpojax.flight.control.rcs_control import RcsCommand
 from rpojax.flight.control.thruster_isolation import OpenTime
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
@@ -72,9 +73,7 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
     if memory.rcs is not None:
         # Each tick of pulses is a burn of its own, and no sign of the one thruster.
-        acts = memory.rcs.acts
-        if motion.uncommanded is not None:
-            acts |= jnp.any(motion.uncommanded.time > 0.0, axis=0)
+        acts = _pulses_act(memory.rcs, motion)
         burning &= ~acts
         assert params.thrusters is not None
         size = rcs_control.burn_size(
@@ -85,15 +84,20 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     if motion.thrust_ratio is not None:
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
         thrust_estimate = select(burning, estimated, thrust_estimate)
+    ratio, inflation = thrust_estimate.ratio, thrust_estimator.sigma_inflation(params.navigation, thrust_estimate)
+    if memory.rcs is not None:
+        # What the one thruster gives says nothing of the others.
+        acts = _pulses_act(memory.rcs, motion)
+        ratio, inflation = jnp.where(acts, 1.0, ratio), jnp.where(acts, 1.0, inflation)
     orbit, own = software.stages.call_with_memory(
         "orbit_predict",
         memory.own,
         tuning=params.navigation,
         zonal_degree=software.filter.zonal_degree,
         estimate=memory.orbit,
-        delta_v_N=thrust_estimate.ratio * delta_v_N,
-        burn_delta_v=thrust_estimate.ratio * burn_delta_v,
-        burn_sigma_inflation=thrust_estimator.sigma_inflation(params.navigation, thrust_estimate),
+        delta_v_N=ratio * delta_v_N,
+        burn_delta_v=ratio * burn_delta_v,
+        burn_sigma_inflation=inflation,
         third_body_acceleration_N=motion.third_body_acceleration_N,
         lasting=_lasting_effects(params, memory, motion),
         time=end - dt,
@@ -101,7 +105,7 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     )
     history = memory.history
     if history is not None:
-        history = retrodiction.remember(history, motion.q_BN_before, thrust_estimate.ratio * delta_v_N)
+        history = retrodiction.remember(history, motion.q_BN_before, ratio * delta_v_N)
     rcs = memory.rcs
     if rcs is not None:
         assert params.thrusters is not None
@@ -119,6 +123,13 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         own=own,
         attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, motion.q_BN_before, dt),
     )
+
+
+def _pulses_act(rcs: RcsCommand, motion: MotionOnBoard) -> Bool[Array, ""]:
+    """Whether the velocity change of a tick is that of small thrusters, late and uncommanded pulses included."""
+    assert motion.fired is not None
+    acts = rcs.acts | jnp.any(motion.fired > 0.0, axis=0)
+    return acts if motion.uncommanded is None else acts | jnp.any(motion.uncommanded.time > 0.0, axis=0)
 
 
 def _by_pressures(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> tuple[FlightMemory, Vector]:
@@ -142,7 +153,7 @@ def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionO
     axes_N = lasting_error_effects.thrust_axes(motion.q_BN_before, params.vehicle.thrust_direction)
     if memory.rcs is not None:
         # Pulses of several thrusters have no common direction that lasts.
-        axes_N = jnp.where(memory.rcs.acts, 0.0, axes_N)
+        axes_N = jnp.where(_pulses_act(memory.rcs, motion), 0.0, axes_N)
     return LastingEffects(
         thrust_axes_N=axes_N,
         ballistic_N=differential_drag.ballistic_acceleration(

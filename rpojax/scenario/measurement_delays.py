@@ -60,6 +60,10 @@ def check_delays(file: ScenarioFile) -> None:
         if memory and longest > memory:
             expected = f"at most navigation.delay_memory_s = {memory:g} with jitter and processing, which add to it"
             raise ScenarioError(f"{name}.delay_s", section.delay_s, f"{expected}: {longest:g} s")
+        ticks = math.ceil((section.delay_s + section.processing_s) * file.rates.camera_hz - _ROUNDING)
+        if section.time_tag_error_s > (youngest := ticks / file.rates.camera_hz):
+            expected = f"at most {youngest:g}, the least age of a measurement that flight software gets"
+            raise ScenarioError(f"{name}.time_tag_error_s", section.time_tag_error_s, expected)
         if longest > LONGEST_S:
             raise ScenarioError(f"{name}.delay_s", section.delay_s, f"at most {LONGEST_S:g} s with all that adds to it")
     dispersed = _dispersed(file)

@@ -61,12 +61,14 @@ class InTransit:
         age: (slots,) time since the exposure [s]
         left: (slots,) time until flight software has them [s], infinite in empty slots
         busy: () time for which the processor is busy still [s]
+        since: () time since flight software had one [s]
     """
 
     measurements: Any
     age: Array
     left: Array
     busy: Array
+    since: Array
 
 
 @pytree
@@ -77,11 +79,13 @@ class Delivery:
         measurement: pytree of arrays; what it holds where there is none does not count
         age: () time since the exposure by its time tag [s]
         present: () bool, there is one
+        interval: () time since flight software had the one before [s]
     """
 
     measurement: Any
     age: Array
     present: Array
+    interval: Array
 
 
 def none_in_transit(slots: int, example: Any, zero: Scalar) -> InTransit:
@@ -91,6 +95,7 @@ def none_in_transit(slots: int, example: Any, zero: Scalar) -> InTransit:
         age=jnp.zeros((slots,), dtype=zero.dtype) + zero,
         left=jnp.full((slots,), jnp.inf, dtype=zero.dtype) + zero,
         busy=zero,
+        since=zero,
     )
 
 
@@ -120,6 +125,7 @@ def pass_through(
         measurement=jax.tree.map(lambda slots: slots[first], measurements),
         age=age[first] - delay.time_tag_error,
         present=present,
+        interval=waiting.since + tick_s,
     )
     taken = (jnp.arange(left.shape[0]) == first) & present
     after = InTransit(
@@ -127,6 +133,7 @@ def pass_through(
         age=age,
         left=jnp.where(taken, jnp.inf, left),
         busy=jnp.where(idle, delay.processing, busy),
+        since=jnp.where(present, 0.0, waiting.since + tick_s),
     )
     return after, delivery
 

@@ -17,6 +17,7 @@ from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
 from rpojax.flight.control import thruster_isolation
+from rpojax.flight.guidance import lens_choice
 from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
@@ -46,8 +47,9 @@ class ObservedTick:
 
     @cached_property
     def in_use(self) -> Params:
-        """Parameters with those of the lens in use."""
-        return self.params.seen_through(self.telemetry.flight.lens)
+        """Parameters with those of the lens of the frame that flight software has."""
+        frame = lens_choice.of_frame(self.telemetry.flight.lens, self.telemetry.measurements.is_wide)
+        return self.params.seen_through(frame)
 
     @property
     def truth(self) -> Truth:
@@ -213,8 +215,9 @@ def _failed_tests(tick: ObservedTick) -> Array:
 
 
 def _is_wide(tick: ObservedTick) -> Array:
-    """Whether the camera looked through its wide lens."""
-    lens = tick.telemetry.flight.lens
+    """Whether the frame that flight software has is of the wide lens."""
+    telemetry = tick.telemetry
+    lens = lens_choice.of_frame(telemetry.flight.lens, telemetry.measurements.is_wide)
     assert lens is not None
     return lens.is_wide
 
@@ -250,7 +253,7 @@ def _isolation_delay(tick: ObservedTick) -> Scalar:
     rcs = tick.telemetry.flight.rcs
     assert rcs is not None
     assert rcs.isolation is not None
-    open_time = reaction_control.stuck_open_time(tick.params.plant, rcs.isolation, _time(tick))
+    open_time = reaction_control.stuck_open_time(tick.scenario, tick.params.plant, rcs.isolation, _time(tick))
     # A frozen run has no time after its failure.
     return jnp.where(tick.telemetry.running, open_time, jnp.nan)
 

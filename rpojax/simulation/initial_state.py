@@ -106,7 +106,7 @@ def _with_nothing_under_way(loop: Loop, state: State) -> State:
 
     def exposed() -> dict[str, Any]:
         noise, sky = draw_tick_noise(scenario, state.keys, state.tick), sun_and_moon_at(loop.params.epoch, zero)
-        return tick_measurements.expose(loop, state, noise, sky, equipment_faults.healthy(), zero)[0]
+        return tick_measurements.expose(loop, state, noise, sky, equipment_faults.healthy(), zero)
 
     # Only their shapes are wanted.
     shapes = jax.eval_shape(exposed)

@@ -11,6 +11,7 @@ from rpojax.physics import equipment_faults, forces_and_torques, rcs_thrusters
 from rpojax.physics.plant_state import PlantParams, Truth, propellant_used
 from rpojax.physics.rcs_thrusters import Leak, RcsState, RcsThrust
 from rpojax.scenario.params import Params
+from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import chamber_pressure
 from rpojax.simulation import command_delay
 from rpojax.simulation.noise import TickNoise
@@ -56,6 +57,10 @@ def pulses(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> tuple[RcsT
         assert motion.commands.on_time is not None
         on_time, waiting = command_delay.exchanged(motion.commands.on_time, on_time)
         motion = replace(motion, commands=replace(motion.commands, on_time=waiting))
+    if motion.isolation is not None:
+        # Pulses that were on their way do not pass a valve that has shut meanwhile.
+        is_shut = valve_shut_at(loop.scenario, params.plant, motion.isolation) <= tick.time + offset
+        on_time = jnp.where(is_shut, 0.0, on_time)
     assert tick.thrusters is not None
     q_BN = motion.attitude.q_BN
     vehicle = rcs_control.with_propellant_used(params.flight.vehicle, given)
@@ -68,16 +73,21 @@ def pulses(loop: Loop, tick: Tick, motion: Motion, offset: Scalar) -> tuple[RcsT
     return thrust, known, on_time
 
 
-def leak_end(plant_params: PlantParams, isolation: Isolation | None) -> Array:
+def valve_shut_at(scenario: Scenario, plant_params: PlantParams, isolation: Isolation) -> Float[Array, " n"]:
+    """When the isolation valve of each thruster is shut [s] from the start: the command is late as all are."""
+    return isolation.shut_at + scenario.command_steps * scenario.step_s + plant_params.isolation.valve
+
+
+def leak_end(scenario: Scenario, plant_params: PlantParams, isolation: Isolation | None) -> Array:
     """When each thruster with a fault stops to give force without a command, () or (n,) [s] from the start."""
     over = plant_params.fault.start + plant_params.fault.duration
-    return over if isolation is None else jnp.minimum(over, isolation.shut_at + plant_params.isolation.valve)
+    return over if isolation is None else jnp.minimum(over, valve_shut_at(scenario, plant_params, isolation))
 
 
-def stuck_open_time(plant_params: PlantParams, isolation: Isolation, time: Scalar) -> Scalar:
+def stuck_open_time(scenario: Scenario, plant_params: PlantParams, isolation: Isolation, time: Scalar) -> Scalar:
     """For how long a thruster has been stuck open up to `time` [s], NaN before that and without such a fault."""
     stuck = equipment_faults.is_stuck_open(plant_params.fault, len(isolation.shut_at))
-    open_time = jnp.minimum(time, leak_end(plant_params, isolation)) - plant_params.fault.start
+    open_time = jnp.minimum(time, leak_end(scenario, plant_params, isolation)) - plant_params.fault.start
     longest = jnp.max(jnp.where(stuck, open_time, -1.0), axis=0)
     return jnp.where(longest >= 0.0, longest, jnp.nan)
 
@@ -89,7 +99,7 @@ def _leak(loop: Loop, tick: Tick, motion: Motion, offset: Scalar, is_fed: Bool[A
     # Times relative to the step, because in single precision times since the start are too coarse.
     begin = fault.start - tick.time - offset
     share = equipment_faults.leak_shares(fault, loop.scenario.thrusters)
-    end = leak_end(plant_params, motion.isolation) - tick.time - offset
+    end = leak_end(loop.scenario, plant_params, motion.isolation) - tick.time - offset
     return Leak(share=jnp.where(is_fed, share, 0.0), begin=begin, end=jnp.broadcast_to(end, share.shape))
 
 

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.numerics import double_single, gradient_safe
@@ -23,7 +23,7 @@ from rpojax.sensors import chamber_pressure, gps, gyro, measurement_delay, star_
 from rpojax.sensors.additional.additional_sensor import SensedScene
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.gps import Gps
-from rpojax.sensors.measurement_delay import InTransit, MeasurementDelay
+from rpojax.sensors.measurement_delay import Delivery, InTransit, MeasurementDelay
 from rpojax.simulation import camera_models
 from rpojax.simulation.noise import TickNoise, camera_key
 from rpojax.simulation.state import SensorErrors, State
@@ -43,12 +43,14 @@ class SeenByCamera:
 
     Attributes:
         box: bounding box
+        frame: what is recorded of it
         picture: (p, p, 3) that the detector got, None where no stage asks for it
         window: of the picture, likewise
         is_wide: () bool, through the wide lens; None with one lens
     """
 
     box: BoxMeasurement
+    frame: CameraFrame
     picture: Array | None
     window: CameraCommand | None
     is_wide: Array | None
@@ -64,7 +66,7 @@ def measure(
 ) -> tuple[Measurements, CameraFrame, dict[str, InTransit]]:
     """Inputs of the flight software at the beginning of a tick, at `time` [s]; camera frame; what is under way."""
     params, truth = loop.params, state.truth
-    exposed, frame = expose(loop, state, noise, sky, health, time)
+    exposed = expose(loop, state, noise, sky, health, time)
     arrived, in_transit, age = _exchange_late(loop, state, exposed, noise)
     seen: SeenByCamera = arrived.pop(CAMERA)
     measurements = Measurements(
@@ -79,13 +81,13 @@ def measure(
         is_wide=seen.is_wide,
         window=seen.window,
     )
-    return measurements, frame, in_transit
+    return measurements, seen.frame, in_transit
 
 
 def expose(
     loop: Loop, state: State, noise: TickNoise, sky: SunMoonPositions, health: Health, time: Scalar
-) -> tuple[dict[str, Any], CameraFrame]:
-    """Measurements whose exposure is at `time` [s], of each sensor that may be late, by name; and the camera frame.
+) -> dict[str, Any]:
+    """Measurements whose exposure is at `time` [s], of each sensor that may be late, by name.
 
     That of the camera is `SeenByCamera`.
     """
@@ -105,11 +107,12 @@ def expose(
     takes, lens = loop.stages.takes_picture, state.flight.lens
     of_camera = SeenByCamera(
         box=box_measurement(scenario, params, frame),
+        frame=frame,
         picture=picture if takes else None,
         window=state.flight.camera if takes else None,
         is_wide=None if lens is None else lens.is_wide,
     )
-    return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, time)}, frame
+    return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, time)}
 
 
 def _exchange_late(
@@ -124,18 +127,35 @@ def _exchange_late(
         )
         age[name], present = delivery.age, delivery.present
         if name == CAMERA:
-            arrived[name] = _as_present(delivery.measurement, present, state.flight.lens)
+            arrived[name] = _as_present(delivery, state.flight.lens)
         else:
             arrived[name] = measurement_delay.without_measurement(delivery.measurement, present)
     return arrived, in_transit, age
 
 
-def _as_present(seen: SeenByCamera, present: Bool[Array, ""], lens: LensInUse | None) -> SeenByCamera:
-    """What arrived of the camera, or what stands for nothing: that does not tell that there is no target."""
-    box = replace(seen.box, present=seen.box.present & present, expected=seen.box.expected & present)
+def _as_present(delivery: Delivery, lens: LensInUse | None) -> SeenByCamera:
+    """What arrived of the camera, or what stands for nothing: that does not tell that there is no target.
+
+    A frame counts for the time since the one that flight software had before it, a tick without one for none.
+    """
+    seen, present = delivery.measurement, delivery.present
+    box = replace(
+        seen.box,
+        present=seen.box.present & present,
+        expected=seen.box.expected & present,
+        interval=jnp.where(present, delivery.interval, 0.0),
+    )
+    of_frame = replace(seen.frame.box, present=seen.frame.box.present & present)
+    frame = replace(
+        seen.frame,
+        box=of_frame,
+        observable=seen.frame.observable & present,
+        outlier=seen.frame.outlier & present,
+        score=jnp.where(present, seen.frame.score, jnp.zeros_like(seen.frame.score)),
+    )
     if lens is None or seen.is_wide is None:
-        return replace(seen, box=box)
-    return replace(seen, box=box, is_wide=jnp.where(present, seen.is_wide, lens.was_wide))
+        return replace(seen, box=box, frame=frame)
+    return replace(seen, box=box, frame=frame, is_wide=jnp.where(present, seen.is_wide, lens.was_wide))
 
 
 def _delay_of(params: Params, name: str) -> MeasurementDelay:

@@ -25,7 +25,7 @@ def test_a_scenario_without_delays_has_none() -> None:
         (["camera.delay_s=0.5"], DelaySettings(("camera",), 3, True)),
         (["camera.delay_s=1.0", "camera.delay_jitter_s=1.5"], DelaySettings(("camera",), 5, True)),
         (["camera.processing_s=2.0", "navigation.delays=ignored"], DelaySettings(("camera",), 4, False)),
-        (["camera.time_tag_error_s=0.01"], DelaySettings(("camera",), 2, True)),
+        (["camera.time_tag_error_s=-0.01"], DelaySettings(("camera",), 3, True)),
         (["camera.delay_s=0.2", "navigation.delay_memory_s=4.0"], DelaySettings(("camera",), 6, True)),
     ],
 )
@@ -33,10 +33,11 @@ def test_slots_last_as_long_as_the_longest_delay(changes: list[str], expected: D
     assert delay_settings(rpojax.load("inspection", changes)) == expected
 
 
-def test_ranging_sensors_may_be_late_alone() -> None:
-    found = delay_settings(rpojax.load("night_approach", ["lidar.delay_s=0.3"]))
-    assert found is not None
-    assert found.sensors == ("lidar",)
+def test_each_ranging_sensor_is_late_by_its_own_keys() -> None:
+    before, after = (delay_settings(rpojax.load("night_approach", each)) for each in ([], ["lidar.delay_s=0.3"]))
+    assert before is not None
+    assert after is not None
+    assert set(after.sensors) - set(before.sensors) == {"lidar"}
 
 
 def test_a_dispersed_delay_needs_a_memory() -> None:
@@ -46,6 +47,13 @@ def test_a_dispersed_delay_needs_a_memory() -> None:
     assert_one_line(refused.value, "navigation.delay_memory_s", "dispersed")
     found = delay_settings(rpojax.load("inspection", [spread, "navigation.delay_memory_s=0.5"]))
     assert found == DelaySettings(("camera",), 3, True)
+
+
+def test_a_time_tag_after_the_arrival_is_refused() -> None:
+    with pytest.raises(ScenarioError) as refused:
+        rpojax.load("inspection", ["camera.time_tag_error_s=0.01"])
+    assert_one_line(refused.value, "camera.time_tag_error_s", "least age")
+    assert rpojax.load("inspection", ["camera.time_tag_error_s=0.01", "camera.delay_s=0.1"]).camera.delay_s == 0.1
 
 
 @pytest.mark.parametrize(

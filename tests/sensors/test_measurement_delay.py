@@ -83,6 +83,19 @@ def test_a_busy_processor_leaves_frames_out() -> None:
     assert set(np.diff(number[present])) == {3.0}
 
 
+def test_the_interval_is_the_time_since_the_measurement_before() -> None:
+    delay, empty = delay_of(0.3, processing=0.5), measurement_delay.none_in_transit(6, jnp.zeros(()), jnp.zeros(()))
+
+    def tick(waiting, number):
+        waiting, delivery = measurement_delay.pass_through(waiting, delay, jnp.zeros(()), number, jnp.zeros(()), TICK_S)
+        return waiting, (delivery.interval, delivery.present)
+
+    interval, present = jax.jit(lambda numbers: jax.lax.scan(tick, empty, numbers)[1])(jnp.arange(TICKS))
+    at = np.flatnonzero(present)
+    np.testing.assert_allclose(interval[at[1:]], np.diff(at) * TICK_S, atol=1e-9)
+    np.testing.assert_allclose(np.diff(at) * TICK_S, 0.6, atol=1e-9)
+
+
 def test_the_time_tag_shifts_the_age() -> None:
     _, age, present = delivered(delay_of(0.4, tag=0.03), np.zeros(TICKS), slots_for(0.4))
     np.testing.assert_allclose(age[present], 0.37, atol=1e-9)

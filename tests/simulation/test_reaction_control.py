@@ -1,5 +1,6 @@
 """Thrusters that fail in the steps of a tick: when they are shut off, and what they have given until then."""
 
+import dataclasses
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -170,14 +171,19 @@ def test_without_isolation_or_without_propellant(failure: tuple[Scenario, Params
 def test_the_delay_of_an_isolation_is_the_time_for_which_the_thruster_can_burn(
     failure: tuple[Scenario, Params, State], kind: str, time: float, shut_at: float, expected: float
 ) -> None:
-    _, params, _ = failure
+    scenario, params, _ = failure
     plant = with_fault(params, 100.0, kind).plant
     plant = replace(plant, fault=replace(plant.fault, duration=jnp.array(1000.0)))
     assert params.flight.thrusters is not None
     isolation = thruster_isolation.initial(params.flight.thrusters)
     isolation = replace(isolation, shut_at=isolation.shut_at.at[THRUSTER].set(shut_at).at[0].set(3.0))
-    found = float(reaction_control.stuck_open_time(plant, isolation, jnp.array(time)))
+    found = float(reaction_control.stuck_open_time(scenario, plant, isolation, jnp.array(time)))
     assert found == pytest.approx(expected, nan_ok=True)
+    # The command to shut the valve is late as all commands are.
+    late = dataclasses.replace(scenario, command_steps=2)
+    later = float(reaction_control.stuck_open_time(late, plant, isolation, jnp.array(time)))
+    is_shut = shut_at < time and kind == "thruster_stuck_open"
+    assert later == pytest.approx(expected + (2 * scenario.step_s if is_shut else 0.0), nan_ok=True)
 
 
 @pytest.mark.slow

@@ -1,7 +1,8 @@
 """Which thrusters may fire near the target: none whose plume points at it, as the Low-Z mode of the Space Shuttle.
 
 Near the target, thrusters whose exhaust leaves within an angle of the line to it are left out of the allocation. The
-others do what they can. After an abort all may fire: to get away counts more than a clean target.
+others do what they can. All of them count as at the centre of mass, and the target as a point: the angle has to cover
+their places and the size of the target. After an abort all may fire: to get away counts more than a clean target.
 """
 
 import jax.numpy as jnp

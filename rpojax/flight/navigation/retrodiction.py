@@ -3,7 +3,8 @@
 Over the delay the target moves from the servicer in a straight line but for the velocity changes that flight software
 commanded, which it remembers as it does the attitude. That is an affine map of the state with an inverse, so that
 every update is that of a filter at the exposure, whatever the order in which measurements arrive. Left out are the
-gravity gradient (at 100 m and 1 s delay 0.2 mm) and the process noise of the delay. Bar-Shalom, Chen, "One-Step
+gravity gradient (at 100 m and 1 s delay 0.2 mm, with the range and the square of the delay), the process noise of the
+delay, and what the filter knows of lasting errors of burns. Bar-Shalom, Chen, "One-Step
 Solution for the Multistep Out-of-Sequence-Measurement Problem in Tracking", 2004, has the same with the noise.
 """
 
@@ -38,7 +39,7 @@ class Exposure:
     Attributes:
         age: () time since then [s]
         q_BN: (4,) attitude of the servicer then
-        moved_N: (3,) path of the target from the servicer since then by velocity changes alone [m]
+        moved_N: (3,) what velocity changes since then add to the way back from now with the velocity of now [m]
         changed_N: (3,) what these changed the servicer's velocity by [m/s]
     """
 
