@@ -167,6 +167,7 @@ def _thruster(force: Array, position: Array, direction: Array) -> Thruster:
         direction=direction,
         misalignment=no_vector,
         tank_position=no_vector,
+        tank_radius=zero,
         magnitude_noise=zero,
         direction_noise=zero,
     )

@@ -16,6 +16,7 @@ from rpojax.metrics import (
     position_errors,
     surface_coverage,
     team,
+    thrusters,
     trajectory,
 )
 
@@ -23,7 +24,7 @@ _GROUPS: Final = (
     ("Errors of position", (position_errors,)),
     ("Consistency of the filter", (filter_consistency, filter_likelihood)),
     ("Confidence of the navigation", (navigation_health,)),
-    ("Range and delta-v", (trajectory, approach, plume)),
+    ("Range and delta-v", (trajectory, approach, plume, thrusters)),
     ("Passive safety", (passive_safety,)),
     ("Pointing and wheels", (attitude,)),
     ("Camera", (camera_boxes,)),

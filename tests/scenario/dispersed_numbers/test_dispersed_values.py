@@ -11,11 +11,13 @@ from scenario_variants import with_dispersions
 from rpojax.core import random_streams
 from rpojax.dispersions.kinds.choice import Choice
 from rpojax.dispersions.kinds.normal import Normal
+from rpojax.dispersions.kinds.uniform import Uniform
 from rpojax.errors import ScenarioError
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
@@ -92,6 +94,8 @@ def _any_dispersion(key: str) -> Any:
         return Choice(key=key, kind="choice", values=["gps_outage"])
     if key == "fault.wheel":
         return Choice(key=key, kind="choice", values=[2.0])
+    if key in [f"camera.{each}" for each in DELAY_KEYS]:
+        return Uniform(key=key, kind="uniform", low=0.01, high=0.02)
     return Normal(key=key, kind="normal", sigma=0.01)
 
 

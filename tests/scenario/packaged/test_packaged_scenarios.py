@@ -13,9 +13,9 @@ from rpojax.scenario.static_settings import static_settings
 from rpojax.scenario.team.members import member_files
 
 
-def test_the_full_scenario_has_every_effect_but_faults_and_plumes_of_thrusters_that_it_has_not() -> None:
+def test_the_full_scenario_has_every_effect_but_faults_plumes_and_a_tank_of_its_own_size() -> None:
     full, faulty = (static_settings(scenario_loader.load(f"inspection_{name}")).effects for name in ("full", "faults"))
-    assert {name for name, value in vars(full).items() if value is False} == {"faults", "plume"}
+    assert {name for name, value in vars(full).items() if value is False} == {"faults", "plume", "inertia_change"}
     assert full.zonal_degree == 6
     assert faulty == replace(full, faults=True)
 
