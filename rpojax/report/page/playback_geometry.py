@@ -63,8 +63,19 @@ def optics(tables: Mapping[str, Any]) -> Optics:
     camera, table = record_of(Camera, tables, "camera"), tables["camera"]
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
     q_KB = np.asarray(camera_pose.camera_attitude(camera, identity))
-    focal = 0.5 * table["width_px"] / math.tan(0.5 * math.radians(table["field_of_view_deg"]))
+    focal = _focal_px(table["width_px"], table["field_of_view_deg"])
     return Optics(int(table["width_px"]), int(table["height_px"]), focal, attitude_matrices(q_KB[None])[0])
+
+
+def focal_lengths(tables: Mapping[str, Any], wide_lens: np.ndarray) -> np.ndarray:
+    """Focal lengths (n,) [px] of a camera with two lenses, by whether frames (n,) are of the wide one."""
+    width_px = tables["camera"]["width_px"]
+    far, near = (_focal_px(width_px, tables[name]["field_of_view_deg"]) for name in ("camera", "wide_lens"))
+    return np.where(np.asarray(wide_lens, dtype=bool), near, far)
+
+
+def _focal_px(width_px: int, field_of_view_deg: float) -> float:
+    return 0.5 * width_px / math.tan(0.5 * math.radians(field_of_view_deg))
 
 
 def thrust_direction(tables: Mapping[str, Any]) -> np.ndarray:

@@ -124,6 +124,8 @@ def _servicer(
         return {**found, "arrays": arrays, "zones": None, "camera": None}
     lens = playback_geometry.optics(tables)
     arrays |= _boxes(at, lens.width_px)
+    if "wide_lens" in at:
+        arrays["focal_px"] = pack_floats(playback_geometry.focal_lengths(tables, at["wide_lens"]))
     return {
         **found,
         "arrays": arrays,

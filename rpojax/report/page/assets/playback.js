@@ -73,8 +73,10 @@ const Playback = (() => {
         const bits = arrays.flags.numbers[now.frame];
         const flag = Object.fromEntries(run.flags.map((name, bit) => [name, Boolean((bits >> bit) & 1)]));
         const row = (name) => (arrays[name] ? arrays[name].row(now.frame) : null);
+        // Of two lenses that of the frame.
+        const camera = arrays.focal_px ? { ...one.camera, focal: row("focal_px")[0] } : one.camera;
         return {
-          ...one, flag, row, place: between(arrays.rho_H, now), body: arrays.q_HB ? axesOf(arrays.q_HB, now) : null,
+          ...one, camera, flag, row, place: between(arrays.rho_H, now), body: arrays.q_HB ? axesOf(arrays.q_HB, now) : null,
           phase: arrays.phase ? arrays.phase.numbers[now.frame] : null, mode: arrays.mode ? arrays.mode.numbers[now.frame] : null,
         };
       }),
