@@ -71,9 +71,9 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
     if memory.rcs is not None and motion.pressures is not None:
         memory, delta_v_N = _by_pressures(params, memory, motion)
     burning, burn_delta_v = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0, gradient_safe.norm(memory.plan.delta_v_N)
-    if memory.rcs is not None:
+    acts = None if memory.rcs is None else _pulses_act(memory.rcs, motion)
+    if memory.rcs is not None and acts is not None:
         # Each tick of pulses is a burn of its own, and no sign of the one thruster.
-        acts = _pulses_act(memory.rcs, motion)
         burning &= ~acts
         assert params.thrusters is not None
         size = rcs_control.burn_size(
@@ -85,9 +85,8 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         estimated = thrust_estimator.update(params.navigation, thrust_estimate, motion.thrust_ratio, dt)
         thrust_estimate = select(burning, estimated, thrust_estimate)
     ratio, inflation = thrust_estimate.ratio, thrust_estimator.sigma_inflation(params.navigation, thrust_estimate)
-    if memory.rcs is not None:
+    if acts is not None:
         # What the one thruster gives says nothing of the others.
-        acts = _pulses_act(memory.rcs, motion)
         ratio, inflation = jnp.where(acts, 1.0, ratio), jnp.where(acts, 1.0, inflation)
     orbit, own = software.stages.call_with_memory(
         "orbit_predict",
@@ -99,7 +98,7 @@ def predict(software: FlightSoftware, memory: FlightMemory, motion: MotionOnBoar
         burn_delta_v=ratio * burn_delta_v,
         burn_sigma_inflation=inflation,
         third_body_acceleration_N=motion.third_body_acceleration_N,
-        lasting=_lasting_effects(params, memory, motion),
+        lasting=_lasting_effects(params, memory, motion, acts),
         time=end - dt,
         dt=dt,
     )
@@ -147,13 +146,15 @@ def _by_pressures(params: FlightParams, memory: FlightMemory, motion: MotionOnBo
     return replace(memory, rcs=rcs_control.shut_off(rcs)), motion.delta_v_N + after - before
 
 
-def _lasting_effects(params: FlightParams, memory: FlightMemory, motion: MotionOnBoard) -> LastingEffects:
-    """Effect of lasting errors over a tick with that `motion`."""
+def _lasting_effects(
+    params: FlightParams, memory: FlightMemory, motion: MotionOnBoard, acts: Bool[Array, ""] | None
+) -> LastingEffects:
+    """Effect of lasting errors over a tick with that `motion`; `acts` says that it is that of small thrusters."""
     servicer = memory.orbit.servicer
     axes_N = lasting_error_effects.thrust_axes(motion.q_BN_before, params.vehicle.thrust_direction)
-    if memory.rcs is not None:
+    if acts is not None:
         # Pulses of several thrusters have no common direction that lasts.
-        axes_N = jnp.where(_pulses_act(memory.rcs, motion), 0.0, axes_N)
+        axes_N = jnp.where(acts, 0.0, axes_N)
     return LastingEffects(
         thrust_axes_N=axes_N,
         ballistic_N=differential_drag.ballistic_acceleration(

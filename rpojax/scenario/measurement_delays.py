@@ -6,12 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from rpojax.core.declared_numbers import declared_numbers
 from rpojax.errors import ScenarioError
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.sensors.additional.registry import present_sensors
+from rpojax.sensors.measurement_delay import MeasurementDelay
 from rpojax.value_types import Section
 
-KEYS: Final = ("delay_s", "delay_jitter_s", "processing_s", "time_tag_error_s")
+KEYS: Final = tuple(key.partition(".")[2] for key, _ in declared_numbers(MeasurementDelay).values())
 """Keys of a sensor's section that make its measurements late, or their time tags wrong."""
 
 

@@ -1,6 +1,7 @@
 """Checks that range finder and LiDAR can measure the target that the scenario flies to."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -51,7 +52,7 @@ def nearest_station_m(file: ScenarioFile) -> float | None:
     return min(found, default=None)
 
 
-def angle_from_camera_deg(file: ScenarioFile, boresight: list[float]) -> float:
+def angle_from_camera_deg(file: ScenarioFile, boresight: Sequence[float] | np.ndarray) -> float:
     """Angle [deg] between a direction in B and the camera's boresight, which points at the target."""
     w, x, y, z = file.camera.mounting
     # q_KB of this convention rotates components; its inverse takes the camera's axis to the body.

@@ -1,11 +1,11 @@
 """Checks of thrusters and tank, and of the reaction control system: it can push and turn the servicer every way."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rpojax.errors import ScenarioError
 from rpojax.flight.control import thruster_allocation
 from rpojax.physics.equipment_faults import LEAKS
+from rpojax.scenario.checks.ranging_checks import angle_from_camera_deg
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 
@@ -70,11 +70,9 @@ def _check_tank(file: ScenarioFile) -> None:
 
 def _away_from_boresight(file: ScenarioFile) -> np.ndarray:
     """Which thrusters may fire near a target on the camera's boresight."""
-    w, x, y, z = file.camera.mounting
-    boresight_B = Rotation.from_quat([x, y, z, w]).inv().apply([0.0, 0.0, 1.0])
-    direction = np.array([each.direction for each in file.thrusters])
-    cosine = -direction @ boresight_B / np.linalg.norm(direction, axis=1)
-    return cosine < np.cos(np.radians(file.plume.inhibit_angle_deg))
+    # A plume leaves against the force.
+    plumes_B = (-np.array(each.direction) for each in file.thrusters)
+    return np.array([angle_from_camera_deg(file, plume_B) for plume_B in plumes_B]) > file.plume.inhibit_angle_deg
 
 
 def _check_authority(file: ScenarioFile, used: np.ndarray, key: str) -> None:
