@@ -4,17 +4,15 @@ python experiments/close_range/gradient.py [--runs 8] [--seed 0] [--thruster t01
 
 The runs are those of `short_approach.toml`. Differences are taken with steps over seven decades: small ones show the
 derivative of the run as its decisions are, large ones change pulses, gates and the instant of the last phase, and jump.
-The derivative of `rpojax.gradient` gives the filter's gates a slope, which no difference of runs has; without
-`--slopes` they are the steps that they are. The exit status is 1 if the differences with a step of 1e-5 deg are further
+Gates are the steps that they are (`gates="steps"` of `rpojax.gradient`); with `--slopes` the filter's gates have a
+slope, which no difference of runs has. The exit status is 1 if the differences with a step of 1e-5 deg are further
 than 1e-3 from the derivative.
 """
 
 import argparse
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Final
-from unittest import mock
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +20,6 @@ import numpy as np
 
 import rpojax
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
-from rpojax.core.numerics import gradient_safe
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.schema import ScenarioFile
@@ -42,14 +39,13 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--thruster", default="t01")
-    parser.add_argument("--slopes", action="store_true", help="keep the slopes of gates, as rpojax.gradient does")
+    parser.add_argument("--slopes", action="store_true", help="gates with slopes")
     options = parser.parse_args()
     rpojax.prepare_process()
     file = rpojax.load(Path(__file__).with_name("short_approach.toml"))
     key = f"thrusters.{options.thruster}.misalignment_deg"
-    gates = nullcontext() if options.slopes else mock.patch.object(gradient_safe, "gate", _step)
-    with gates:
-        found = rpojax.gradient(file, [key], METRICS, runs=options.runs, seed=options.seed)
+    gates = "slopes" if options.slopes else "steps"
+    found = rpojax.gradient(file, [key], METRICS, runs=options.runs, seed=options.seed, gates=gates)
     metrics, events = _at_steps(file, key, options.runs, options.seed)
     holds = True
     for number, name in enumerate(METRICS):
@@ -69,12 +65,6 @@ def main() -> int:
             if step == CHECKED_DEG:
                 holds &= beyond == 0
     return int(not holds)
-
-
-def _step(margin: jax.Array, width: jax.Array) -> jax.Array:
-    """Takes the place of a gate: its value, and its derivative of zero."""
-    del width
-    return jnp.where(margin > 0.0, 1.0, 0.0)
 
 
 def _at_steps(file: ScenarioFile, key: str, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,7 @@ from rpojax.core.pytree import pytree, replace, select
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
 from rpojax.flight.control import thruster_allocation
+from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
@@ -106,9 +107,20 @@ class Params:
             flight=self.flight.seen_through(lens),
         )
 
+    def with_steps(self) -> "Params":
+        """The same with gates and dead band as the steps that they are in derivatives, too; no value depends on it."""
+        steps = array(math.inf)
+        navigation = replace(self.flight.navigation, gate_slope_width=steps)
+        formation = replace(self.flight.formation, dead_band_slope=steps)
+        return replace(self, flight=replace(self.flight, navigation=navigation, formation=formation))
+
 
 _HANDOVER = "initial.handover"
 """Section that a scenario may leave out."""
+_GATE_SLOPE_WIDTH = 0.25
+"""Width of the slope of gates in derivatives [squared sigmas] (experiments/tuning)."""
+_DEAD_BAND_SLOPE = 0.05
+"""Width of that of the dead band over the band [-]."""
 _BURNS_WITH_THE_SAME_ERROR = 2.0
 """Factor on the sigma of a lasting error that counts as new in each burn: errors of several burns in one direction add
 up, and do not average out."""
@@ -140,7 +152,8 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         sensors=_sensor_numbers(tables, believed=True),
         thrusters=_nominal_thrusters(tables["thrusters"]) if thrusters else None,
         wide_lens=None if wide is None else _believed_wide_lens(tables, width_px, height_px),
-        **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere")),
+        formation=record_of(FormationTuning, tables, "formation", dead_band_slope=array(_DEAD_BAND_SLOPE)),
+        **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere", "formation")),
     )
     return Params(
         epoch=epoch_at(epoch_seconds(tables["epoch_utc"])),
@@ -212,6 +225,7 @@ def _navigation(tables: Mapping[str, Any]) -> OrbitFilterTuning:
         "navigation",
         detector_boxes=array(float(tables["camera"]["model"] != "geometric")),
         burn_scale_as_new=array(as_new),
+        gate_slope_width=array(_GATE_SLOPE_WIDTH),
     )
 
 

@@ -241,6 +241,19 @@ def test_both_dispersed_errors_of_burns_count_with_and_without_sharing() -> None
     assert float(burn_execution_error.new_magnitude_sigma(shared, jnp.asarray(2.0))) == pytest.approx(0.1, rel=1e-14)
 
 
+def test_gates_as_steps_change_the_width_of_their_slopes_alone() -> None:
+    _, params, _ = rpojax.initialise_run(rpojax.load("inspection"), 0, 0)
+    given, steps = params.flight, params.with_steps().flight
+    assert (float(given.navigation.gate_slope_width), float(given.formation.dead_band_slope)) == (0.25, 0.05)
+    assert np.isinf([float(steps.navigation.gate_slope_width), float(steps.formation.dead_band_slope)]).all()
+    back = replace(
+        steps,
+        navigation=replace(steps.navigation, gate_slope_width=given.navigation.gate_slope_width),
+        formation=replace(steps.formation, dead_band_slope=given.formation.dead_band_slope),
+    )
+    assert jax.tree.all(jax.tree.map(np.array_equal, back, given))
+
+
 def team_tuning() -> OrbitFilterTuning:
     """Tuning of the filter of a servicer whose boxes are shared."""
     tables = rpojax.load("cooperative_inspection").model_dump()

@@ -43,6 +43,8 @@ CotangentFunction = Callable[[Array, Array], Array]
 count, 0 for padding."""
 ProgramKind = Literal["values", "forward", "reverse", "reverse of all"]
 """`reverse` is that of a weighted sum of metrics, `reverse of all` that of a function of all runs in one batch."""
+Gates = Literal["slopes", "steps"]
+"""What derivatives see of gates and dead band: the slope of a logistic step, or the step itself, whose slope is 0."""
 _COMPILING: dict[ProgramKind, str] = {
     "values": "compiling runs",
     "forward": "compiling runs and derivatives, a minute or more",
@@ -52,6 +54,8 @@ _COMPILING: dict[ProgramKind, str] = {
 """What is said while a program is compiled."""
 RUNS_PER_DEVICE = 64
 """Runs at a time on each device; more are no faster."""
+_LEAST_RUNS_PER_DEVICE = 4
+"""XLA does not compile the derivative of a close approach for batches of one: it aborts or takes for ever."""
 CHECKPOINT_MEMORY_BYTES = 2_000_000_000
 """Memory for the kept states of the reverse mode on each device; beyond it states are computed twice [B]."""
 FORWARD_MODE_MAX_INPUTS = 4
@@ -127,17 +131,24 @@ class RolloutEvaluator:
         stages: Stages | None = None,
         cotangent: CotangentFunction | None = None,
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
+        gates: Gates = "slopes",
         on_stage: Callable[[str], None] = lambda words: None,
     ) -> None:
-        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins."""
+        """Compiles nothing yet.
+
+        Derivatives see gates and dead band as `gates`; `on_stage` gets a description when a compilation or a simulation
+        begins.
+        """
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
-        self.scenario, self._nominal = single_run.nominal_parameters(file)
+        self.scenario, nominal = single_run.nominal_parameters(file)
+        self._nominal = nominal.with_steps() if gates == "steps" else nominal
         self._stages = plugin_registry.stages_of(file, stages)
         known = plugin_registry.catalogue_of(file)
         self._metrics = [known[name] for name in self.metric_names]
         self._input_function, self._cotangent, self._on_stage = input_function, cotangent, on_stage
-        devices, self.runs_per_device = share_runs(runs, RUNS_PER_DEVICE)
+        devices, shared = share_runs(runs, RUNS_PER_DEVICE)
+        self.runs_per_device = max(shared, _LEAST_RUNS_PER_DEVICE)
         self._mesh = DeviceMesh(devices)
         self.checkpoint_ticks = checkpoint_interval(
             self.scenario.ticks, self._state_bytes(), self.runs_per_device, checkpoint_memory_bytes

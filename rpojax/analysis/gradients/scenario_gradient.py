@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
-from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
+from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, Gates, RolloutEvaluator, RolloutResult
 from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
 from rpojax.campaign import argument_checks
 from rpojax.campaign.experiment_design import has_independent_runs
@@ -109,6 +109,7 @@ def gradient(
     horizon_s: float | None = None,
     seed: int = 0,
     mode: str = "auto",
+    gates: Gates = "slopes",
     stages: Stages | None = None,
     progress: bool = True,
 ) -> Gradient:
@@ -116,8 +117,9 @@ def gradient(
 
     A key that is dispersed is shifted by the same amount in all runs. Boxes, gates and burns are decided as in the
     run itself, so the derivative holds as long as no decision changes; pulses of small thrusters are decided too. Near
-    the gate and the dead band the step is replaced by a slope: from a finite difference of runs, which keep the step,
-    it differs by 0.2 % in the median and by half at worst in a close approach. Flight software keeps its own model.
+    the gate and the dead band 'slopes' lets a derivative see a decision that is close, which is what a descent wants;
+    from a finite difference of runs it differs by 0.2 % in the median and by half at worst in a close approach. With
+    'steps' it is the derivative of the run itself. Flight software keeps its own model.
 
     Args:
         file: scenario with independent runs and the geometric or statistical camera
@@ -128,6 +130,7 @@ def gradient(
         horizon_s: simulated time of a run [s], by default that of the scenario
         seed: master seed of the runs
         mode: of differentiation; 'auto' is the forward mode for few keys per metric, else the reverse mode
+        gates: what the derivative sees of gates and dead band
         stages: of the flight software, replaced ones included
         progress: show progress on stderr
 
@@ -137,6 +140,8 @@ def gradient(
     argument_checks.check_numbers(runs, first_run, seed, None)
     if mode not in ("auto", "forward", "reverse"):
         raise RpojaxError(f"mode: found {mode!r}, expected 'auto', 'forward' or 'reverse'")
+    if gates not in get_args(Gates):
+        raise RpojaxError(f"gates: found {gates!r}, expected 'slopes' or 'steps'")
     if not has_independent_runs(file):
         raise RpojaxError(f"design: found {file.design.kind!r}, expected 'independent' for derivatives")
     check_differentiable(file)
@@ -149,7 +154,7 @@ def gradient(
     run_ids = first_run + np.arange(runs)
     if mode == "auto":
         mode = "forward" if count <= FORWARD_MODE_MAX_INPUTS * len(names) else "reverse"
-    evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages)
+    evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages, gates=gates)
     with stage(f"derivatives in {mode} mode: compiling, then simulating", quiet=not progress):
         found, jacobian = _jacobian(evaluator, np.zeros((runs, count)), run_keys(seed, run_ids), mode)
     return Gradient(

@@ -8,7 +8,12 @@ from rpojax.core.pytree import pytree
 
 @pytree
 class FormationTuning:
-    """Desired position, LQR weights and conditions for a burn."""
+    """Desired position, LQR weights and conditions for a burn.
+
+    Attributes:
+        dead_band_slope: () width over the dead band of the slope that its edge has in derivatives; infinite for the
+            step that it is. No value depends on it [-]
+    """
 
     desired_position: Array = number(
         "desired position of the servicer relative to the target, in H; outside of `limits.keep_out_m`",
@@ -29,5 +34,6 @@ class FormationTuning:
         at_least=0.0,
     )
     dead_band: Array = number("velocity change below which no burn is made", unit="mm_s", at_least=0.0)
+    dead_band_slope: Array
     range_uncertainty_limit: Array = number("no burn above this ratio of 1-sigma range error to range", above=0.0)
     thruster_retry: Array = number("waiting time after a burn without thrust", unit="s", at_least=0.0)

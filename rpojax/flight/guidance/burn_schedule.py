@@ -60,7 +60,7 @@ def schedule_burn(
     settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
     on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, longest_on_time(pointing, turn_time, dt))
     margin = size - formation.dead_band
-    above_dead_band = gradient_safe.gate(margin, _GATE_SHARE * formation.dead_band + _LEAST_GATE_WIDTH)
+    above_dead_band = gradient_safe.gate(margin, formation.dead_band_slope * (formation.dead_band + _LEAST_DEAD_BAND))
     possible = (on_time >= vehicle.minimum_on_time) & allowed
     on_time = above_dead_band * jnp.where(possible, on_time, 0.0)
     ignition = time + formation.lead - 0.5 * on_time
@@ -118,10 +118,8 @@ def longest_on_time(pointing: PointingTuning, turn_time: Scalar, dt: float) -> S
     return jnp.maximum(pointing.look_away_limit - 2.0 * turn_time - settle_time - margin, 0.0)
 
 
-_GATE_SHARE = 0.05
-"""Width of the smooth derivative of the dead band over the band [-]. Only gradients depend on it."""
-_LEAST_GATE_WIDTH = 1e-6
-"""The same width without a dead band, as the derivative is divided by it [m/s]."""
+_LEAST_DEAD_BAND = 2e-5
+"""Added to the dead band in the width of its slope, by which a derivative is divided [m/s]."""
 
 
 _SETTLE_TICKS = 3.0

@@ -18,7 +18,6 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.flight.navigation import relative_filter_state
-from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
@@ -162,4 +161,4 @@ def _gate_weight(tuning: OrbitFilterTuning, gated: bool, estimate: RelativeEstim
     variance = jnp.sum(products * rows.jacobian, axis=1) + rows.variance
     ratio = rows.residual**2 / variance
     margin = tuning.gate_sigma**2 - jnp.max(ratio, axis=0)
-    return gradient_safe.gate(margin, jnp.asarray(outlier_gate.GATE_WIDTH, dtype=margin.dtype))
+    return gradient_safe.gate(margin, tuning.gate_slope_width)

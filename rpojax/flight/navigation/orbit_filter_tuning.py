@@ -14,6 +14,8 @@ class OrbitFilterTuning:
         detector_boxes: () 1 where a detector finds the boxes, so that they have that offset, else 0 [-]
         burn_scale_as_new: () factor on `burn_scale_sigma` and `thrust_direction_sigma` of what counts as new in each
             burn, where the filter has no state for it; 0 where it has one [-]
+        gate_slope_width: () width of the slope that gates have in derivatives, in squared sigmas; infinite for the
+            steps that they are. No value depends on it
     """
 
     gps_noise: Array = number("white GPS noise per axis, 1 sigma", unit="m", above=0.0)
@@ -151,6 +153,7 @@ class OrbitFilterTuning:
         above=0.0,
         default=0.03,
     )
+    gate_slope_width: Array
     gate_sigma: Array = number("boxes beyond this many sigma in bearing or log size are rejected", above=0.0)
     confirm_tolerance: Array = number(
         "a box whose direction is this close to that of an earlier one, per second in between (at least one), "

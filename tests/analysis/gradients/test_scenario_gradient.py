@@ -20,7 +20,7 @@ METRIC = "nav_relative_position_error_rms_m"
 class SquaredValues(RolloutEvaluator):
     """Takes the place of rollouts: the metric of a run is half the sum of squares of its values of two keys."""
 
-    def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any) -> None:
+    def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any, **__: Any) -> None:
         self._values, self.compile_s = input_function, 0.0
 
     def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> Any:
@@ -124,6 +124,7 @@ def test_derivatives_agree_with_central_differences() -> None:
         (["servicer.mass_kg"], ["no_such_metric"], {}, "no_such_metric"),
         (["servicer.mass_kg"], [METRIC], {"runs": 0}, "runs"),
         (["servicer.mass_kg"], [METRIC], {"mode": "sideways"}, "sideways"),
+        (["servicer.mass_kg"], [METRIC], {"gates": "ramps"}, "gates: found 'ramps', expected 'slopes' or 'steps'"),
     ],
 )
 def test_what_has_no_derivative_is_refused_before_anything_is_compiled(keys, metrics, settings, words) -> None:

@@ -68,6 +68,11 @@ def test_the_gate_has_the_derivative_of_a_logistic_step_of_its_width(margin: flo
     assert to_width == 0.0
 
 
+@pytest.mark.parametrize("margin", [-1e6, 0.0, 1e-9])
+def test_the_gate_of_infinite_width_is_a_step_in_its_derivative_too(margin: float) -> None:
+    assert tuple(gate_slopes(np.float64(margin), np.float64(np.inf))) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize("margin", [-1e6, 1e6])
 def test_the_gate_is_flat_far_from_its_threshold(margin: float) -> None:
     assert gate_slopes(np.float64(margin), np.float64(0.1))[0] == 0.0

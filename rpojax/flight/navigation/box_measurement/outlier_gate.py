@@ -15,10 +15,6 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, BoxView
 
 Scalar = Float[Array, ""]
 
-GATE_WIDTH = 0.25
-"""Width of the gate's smooth derivative, in squared sigmas. Only gradients depend on it (experiments/tuning)."""
-
-
 _REJECTION_DECAY = 0.95
 """Factor on the evidence of rejections for a second without a box that others confirm. A choice: half of it is left
 after 14 s."""
@@ -148,7 +144,7 @@ def accept(
     bearing, size = _squared_ratios(view.box, prior)
     eased = jnp.where(confirmed & ~prior.is_wide, size / _END_ON**2, size)
     margin = tuning.gate_sigma**2 - jnp.maximum(bearing, eased)
-    inside = gradient_safe.gate(margin, jnp.asarray(GATE_WIDTH, dtype=margin.dtype))
+    inside = gradient_safe.gate(margin, tuning.gate_slope_width)
     allowed = view.box.present & possible & (confirmed | ~prior.is_wide)
     return GateDecision(
         accepted=allowed & (inside > 0.5),
