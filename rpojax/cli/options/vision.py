@@ -243,7 +243,9 @@ class PortOptions:
             raise RpojaxError.of_argument("port_position, port_axis", "found one of them, expected both or none")
         if not 0.0 < self.port_fov_deg < 170.0 or not 0.0 < self.port_range < 1e4:
             found = f"{self.port_fov_deg}, {self.port_range}"
-            raise RpojaxError.of_argument("port_fov_deg, port_range", f"found {found}, expected 0 to 170 and 0 to 10000")
+            raise RpojaxError.of_argument(
+                "port_fov_deg, port_range", f"found {found}, expected 0 to 170 and 0 to 10000"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,7 +46,9 @@ def _draw(axes: Axes, triangles: np.ndarray, landmarks: Landmarks, away: np.ndar
     order = order[facing[order] > 0.0]
     shades = np.repeat((0.55 + 0.4 * facing[order])[:, None], 3, axis=1)
     outlines = (triangles[order] @ R_KT[:2].T) * [1.0, -1.0]
-    axes.add_collection(PolyCollection(list(outlines), facecolors=shades.tolist(), edgecolors="#00000030", linewidths=0.3))
+    axes.add_collection(
+        PolyCollection(list(outlines), facecolors=shades.tolist(), edgecolors="#00000030", linewidths=0.3)
+    )
     positions = np.asarray(landmarks.positions)
     places = (positions @ R_KT[:2].T) * [1.0, -1.0]
     seen = np.asarray(are_free(landmarks.visible, jnp.broadcast_to(jnp.asarray(away), positions.shape)))
@@ -55,7 +57,9 @@ def _draw(axes: Axes, triangles: np.ndarray, landmarks: Landmarks, away: np.ndar
         axes.plot(*place, "o", markersize=6, color=color, markerfacecolor=color if is_seen else "none")
         axes.annotate(str(number), place, xytext=(5, 5), textcoords="offset points", color=color, fontsize=11)
     if landmarks.port_position is not None and landmarks.port_axis is not None:
-        ends = np.stack([landmarks.port_position, landmarks.port_position + 0.2 * body_size(triangles) * landmarks.port_axis])
+        ends = np.stack(
+            [landmarks.port_position, landmarks.port_position + 0.2 * body_size(triangles) * landmarks.port_axis]
+        )
         axes.plot(*((ends @ R_KT[:2].T) * [1.0, -1.0]).T, "-", color=_PORT, linewidth=2)
         axes.plot(*((ends[:1] @ R_KT[:2].T) * [1.0, -1.0]).T, "s", color=_PORT, markersize=7)
     axes.set_aspect("equal")

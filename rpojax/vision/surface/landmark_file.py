@@ -51,7 +51,6 @@ def load_landmarks(path: Path | None = None) -> tuple[Landmarks, dict[str, objec
     positions = take_tensor(path, tensors, "positions", (None, 3), np.float64)
     symmetries = take_tensor(path, tensors, "symmetries", (None, 4), np.float64)
     count, motions = len(positions), len(symmetries)
-    has_port = "port_position" in tensors or "port_axis" in tensors
     arrays = {
         "positions": positions,
         "normals": take_tensor(path, tensors, "normals", (count, 3), np.float64),
@@ -59,17 +58,22 @@ def load_landmarks(path: Path | None = None) -> tuple[Landmarks, dict[str, objec
         "symmetries": symmetries,
         "shifts": take_tensor(path, tensors, "shifts", (motions, 3), np.float64),
         "permutations": take_tensor(path, tensors, "permutations", (motions, count), np.int32),
-        "port_position": take_tensor(path, tensors, "port_position", (3,), np.float64) if has_port else None,
-        "port_axis": take_tensor(path, tensors, "port_axis", (3,), np.float64) if has_port else None,
     }
+    port = {}
+    if "port_position" in tensors or "port_axis" in tensors:
+        port = {name: take_tensor(path, tensors, name, (3,), np.float64) for name in ("port_position", "port_axis")}
     check_all_taken(path, tensors)
-    _check(path, arrays)
-    return Landmarks(**{name: None if each is None else jnp.asarray(each) for name, each in arrays.items()}), card
+    _check(path, {**arrays, **port})
+    placed = {name: jnp.asarray(each) for name, each in arrays.items()}
+    return Landmarks(
+        **placed,
+        port_position=jnp.asarray(port["port_position"]) if port else None,
+        port_axis=jnp.asarray(port["port_axis"]) if port else None,
+    ), card
 
 
-def _check(path: Path, arrays: Mapping[str, np.ndarray | None]) -> None:
+def _check(path: Path, known: Mapping[str, np.ndarray]) -> None:
     """Raises `WeightsError` on numbers that no landmarks have."""
-    known = {name: each for name, each in arrays.items() if each is not None}
     count = len(known["positions"])
     if not count or not len(known["symmetries"]):
         raise WeightsError(f"{path}: found no landmarks or no symmetry, expected landmarks and that of no turn")
@@ -80,7 +84,9 @@ def _check(path: Path, arrays: Mapping[str, np.ndarray | None]) -> None:
     if not (np.sort(known["permutations"], axis=1) == np.arange(count)).all():
         raise WeightsError(f"{path}: permutations: found a row that is none, expected each number once")
     if not (known["permutations"][0] == np.arange(count)).all():
-        raise WeightsError(f"{path}: permutations: found a first row that exchanges landmarks, expected that of no turn")
+        raise WeightsError(
+            f"{path}: permutations: found a first row that exchanges landmarks, expected that of no turn"
+        )
     hidden = np.flatnonzero(~known["visible"].any(axis=0))
     if len(hidden):
         numbers = ", ".join(map(str, hidden))

@@ -1,10 +1,10 @@
 """Choice of a target's landmarks: corners of its mesh that tell its pose best from where it is seen worst.
 
-Candidates are the corners of the mesh that are seen from outside, no two of them close together. They are chosen one after
-the other, each time the one that adds most to what the visible landmarks tell of the pose, averaged over that quarter of
-the viewing directions in which they tell least. What they tell is the logarithm of the determinant of the information on
-position and attitude from lines of sight to them, which grows with their number and with their spread. A symmetric body
-gets its landmarks in whole orbits, so that each of its symmetries exchanges landmarks with one another.
+Candidates are the corners of the mesh that are seen from outside, no two of them close together. They are chosen one
+after the other, each time the one that adds most to what the visible landmarks tell of the pose, averaged over that
+quarter of the viewing directions in which they tell least. What they tell is the logarithm of the determinant of the
+information on position and attitude from lines of sight to them, which grows with their number and with their spread. A
+symmetric body gets its landmarks in whole orbits, so that each of its symmetries exchanges landmarks with one another.
 """
 
 from collections.abc import Sequence
@@ -177,8 +177,8 @@ def _candidates(
 def _information(positions: np.ndarray, seen: np.ndarray, camera: np.ndarray, surface: SampledSurface) -> np.ndarray:
     """Information (m, 6, 6) on attitude and position from the lines of sight to places (m, 3) that are `seen` (m,).
 
-    Positions are in units of the body's size, and a line of sight counts as known to the angle of 1 size at the distance
-    of the camera, so that numbers do not depend on either.
+    Positions are in units of the body's size, and lines of sight are known to the angle of one size at their mean
+    distance, so that numbers depend on neither.
     """
     offset, line = (positions - surface.middle) / surface.size, (camera - positions) / surface.size
     distance = np.linalg.norm(line, axis=1)

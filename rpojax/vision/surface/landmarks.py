@@ -53,19 +53,20 @@ class Landmarks:
     port_axis: Array | None
 
 
-def are_free(visible: Bool[Array, "cells n"], directions: Float[Array, "n 3"]) -> Bool[Array, " n"]:
+def are_free(
+    visible: Bool[Array | np.ndarray, "cells n"], directions: Float[Array | np.ndarray, "n 3"]
+) -> Bool[Array, " n"]:
     """Whether each landmark is free towards a direction of its own in T, of any length, by the table of `Landmarks`.
 
     Towards the camera this is whether it can be seen, towards the Sun whether it is lit.
     """
     cells = math.isqrt(visible.shape[0])
-    cell = octahedral_map.cell_of_direction(directions[:, 0], directions[:, 1], directions[:, 2], cells)
-    return visible[cell, jnp.arange(visible.shape[1])]
+    x, y, z = (jnp.asarray(directions[:, axis]) for axis in range(3))
+    cell = octahedral_map.cell_of_direction(x, y, z, cells)
+    return jnp.asarray(visible)[cell, jnp.arange(visible.shape[1])]
 
 
-def free_rays(
-    positions: np.ndarray, normals: np.ndarray, triangles: np.ndarray, directions: np.ndarray
-) -> np.ndarray:
+def free_rays(positions: np.ndarray, normals: np.ndarray, triangles: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Whether rays along unit vectors (d, 3) from places (n, 3) of a surface meet none of its triangles (n, d).
 
     Unlike a facet, a corner is seen from more than the half space of its normal; rays start a little along it.
@@ -87,7 +88,7 @@ def landmark_table(positions: np.ndarray, normals: np.ndarray, triangles: np.nda
     """
     directions, of_cells = octahedral_map.cell_directions(CELLS)
     free = free_rays(positions, normals, triangles, directions)
-    return free.T[of_cells].all(axis=1)
+    return np.asarray(free.T[of_cells].all(axis=1))
 
 
 def with_symmetries(

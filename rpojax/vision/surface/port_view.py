@@ -46,7 +46,9 @@ class PortView:
         reach = self.range_m**2 - float(self.position @ self.position) + along * along
         if reach <= 0.0 or math.sqrt(reach) <= along:
             distance = float(np.linalg.norm(self.position))
-            raise LandmarkError.of_argument("port_range", f"found {self.range_m:g} m, expected more than {distance:.3g}")
+            raise LandmarkError.of_argument(
+                "port_range", f"found {self.range_m:g} m, expected more than {distance:.3g}"
+            )
         return self.position + (math.sqrt(reach) - along) * self.unit_axis
 
     def check(self, triangles: np.ndarray, surface: SampledSurface) -> None:
@@ -64,9 +66,9 @@ class PortView:
         self.camera()
 
     def on_face(self, positions: np.ndarray, normals: np.ndarray, table: np.ndarray) -> np.ndarray:
-        """Whether each place (n, 3) is on the port's face (n,), by its normal (n, 3) and its column of a visibility table.
+        """Whether each place (n, 3) with a normal (n, 3) and a column of a visibility table is on the port's face (n,).
 
-        Its normal has to be towards the camera: corners that only graze its view are left out.
+        The normal has to be towards the camera: corners that are only grazed are left out.
         """
         lines = self.camera() - positions
         near_axis = lines @ self.unit_axis > math.cos(0.5 * self.field_of_view) * np.linalg.norm(lines, axis=1)

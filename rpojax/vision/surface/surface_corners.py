@@ -1,8 +1,8 @@
 """Corners of a triangle mesh: places that a picture shows as a point and not as a line or a smooth area.
 
-At a corner the angles of the triangles around a vertex do not add up to a full turn. What they lack is the angle defect,
-the curvature that the vertex stands for: zero in a plane and along a straight edge, and small on a smooth body, however it
-is cut into triangles (Botsch et al., Polygon Mesh Processing, 2010, chapter 3).
+At a corner the angles of the triangles around a vertex do not add up to a full turn. What they lack is the angle
+defect, the curvature that the vertex stands for: zero in a plane and along a straight edge, and small on a smooth body,
+however it is cut into triangles (Botsch et al., Polygon Mesh Processing, 2010, chapter 3).
 """
 
 from dataclasses import dataclass, replace

@@ -86,7 +86,7 @@ def _read_points(path: Path) -> np.ndarray:
 
 
 def _summary(found: Landmarks, port: PortView | None) -> dict[str, Any]:
-    """How many landmarks there are, are seen at least and in the median of all directions, and are on the port's face."""
+    """How many landmarks there are, how many of them are seen from all round, and how many are on the port's face."""
     counts = [
         int(are_free(found.visible, jnp.broadcast_to(direction, found.positions.shape)).sum())
         for direction in jnp.asarray(fibonacci_sphere(_DIRECTIONS).T)

@@ -17,8 +17,8 @@ from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart
 
 PACKAGED_TARGET = "target"
 PORT_POSITION = (0.0, 0.0, 0.303)
-"""Docking port [m]: on the side of the cells, where corners of bus and panels are seen face on, in two depths, and the way
-along the axis is free; from the sides along x the panels are seen edge on, and that along -z has four corners in view."""
+"""Docking port [m]: on the side of the cells, from where the way out is free, and corners of bus and panels are seen
+face on and in two depths. From the sides along x the panels are seen edge on, and that along -z has four corners."""
 PORT_AXIS = (0.0, 0.0, 1.0)
 FOIL = Material(color=(0.83, 0.52, 0.17), metallic=1.0, roughness=0.32)
 RADIATOR = Material(color=(0.78, 0.78, 0.76), roughness=0.6)
