@@ -1,0 +1,318 @@
+"""Pose of a target from the image coordinates of its landmarks, without a guess: several hypotheses, best first.
+
+The squares of the distances of landmarks from their lines of sight, each with the best position for an attitude, add up
+to a quadratic form in the nine elements of the rotation matrix (Terzakis and Lourakis, A Consistently Fast and Globally
+Optimal Solution to the Perspective-n-Point Problem, ECCV 2020). Its minima over rotations are found from starts that
+cover all of them, by steps whose cost does not depend on the number of landmarks. The deepest become hypotheses: each
+is refined to the least squares of the image coordinates. A flat target has two that are nearly alike.
+"""
+
+from typing import Final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import quaternion
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.numerics.short_scan import short_scan
+from rpojax.core.numerics.small_systems import inverse_positive_definite, solve_positive_definite
+from rpojax.core.pytree import pytree
+from rpojax.core.vectors import cross, product
+
+Attitudes = Float[Array, "4 *poses"]
+
+FEWEST: Final = 4
+"""Landmarks that a pose needs: of three there are up to four poses without any residual."""
+HYPOTHESES: Final = 4
+_START_COUNT: Final = 32
+_DESCENT_STEPS: Final = 10
+_REFINING_STEPS: Final = 10
+_FINAL_STEPS: Final = 3
+"""Undamped steps at the end of refining: those that derivatives see."""
+_LARGEST_TURN: Final = 0.6
+"""Of one step of the descent [rad]."""
+_DESCENT_DAMPING: Final = 1e-2
+"""As a share of the mean curvature."""
+_FIRST_DAMPING: Final = 1e-3
+"""Of refining, as a share of each diagonal element of the information."""
+_DAMPING_CHANGE: Final = 10.0
+_APART: Final = 0.1
+"""Angle [rad] between minima of the descent that are two hypotheses."""
+_SAME_TURN: Final = 1e-3
+"""Angle [rad] between refined hypotheses that are one."""
+_LEAST_DEPTH: Final = 1e-3
+"""Depth in the camera [m] below which a landmark counts as there."""
+
+
+def _spread_rotations(count: int) -> np.ndarray:
+    """Unit quaternions (4, count) spread evenly over all rotations.
+
+    Alexa, Super-Fibonacci Spirals: Fast, Low-Discrepancy Sampling of SO(3), CVPR 2022.
+    """
+    number = np.arange(count) + 0.5
+    near, far = np.sqrt(number / count), np.sqrt(1.0 - number / count)
+    first, second = 2.0 * np.pi * number / np.sqrt(2.0), 2.0 * np.pi * number / 1.533751168755204288118041
+    return np.stack([near * np.sin(first), near * np.cos(first), far * np.sin(second), far * np.cos(second)])
+
+
+_STARTS: Final = _spread_rotations(_START_COUNT)
+
+
+@pytree
+class PoseHypotheses:
+    """Poses that explain what a camera sees of landmarks, the best one first.
+
+    A landmark at p in T is at `rotate(q_KT, p) + r_TK_K` in camera axes. The error of a pose is a small turn `a` in
+    camera axes [rad], so that `q_true = exp(a) q_KT`, and a shift [m].
+
+    Attributes:
+        q_KT: (k, 4) attitude of the target in the camera
+        r_TK_K: (k, 3) position of the target's origin from the camera [m]
+        cost: (k,) sum of the weighted squares of residuals, infinite where there is no hypothesis
+        information: (k, 6, 6) on attitude and position, that of the weights
+        covariance: (k, 6, 6) its inverse
+        exists: (k,) bool, False where fewer hypotheses were found, or one is equal to a better one
+        enough: () bool, whether landmarks are as many as a pose needs
+    """
+
+    q_KT: Array
+    r_TK_K: Array
+    cost: Array
+    information: Array
+    covariance: Array
+    exists: Array
+    enough: Array
+
+
+@pytree
+class _Poses:
+    """Poses side by side, and their least squares.
+
+    Attributes:
+        quaternion: (4, k) as `q_KT`
+        position: (3, k) as `r_TK_K`
+        cost: (k,)
+        information: (6, 6, k)
+        slope: (6, k) half the derivative of the cost
+    """
+
+    quaternion: Array
+    position: Array
+    cost: Array
+    information: Array
+    slope: Array
+
+
+@pytree
+class _View:
+    """What is seen: landmarks (3, n) [m], image coordinates (2, n), weights (n,)."""
+
+    landmarks: Array
+    image: Array
+    weights: Array
+
+
+def solve_pose(
+    landmarks_T: Float[Array, "n 3"], image: Float[Array, "n 2"], weights: Float[Array, " n"]
+) -> PoseHypotheses:
+    """Poses of a target from image coordinates (x / z, y / z) of its landmarks [m], all seen by a camera at K.
+
+    Weights are one over the variance of a coordinate, 0 of landmarks that are not seen, whose coordinates are of no
+    effect. Derivatives of poses to coordinates, weights and landmarks are those of the least squares; the choice and
+    order of the hypotheses have none.
+    """
+    seen = weights > 0.0
+    view = _View(
+        landmarks=landmarks_T.T, image=jnp.where(seen[:, None], image, 0.0).T, weights=jnp.where(seen, weights, 0.0)
+    )
+    fixed = jax.lax.stop_gradient(view)
+    found = _refined(fixed, *_deepest_minima(fixed))
+    poses = _differentiable(view, found.quaternion, found.position)
+    return _sorted(view, poses, jnp.sum(seen, dtype=jnp.int32) >= FEWEST)
+
+
+def _deepest_minima(view: _View) -> tuple[Array, Array]:
+    """Attitudes (4, k) and positions (3, k) of the deepest minima of the quadratic form, in front of the camera."""
+    form, to_position, middle = _quadratic_form(view)
+    starts = jnp.asarray(_STARTS, dtype=form.dtype)
+    # Behind the camera a target looks as one before it that is turned by half a turn about the boresight.
+    behind = _depth(quaternion.to_matrix(starts), to_position, middle) < 0.0
+    turned = jnp.stack([-starts[3], -starts[2], starts[1], starts[0]])
+    attitudes = _descended(form, jnp.where(behind, turned, starts))
+    rotations = quaternion.to_matrix(attitudes)
+    vectors = rotations.reshape(9, -1)
+    costs = jnp.sum(vectors * product(form, vectors), axis=0)
+    costs = jnp.where(_depth(rotations, to_position, middle) > 0.0, costs, jnp.inf)
+    numbers = jnp.arange(costs.shape[0], dtype=jnp.int32)
+    found = []
+    for _ in range(HYPOTHESES):
+        is_best = numbers == jnp.argmin(costs, axis=0).astype(jnp.int32)
+        best = jnp.sum(jnp.where(is_best, attitudes, 0.0), axis=1)
+        found.append(best)
+        costs = jnp.where(_are_same(attitudes, best[:, None], _APART), jnp.inf, costs)
+    chosen = jnp.stack(found, axis=1)
+    return chosen, product(to_position, quaternion.to_matrix(chosen).reshape(9, -1))
+
+
+def _quadratic_form(view: _View) -> tuple[Float[Array, "9 9"], Float[Array, "3 9"], Float[Array, "3"]]:
+    """Form whose value at the rows of a rotation matrix is the cost at its best position; the matrix that gives that
+    position; and the mean landmark [m].
+
+    The cost is the sum of the squares of `X - x Z` and `Y - y Z` of landmarks at (X, Y, Z).
+    """
+    x, y, weights = view.image[0], view.image[1], view.weights / jnp.sum(view.weights, axis=0)
+    extended = jnp.concatenate([view.landmarks, jnp.ones_like(view.landmarks[:1])])
+    squares = extended[:, None] * extended[None, :]
+    one, by_x, by_y, by_square = (
+        jnp.sum(squares * (weights * factor), axis=2) for factor in (jnp.ones_like(x), -x, -y, x * x + y * y)
+    )
+    zero = jnp.zeros_like(one)
+    # Moments (4, 4) of landmarks and 1, for each pair of rows of the pose (3, 4).
+    moments = jnp.stack(
+        [jnp.stack([one, zero, by_x]), jnp.stack([zero, one, by_y]), jnp.stack([by_x, by_y, by_square])]
+    )
+    turning = jnp.concatenate([jnp.concatenate(list(row[:, :3, :3]), axis=1) for row in moments])
+    mixed = jnp.concatenate([moments[:, column, 3, :3] for column in range(3)], axis=1)
+    to_position = -product(inverse_positive_definite(moments[:, :, 3, 3]), mixed)
+    return turning + product(mixed.T, to_position), to_position, one[3, :3]
+
+
+def _depth(rotations: Float[Array, "3 3 s"], to_position: Float[Array, "3 9"], middle: Float[Array, "3"]) -> Array:
+    """Depth (s,) of the mean landmark [m]."""
+    turned = jnp.sum(rotations[2] * middle[:, None], axis=0)
+    return jnp.sum(to_position[2][:, None] * rotations.reshape(9, -1), axis=0) + turned
+
+
+def _descended(form: Float[Array, "9 9"], starts: Float[Array, "4 s"]) -> Float[Array, "4 s"]:
+    """Attitudes after damped Gauss-Newton steps on the quadratic form."""
+
+    def step(attitudes: Array, _: Array) -> tuple[Array, None]:
+        rotations = quaternion.to_matrix(attitudes)
+        none = jnp.zeros_like(rotations[0])
+        # Changes of the matrix by small turns about each axis: rows of the others exchange places.
+        turns = [
+            jnp.stack([none, -rotations[2], rotations[1]]),
+            jnp.stack([rotations[2], none, -rotations[0]]),
+            jnp.stack([-rotations[1], rotations[0], none]),
+        ]
+        changes = [each.reshape(9, -1) for each in turns]
+        products = [product(form, each) for each in changes]
+        vectors = rotations.reshape(9, -1)
+        slope = jnp.stack([jnp.sum(vectors * each, axis=0) for each in products])
+        curvature = jnp.stack([jnp.stack([jnp.sum(a * b, axis=0) for b in products]) for a in changes])
+        damping = _DESCENT_DAMPING * (curvature[0, 0] + curvature[1, 1] + curvature[2, 2])
+        turn = -solve_positive_definite(curvature + jnp.eye(3, dtype=form.dtype)[:, :, None] * damping, slope)
+        length = gradient_safe.norm(turn)
+        turn = turn * jnp.minimum(1.0, _LARGEST_TURN / jnp.maximum(length, 1e-30))
+        return quaternion.normalize(quaternion.multiply(quaternion.exp(turn), attitudes)), None
+
+    return short_scan(step, starts, jnp.arange(_DESCENT_STEPS))
+
+
+def _refined(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array, "3 k"]) -> _Poses:
+    """Least squares of image coordinates near given poses, by the method of Levenberg and Marquardt."""
+
+    def step(carry: tuple[_Poses, Array], _: Array) -> tuple[tuple[_Poses, Array], None]:
+        poses, damping = carry
+        diagonal = jnp.stack([poses.information[i, i] for i in range(6)])
+        damped = poses.information + jnp.eye(6, dtype=damping.dtype)[:, :, None] * (damping * diagonal)
+        moved = _moved(view, poses, -solve_positive_definite(damped, poses.slope))
+        is_better = moved.cost < poses.cost
+        factor = jnp.where(is_better, 1.0 / _DAMPING_CHANGE, _DAMPING_CHANGE)
+        return (jax.tree.map(lambda new, old: jnp.where(is_better, new, old), moved, poses), damping * factor), None
+
+    poses = _least_squares(view, attitudes, positions)
+    first = jnp.full_like(poses.cost, _FIRST_DAMPING)
+    return short_scan(step, (poses, first), jnp.arange(_REFINING_STEPS))[0]
+
+
+def _differentiable(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array, "3 k"]) -> _Poses:
+    """The same poses after undamped steps, which bring the derivatives with them: each step leaves of the difference of
+    a derivative from that of the least squares only the share by which it shortens the distance from the minimum.
+    """
+
+    def step(poses: _Poses, _: Array) -> tuple[_Poses, None]:
+        moved = _moved(view, poses, -solve_positive_definite(poses.information, poses.slope))
+        most = poses.cost * (1.0 + 1e-6) + 1e-18 * jnp.sum(view.weights, axis=0)
+        return jax.tree.map(lambda new, old: jnp.where(moved.cost <= most, new, old), moved, poses), None
+
+    return short_scan(step, _least_squares(view, attitudes, positions), jnp.arange(_FINAL_STEPS))
+
+
+def _moved(view: _View, poses: _Poses, change: Float[Array, "6 k"]) -> _Poses:
+    """Poses after a turn [rad] and a shift [m] in camera axes."""
+    turned = quaternion.multiply(quaternion.exp(change[:3]), poses.quaternion)
+    return _least_squares(view, quaternion.normalize(turned), poses.position + change[3:])
+
+
+def _least_squares(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array, "3 k"]) -> _Poses:
+    """Poses with cost, information and slope."""
+    places = _turned(quaternion.to_matrix(attitudes), view.landmarks)
+    x, y = places[0] + positions[0], places[1] + positions[1]
+    z = jnp.maximum(places[2] + positions[2], _LEAST_DEPTH)
+    across, down = x / z, y / z
+    rows = []
+    for coordinate, axis in ((across, 0), (down, 1)):
+        by_depth = -coordinate / z
+        by_place = [jnp.zeros_like(z), jnp.zeros_like(z), by_depth]
+        by_place[axis] = 1.0 / z
+        rows.append(jnp.concatenate([cross(places, jnp.stack(by_place)), jnp.stack(by_place)]))
+    residuals = [across - view.image[0][:, None], down - view.image[1][:, None]]
+    weights = view.weights[:, None]
+    return _Poses(
+        quaternion=attitudes,
+        position=positions,
+        cost=jnp.sum(weights * (residuals[0] ** 2 + residuals[1] ** 2), axis=0),
+        information=jnp.sum(
+            (weights * rows[0])[:, None] * rows[0][None] + (weights * rows[1])[:, None] * rows[1][None], axis=2
+        ),
+        slope=jnp.sum(weights * (rows[0] * residuals[0] + rows[1] * residuals[1]), axis=1),
+    )
+
+
+def _turned(rotations: Float[Array, "3 3 k"], points: Float[Array, "3 n"]) -> Float[Array, "3 n k"]:
+    """Points turned by each of several rotations."""
+    columns = [rotations[:, axis, None, :] * points[axis][None, :, None] for axis in range(3)]
+    return columns[0] + columns[1] + columns[2]
+
+
+def _are_same(a: Attitudes, b: Attitudes, angle: float) -> Array:
+    """Whether attitudes are less than a small angle [rad] apart."""
+    apart = jnp.minimum(jnp.sum((a - b) ** 2, axis=0), jnp.sum((a + b) ** 2, axis=0))
+    return apart < (0.5 * angle) ** 2
+
+
+def _sorted(view: _View, poses: _Poses, enough: Array) -> PoseHypotheses:
+    """Hypotheses in the order of their costs; those equal to a better one, or behind the camera, come last."""
+    count = poses.cost.shape[0]
+    depths = _turned(quaternion.to_matrix(poses.quaternion), view.landmarks)[2] + poses.position[2]
+    is_whole = jnp.all((depths > _LEAST_DEPTH) | (view.weights[:, None] == 0.0), axis=0) & jnp.isfinite(poses.cost)
+    cost = jnp.where(is_whole & enough, poses.cost, jnp.inf)
+    same = _are_same(poses.quaternion[:, :, None], poses.quaternion[:, None, :], _SAME_TURN)
+    repeats = jnp.any(same & _is_before(cost), axis=0)
+    cost = jnp.where(repeats, jnp.inf, cost)
+    place = jnp.sum(_is_before(cost), axis=0, dtype=jnp.int32)
+    is_at = jnp.arange(count, dtype=jnp.int32)[:, None] == place[None, :]
+
+    def ordered(values: Array) -> Array:
+        """Values (..., k) with the hypotheses in order, and first."""
+        return jnp.stack([jnp.sum(jnp.where(is_at[i], values, 0.0), axis=-1) for i in range(count)])
+
+    return PoseHypotheses(
+        q_KT=ordered(poses.quaternion),
+        r_TK_K=ordered(poses.position),
+        cost=ordered(cost),
+        information=ordered(poses.information),
+        covariance=ordered(inverse_positive_definite(poses.information)),
+        exists=jnp.isfinite(ordered(cost)),
+        enough=enough,
+    )
+
+
+def _is_before(cost: Float[Array, " k"]) -> Bool[Array, "k k"]:
+    """Whether the hypothesis of each row comes before that of each column."""
+    numbers = np.arange(cost.shape[0])
+    earlier = jnp.asarray(numbers[:, None] < numbers[None, :])
+    return (cost[:, None] < cost[None, :]) | ((cost[:, None] == cost[None, :]) & earlier)
