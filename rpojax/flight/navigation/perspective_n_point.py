@@ -19,15 +19,15 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.numerics.small_systems import inverse_positive_definite, solve_positive_definite
 from rpojax.core.pytree import pytree
-from rpojax.core.vectors import cross, product
+from rpojax.core.vectors import product
 
 Attitudes = Float[Array, "4 *poses"]
 
 FEWEST: Final = 4
 """Landmarks that a pose needs: of three there are up to four poses without any residual."""
 HYPOTHESES: Final = 4
-_START_COUNT: Final = 32
-_DESCENT_STEPS: Final = 10
+_START_COUNT: Final = 24
+_DESCENT_STEPS: Final = 8
 _REFINING_STEPS: Final = 10
 _FINAL_STEPS: Final = 3
 """Undamped steps at the end of refining: those that derivatives see."""
@@ -38,6 +38,8 @@ _DESCENT_DAMPING: Final = 1e-2
 _FIRST_DAMPING: Final = 1e-3
 """Of refining, as a share of each diagonal element of the information."""
 _DAMPING_CHANGE: Final = 10.0
+_LARGEST_GAIN: Final = 1e-3
+"""Of the cost in one more step, beyond which a hypothesis is no minimum, but on its way to another one."""
 _APART: Final = 0.1
 """Angle [rad] between minima of the descent that are two hypotheses."""
 _SAME_TURN: Final = 1e-3
@@ -73,7 +75,7 @@ class PoseHypotheses:
         cost: (k,) sum of the weighted squares of residuals, infinite where there is no hypothesis
         information: (k, 6, 6) on attitude and position, that of the weights
         covariance: (k, 6, 6) its inverse
-        exists: (k,) bool, False where fewer hypotheses were found, or one is equal to a better one
+        exists: (k,) bool, whether it is a minimum in front of the camera, unlike all before it
         enough: () bool, whether landmarks are as many as a pose needs
     """
 
@@ -248,34 +250,40 @@ def _moved(view: _View, poses: _Poses, change: Float[Array, "6 k"]) -> _Poses:
 
 
 def _least_squares(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array, "3 k"]) -> _Poses:
-    """Poses with cost, information and slope."""
-    places = _turned(quaternion.to_matrix(attitudes), view.landmarks)
-    x, y = places[0] + positions[0], places[1] + positions[1]
-    z = jnp.maximum(places[2] + positions[2], _LEAST_DEPTH)
-    across, down = x / z, y / z
-    rows = []
-    for coordinate, axis in ((across, 0), (down, 1)):
-        by_depth = -coordinate / z
-        by_place = [jnp.zeros_like(z), jnp.zeros_like(z), by_depth]
-        by_place[axis] = 1.0 / z
-        rows.append(jnp.concatenate([cross(places, jnp.stack(by_place)), jnp.stack(by_place)]))
-    residuals = [across - view.image[0][:, None], down - view.image[1][:, None]]
-    weights = view.weights[:, None]
+    """Poses with cost, information and slope.
+
+    Landmarks are added up one after the other: as a sum of products XLA computes each row again for each product.
+    """
+    rotations = quaternion.to_matrix(attitudes)
+    zero = jnp.zeros_like(positions[0])
+    pairs = [(i, j) for i in range(7) for j in range(i + 1)]
+
+    def add(sums: list[Array], seen: tuple[Array, Array, Array]) -> tuple[list[Array], None]:
+        landmark, image, root = seen
+        x, y, z = (jnp.sum(rotations[axis] * landmark[:, None], axis=0) for axis in range(3))
+        inverse = 1.0 / jnp.maximum(z + positions[2], _LEAST_DEPTH)
+        across, down, scale = (x + positions[0]) * inverse, (y + positions[1]) * inverse, inverse * root
+        by_depth = -across * scale, -down * scale
+        # Derivatives to a turn and to a shift, and the residual, times the root of the weight.
+        rows = (
+            [y * by_depth[0], z * scale - x * by_depth[0], -y * scale, scale, zero, by_depth[0]],
+            [y * by_depth[1] - z * scale, -x * by_depth[1], x * scale, zero, scale, by_depth[1]],
+        )
+        rows[0].append((across - image[0]) * root)
+        rows[1].append((down - image[1]) * root)
+        return [
+            each + (rows[0][i] * rows[0][j] + rows[1][i] * rows[1][j]) for each, (i, j) in zip(sums, pairs, strict=True)
+        ], None
+
+    seen = view.landmarks.T, view.image.T, gradient_safe.sqrt(view.weights)
+    sums = dict(zip(pairs, short_scan(add, [zero] * len(pairs), seen), strict=True))
     return _Poses(
         quaternion=attitudes,
         position=positions,
-        cost=jnp.sum(weights * (residuals[0] ** 2 + residuals[1] ** 2), axis=0),
-        information=jnp.sum(
-            (weights * rows[0])[:, None] * rows[0][None] + (weights * rows[1])[:, None] * rows[1][None], axis=2
-        ),
-        slope=jnp.sum(weights * (rows[0] * residuals[0] + rows[1] * residuals[1]), axis=1),
+        cost=sums[6, 6],
+        information=jnp.stack([jnp.stack([sums[max(i, j), min(i, j)] for j in range(6)]) for i in range(6)]),
+        slope=jnp.stack([sums[6, i] for i in range(6)]),
     )
-
-
-def _turned(rotations: Float[Array, "3 3 k"], points: Float[Array, "3 n"]) -> Float[Array, "3 n k"]:
-    """Points turned by each of several rotations."""
-    columns = [rotations[:, axis, None, :] * points[axis][None, :, None] for axis in range(3)]
-    return columns[0] + columns[1] + columns[2]
 
 
 def _are_same(a: Attitudes, b: Attitudes, angle: float) -> Array:
@@ -285,11 +293,14 @@ def _are_same(a: Attitudes, b: Attitudes, angle: float) -> Array:
 
 
 def _sorted(view: _View, poses: _Poses, enough: Array) -> PoseHypotheses:
-    """Hypotheses in the order of their costs; those equal to a better one, or behind the camera, come last."""
+    """Hypotheses in the order of their costs; last those equal to a better one, behind the camera, or no minimum."""
     count = poses.cost.shape[0]
-    depths = _turned(quaternion.to_matrix(poses.quaternion), view.landmarks)[2] + poses.position[2]
-    is_whole = jnp.all((depths > _LEAST_DEPTH) | (view.weights[:, None] == 0.0), axis=0) & jnp.isfinite(poses.cost)
-    cost = jnp.where(is_whole & enough, poses.cost, jnp.inf)
+    last_row = quaternion.to_matrix(poses.quaternion)[2]
+    depths = product(view.landmarks.T, last_row) + poses.position[2]
+    is_in_front = jnp.all((depths > _LEAST_DEPTH) | (view.weights[:, None] == 0.0), axis=0)
+    covariance = inverse_positive_definite(poses.information)
+    gain = jnp.sum(covariance * (poses.slope[:, None] * poses.slope[None, :]), axis=(0, 1))
+    cost = jnp.where(is_in_front & (gain <= _LARGEST_GAIN) & enough, poses.cost, jnp.inf)
     same = _are_same(poses.quaternion[:, :, None], poses.quaternion[:, None, :], _SAME_TURN)
     repeats = jnp.any(same & _is_before(cost), axis=0)
     cost = jnp.where(repeats, jnp.inf, cost)
@@ -305,7 +316,7 @@ def _sorted(view: _View, poses: _Poses, enough: Array) -> PoseHypotheses:
         r_TK_K=ordered(poses.position),
         cost=ordered(cost),
         information=ordered(poses.information),
-        covariance=ordered(inverse_positive_definite(poses.information)),
+        covariance=ordered(covariance),
         exists=jnp.isfinite(ordered(cost)),
         enough=enough,
     )
