@@ -162,7 +162,14 @@ def _believed_rows(
         q_BN, exposed = attitude.q_BN, time
         if sensor.name in exposures:
             q_BN, exposed = exposures[sensor.name].q_BN, time - exposures[sensor.name].age
-        view = SensorView(tuning=params.navigation, relative=relative, q_BN=q_BN, time=exposed)
+        view = SensorView(
+            tuning=params.navigation,
+            relative=relative,
+            q_BN=q_BN,
+            time=exposed,
+            vehicle=params.vehicle,
+            target=params.target,
+        )
         return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
 
     return rows

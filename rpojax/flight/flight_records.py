@@ -51,6 +51,7 @@ class FlightParams:
     sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
     thrusters: ThrusterLayout | None = None
     wide_lens: BelievedWideLens | None = None
+    target: BelievedTarget | None = None
 
     def seen_through(self, lens: LensInUse | None) -> "FlightParams":
         """The same with focal length and edge noise of the lens in use, None without a second one."""

@@ -28,6 +28,7 @@ from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance.lens_choice import BelievedWideLens, LensInUse
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import plume_impingement
@@ -63,7 +64,7 @@ class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
     `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers; `epoch` has no key
-    that can be dispersed. `surface` is that of the target, where a sensor meets it.
+    that can be dispersed. `surface` and `landmarks` are those of the target, where a sensor meets or finds them.
     """
 
     orbit: KeplerianElements
@@ -92,6 +93,7 @@ class Params:
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
     surface: TargetSurface | None = None
+    landmarks: Landmarks | None = None
 
     def seen_through(self, lens: LensInUse | None) -> "Params":
         """The same with camera and beliefs of the lens in use, None without a second one."""
@@ -140,6 +142,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
     rest = _records(Params, tables, without=("link",))
     lamp, wide = tables.get("lamp"), tables.get("wide_lens")
     lamp = None if lamp is None else section_record(Lamp, lamp)
+    landmarks = target_landmarks.landmarks_for_camera(tables)
     flight = FlightParams(
         vehicle=replace(
             _nominal_vehicle(plant, rest["camera"], width_px, height_px),
@@ -152,6 +155,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         sensors=_sensor_numbers(tables, believed=True),
         thrusters=_nominal_thrusters(tables["thrusters"]) if thrusters else None,
         wide_lens=None if wide is None else _believed_wide_lens(tables, width_px, height_px),
+        target=None if landmarks is None else _believed_target(tables, landmarks),
         formation=record_of(FormationTuning, tables, "formation", dead_band_slope=array(_DEAD_BAND_SLOPE)),
         **_records(FlightParams, tables, without=("navigation", "mission", "atmosphere", "formation")),
     )
@@ -168,6 +172,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         link=section_record(RadioLink, tables["link"], outage_start=starts, outage_end=ends),
         additional_sensors=_sensor_numbers(tables, believed=False),
         surface=ranging_surface.surface_for_sensors(tables),
+        landmarks=landmarks,
         **rest,
     )
 
@@ -270,6 +275,11 @@ def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_p
 def _believed_wide_lens(tables: Mapping[str, Any], width_px: int, height_px: int) -> BelievedWideLens:
     field_of_view = section_record(WideLens, tables["wide_lens"]).field_of_view
     return record_of(BelievedWideLens, tables, "wide_lens", focal_px=_focal_px(field_of_view, width_px, height_px))
+
+
+def _believed_target(tables: Mapping[str, Any], landmarks: Landmarks) -> BelievedTarget:
+    """The nominal target, of the size that flight software believes."""
+    return BelievedTarget(inertia=array(tables["target"]["inertia_kg_m2"]), landmarks=landmarks.positions)
 
 
 def _reach_without_light(tables: Mapping[str, Any]) -> Array | None:

@@ -16,6 +16,7 @@ from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import camera_pose, detector_input, geometric_camera, rendered_camera, statistical_camera
+from rpojax.sensors.additional.landmark_scene import LandmarkScene
 from rpojax.sensors.camera import NEAREST_DEPTH, CameraFrame
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import elapsed_time
@@ -96,6 +97,30 @@ def _under_the_lamp(scene: Scene, by_lamp_alone: Bool[Array, ""]) -> Scene:
         scene,
         sun_T=jnp.where(by_lamp_alone, normalize(scene.r_KT_T), scene.sun_T),
         sunlight=jnp.where(by_lamp_alone, 1.0, scene.sunlight),
+    )
+
+
+def landmarks_in_view(
+    scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositions, health: Health
+) -> LandmarkScene:
+    """Landmarks of the target before the camera, with the light that it has."""
+    assert params.landmarks is not None
+    observable, by_lamp_alone = _light(params, truth, sky)
+    R_KT, r_TK_K = camera_pose.target_pose_in_camera(params.camera, truth.q_TN, truth.r_ST_N, truth.q_BN)
+    nominal = params.flight.vehicle.focal_px
+    size = jnp.array([scenario.width_px, scenario.height_px], dtype=nominal.dtype)
+    return LandmarkScene(
+        landmarks=params.landmarks,
+        scale=params.plant.target.scale,
+        R_KT=R_KT,
+        r_TK_K=r_TK_K,
+        sun_T=quaternion.rotate(truth.q_TN, normalize(sky.sun_N)),
+        focal_px=_lens(scenario, params).focal_px,
+        nominal_focal_px=nominal,
+        half_frame_tangent=0.5 * size / nominal,
+        observable=observable,
+        by_lamp_alone=jnp.zeros((), dtype=bool) if by_lamp_alone is None else by_lamp_alone,
+        working=health.camera,
     )
 
 

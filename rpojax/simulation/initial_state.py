@@ -75,6 +75,7 @@ def init(
             [each.name for each in scenario.filter_settings.sensors],
             VIEW_STATES if _shares(scenario) else SLOW_STATES,
         ),
+        params.flight.target,
     )
     q_BN, omega = target_pointing.look_attitude(params.flight.vehicle, orbit)
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)

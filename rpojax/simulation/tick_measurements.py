@@ -1,5 +1,6 @@
 """Measurements of one tick by all sensors, and propagation of the correlated sensor errors."""
 
+import dataclasses
 from typing import Any, Final
 
 import jax.numpy as jnp
@@ -112,7 +113,7 @@ def expose(
         window=state.flight.camera if takes else None,
         is_wide=None if lens is None else lens.is_wide,
     )
-    return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, time)}
+    return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, health, time)}
 
 
 def _exchange_late(
@@ -185,14 +186,19 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
 
 
 def _measure_additional(
-    loop: Loop, state: State, noise: TickNoise, sky: SunMoonPositions, time: Scalar
+    loop: Loop, state: State, noise: TickNoise, sky: SunMoonPositions, health: Health, time: Scalar
 ) -> dict[str, dict[str, Array]]:
     """Measurements of the additional sensors, by sensor and name."""
     scenario, params, flight = loop.scenario, loop.params, state.flight
     scene = SensedScene(truth=state.truth, sky=sky, time=time)
     if params.surface is not None:
         cone = sight_cone(params.flight.navigation, flight.orbit, flight.attitude.q_BN)
-        scene = replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
+        scene = dataclasses.replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
+    if params.landmarks is not None:
+        seen_through = params.seen_through(flight.lens)
+        scene = dataclasses.replace(
+            scene, landmarks=camera_models.landmarks_in_view(scenario, seen_through, state.truth, sky, health)
+        )
     return {
         name: sensor.measure(params.additional_sensors[name], scene, noise.additional[name])
         for name, sensor in scenario.additional_sensors

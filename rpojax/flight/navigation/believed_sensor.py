@@ -21,6 +21,8 @@ from rpojax.flight.navigation import relative_filter_state
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
+from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
+from rpojax.flight.vehicle_model import VehicleModel
 
 
 @dataclass(frozen=True)
@@ -32,12 +34,16 @@ class SensorView:
         relative: estimate of the target before the measurement
         q_BN: (4,) attitude of the servicer by the attitude filter
         time: () since the start of the run [s]
+        vehicle: the servicer as flight software believes it, with the lens in use; None outside of the closed loop
+        target: the target likewise, None unless a sensor shows its attitude
     """
 
     tuning: OrbitFilterTuning
     relative: RelativeEstimate
     q_BN: Array
     time: Array
+    vehicle: VehicleModel | None = None
+    target: BelievedTarget | None = None
 
     @property
     def layout(self) -> StateLayout:

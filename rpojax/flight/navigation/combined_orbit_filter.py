@@ -36,6 +36,7 @@ from rpojax.flight.navigation.relative_filter_state import SLOW_STATES, Relative
 from rpojax.flight.navigation.retrodiction import Exposure
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
+from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -73,11 +74,15 @@ def initial(
     r_TS_N: Vector,
     v_TS_N: Vector,
     slow_states: tuple[SlowState, ...] = SLOW_STATES,
+    target: BelievedTarget | None = None,
 ) -> OrbitEstimate:
-    """Estimate at hand-over with positions [m] and velocities [m/s] as means, and these slow states of the target."""
+    """Estimate at hand-over with positions [m] and velocities [m/s] as means, and these slow states of the target.
+
+    With `target` its attitude is estimated, too.
+    """
     return OrbitEstimate(
         servicer=servicer_orbit_ekf.initial(tuning, r_SN_N, v_SN_N),
-        relative=relative_filter_state.initial(tuning, r_TS_N, v_TS_N, slow_states),
+        relative=relative_filter_state.initial(tuning, r_TS_N, v_TS_N, slow_states, target),
     )
 
 

@@ -106,6 +106,31 @@ class OrbitFilterTuning:
         above=0.0,
         default=[0.025, 0.055, 0.02, 0.035],
     )
+    tumble_sigma: Array = number(
+        "rate of the target per axis when its attitude is first found, 1 sigma. Used with `landmarks`",
+        unit="deg_s",
+        above=0.0,
+        default=1.5,
+    )
+    tumble_walk: Array = number(
+        "random walk of that rate, by torques that are not modelled. Used with `landmarks`",
+        unit="deg_s_sqrt_s",
+        at_least=0.0,
+        default=2e-5,
+    )
+    inertia_ratio_sigma: Array = number(
+        "error of the log of the first and of the second moment of inertia of the target over the third, 1 sigma; "
+        "filter states. Used with `landmarks`",
+        above=0.0,
+        default=0.03,
+    )
+    body_offset_sigma: Array = number(
+        "place of the target's landmarks from where they are thought to be about its centre of mass, per axis, 1 "
+        "sigma; a filter state. Used with `landmarks`",
+        unit="m",
+        above=0.0,
+        default=0.01,
+    )
     bearing_bias_sigma: Array = number("constant bearing error per axis, 1 sigma; a state", unit="deg", above=0.0)
     attitude_sigma: Array = number("noise of the estimated camera attitude per axis, 1 sigma", unit="deg", at_least=0.0)
     acceleration_noise: Array = number("unmodelled acceleration of the servicer", unit="m_s2_sqrt_hz", at_least=0.0)

@@ -17,11 +17,12 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply
-from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors
+from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors, target_attitude_ekf
 from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.flight.navigation.shape_errors import ShapeErrors
+from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget, TargetAttitude
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -131,7 +132,7 @@ def _surface_process(
     return process
 
 
-RANGING_STATES = (
+SENSOR_STATES = (
     # Of the surface that a range finder meets from where it is on average, towards the servicer; slow and fast part.
     SlowState(
         "nearest_surface",
@@ -150,6 +151,45 @@ RANGING_STATES = (
         lambda tuning, r_TS_N: _centroid_variance(tuning),
         _surface_process(_centroid_variance, slow=(0, 2, 3)),
         sensor="lidar",
+    ),
+    # Small turn of the target's attitude from its reference, in T. The rate changes it: `target_attitude_ekf`.
+    SlowState(
+        "attitude",
+        3,
+        "rad",
+        lambda tuning, r_TS_N: jnp.ones(3, dtype=r_TS_N.dtype),
+        _constant(3),
+        sensor="landmarks",
+    ),
+    # Of the target, in T.
+    SlowState(
+        "rate",
+        3,
+        "rad/s",
+        lambda tuning, r_TS_N: jnp.full(3, tuning.tumble_sigma**2),
+        lambda tuning, errors, dt: (
+            jnp.ones(3, dtype=tuning.tumble_walk.dtype),
+            jnp.full(3, tuning.tumble_walk**2 * dt),
+        ),
+        sensor="landmarks",
+    ),
+    # Log of the first and the second moment of inertia over their nominal values, as ratios to the third.
+    SlowState(
+        "inertia_ratio",
+        2,
+        "-",
+        lambda tuning, r_TS_N: jnp.full(2, lasting_variance(tuning.inertia_ratio_sigma)),
+        _constant(2),
+        sensor="landmarks",
+    ),
+    # Of the landmarks from where they should be about the centre of mass, in T.
+    SlowState(
+        "body_offset",
+        3,
+        "m",
+        lambda tuning, r_TS_N: jnp.full(3, lasting_variance(tuning.body_offset_sigma)),
+        _constant(3),
+        sensor="landmarks",
     ),
 )
 """Slow states that filters have besides where they believe a sensor; they come first, as burns do not show them."""
@@ -216,12 +256,12 @@ VIEW_STATES = tuple(state for state in SLOW_STATES if not state.acts_on_motion)
 
 def states_with(sensors: Collection[str], states: tuple[SlowState, ...] = SLOW_STATES) -> tuple[SlowState, ...]:
     """These slow states of a filter that believes the additional sensors of these names, and those of the sensors."""
-    return (*(state for state in RANGING_STATES if state.sensor in sensors), *states)
+    return (*(state for state in SENSOR_STATES if state.sensor in sensors), *states)
 
 
 def _declared() -> tuple[SlowState, ...]:
     """All slow states in the order of the vector."""
-    return (*RANGING_STATES, *SLOW_STATES)
+    return (*SENSOR_STATES, *SLOW_STATES)
 
 
 @cache
@@ -240,6 +280,7 @@ class RelativeEstimate:
         slow: slow states by name
         covariance: (n, n) in the order of `layout`
         outline: how fast the outline changes, by which the errors of size and centre lose their correlation
+        target: attitude that the slow state `attitude` is measured from, None without landmarks
     """
 
     r_TS_N: Array
@@ -247,6 +288,7 @@ class RelativeEstimate:
     slow: dict[str, Array]
     covariance: Array
     outline: OutlineCorrelation
+    target: TargetAttitude | None = None
 
     @property
     def layout(self) -> StateLayout:
@@ -279,9 +321,16 @@ def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "6"]:
 
 
 def initial(
-    tuning: OrbitFilterTuning, r_TS_N: Vector, v_TS_N: Vector, states: tuple[SlowState, ...] = SLOW_STATES
+    tuning: OrbitFilterTuning,
+    r_TS_N: Vector,
+    v_TS_N: Vector,
+    states: tuple[SlowState, ...] = SLOW_STATES,
+    target: BelievedTarget | None = None,
 ) -> RelativeEstimate:
-    """Estimate at hand-over with position [m] and velocity [m/s] as means, and these slow states."""
+    """Estimate at hand-over with position [m] and velocity [m/s] as means, and these slow states.
+
+    With `target` its attitude is estimated, too.
+    """
     variance = [state.prior_variance(tuning, r_TS_N) for state in states]
     return RelativeEstimate(
         r_TS_N=r_TS_N,
@@ -289,6 +338,7 @@ def initial(
         slow={state.name: jnp.zeros(state.size, dtype=r_TS_N.dtype) for state in states},
         covariance=jnp.diag(jnp.concatenate([initial_sigma(tuning) ** 2, *variance])),
         outline=outline_correlation.initial(),
+        target=None if target is None else target_attitude_ekf.unknown(target),
     )
 
 

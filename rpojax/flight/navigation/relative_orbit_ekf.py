@@ -12,7 +12,13 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.vectors import product
-from rpojax.flight.navigation import orbit_covariance, outline_correlation, relative_filter_state, shape_errors
+from rpojax.flight.navigation import (
+    orbit_covariance,
+    outline_correlation,
+    relative_filter_state,
+    shape_errors,
+    target_attitude_ekf,
+)
 from rpojax.flight.navigation.box_measurement import box_measurement_model, detection_model, outlier_gate
 from rpojax.flight.navigation.box_measurement.box_measurement_model import (
     ExpectedBox,
@@ -148,11 +154,17 @@ def predict(tuning: OrbitFilterTuning, moved: RelativeEstimate, step: OrbitStep)
     )
     noisy = step.with_acceleration_noise(tuning.relative_acceleration_noise)
     factors = moved.layout.after("velocity").split(decay)
+    slow, covariance, target = moved.slow, moved.covariance, moved.target
+    if target is not None:
+        target, slow, covariance = target_attitude_ekf.predict(
+            target, moved.layout, slow, covariance, step.r_SN_N + moved.r_TS_N, step.dt
+        )
     return replace(
         moved,
-        slow={name: factors[name] * value for name, value in moved.slow.items()},
-        covariance=orbit_covariance.propagate(moved.covariance, noisy, decay, slow_process_variance),
+        slow={name: factors[name] * value for name, value in slow.items()},
+        covariance=orbit_covariance.propagate(covariance, noisy, decay, slow_process_variance),
         outline=outline_correlation.elapse(moved.outline, step.dt),
+        target=target,
     )
 
 

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import pytree, replace
+from rpojax.flight.navigation import target_attitude_ekf
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 
 Scalar = Float[Array, ""]
@@ -88,12 +89,13 @@ def to_exposure(estimate: RelativeEstimate, at: Exposure | None) -> RelativeEsti
     """Estimate at an exposure, from that of now; without one that of now."""
     if at is None:
         return estimate
-    return replace(
+    earlier = replace(
         estimate,
         r_TS_N=estimate.r_TS_N - at.age * estimate.v_TS_N + at.moved_N,
         v_TS_N=estimate.v_TS_N + at.changed_N,
         covariance=_sheared(estimate, -at.age),
     )
+    return _turned(earlier, -at.age)
 
 
 def from_exposure(estimate: RelativeEstimate, at: Exposure | None) -> RelativeEstimate:
@@ -101,12 +103,23 @@ def from_exposure(estimate: RelativeEstimate, at: Exposure | None) -> RelativeEs
     if at is None:
         return estimate
     v_TS_N = estimate.v_TS_N - at.changed_N
-    return replace(
+    later = replace(
         estimate,
         r_TS_N=estimate.r_TS_N + at.age * v_TS_N - at.moved_N,
         v_TS_N=v_TS_N,
         covariance=_sheared(estimate, at.age),
     )
+    return _turned(later, at.age)
+
+
+def _turned(estimate: RelativeEstimate, dt: Scalar) -> RelativeEstimate:
+    """Estimate where the target has turned for `dt` [s]."""
+    if estimate.target is None:
+        return estimate
+    target, slow, covariance = target_attitude_ekf.turned_by(
+        estimate.target, estimate.layout, estimate.slow, estimate.covariance, dt
+    )
+    return replace(estimate, target=target, slow=slow, covariance=covariance)
 
 
 def _sheared(estimate: RelativeEstimate, dt: Scalar) -> Float[Array, "n n"]:

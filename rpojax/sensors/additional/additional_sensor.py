@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rpojax.flight.guidance.sight_cone import SightCone
     from rpojax.flight.navigation.believed_sensor import SensorView
     from rpojax.physics.plant_state import Truth
+    from rpojax.sensors.additional.landmark_scene import LandmarkScene
     from rpojax.sensors.additional.surface_ranging import TargetSurface
 
 
@@ -28,6 +29,7 @@ class SensedScene:
         time: () since the start of the run [s]
         surface: of the target, None unless a sensor of the scenario meets it
         cone: directions in which flight software looks for the target, None likewise
+        landmarks: of the target before the camera, None unless a sensor finds them
     """
 
     truth: "Truth"
@@ -35,6 +37,7 @@ class SensedScene:
     time: "jax.Array"
     surface: "TargetSurface | None" = None
     cone: "SightCone | None" = None
+    landmarks: "LandmarkScene | None" = None
 
 
 class AdditionalSensor(Section, ABC):
@@ -57,6 +60,8 @@ class AdditionalSensor(Section, ABC):
     """A measurement that the filter used means that the target is where the servicer looks for it, as a box does."""
     meets_surface: ClassVar[bool] = False
     """It measures the surface of the target."""
+    sees_landmarks: ClassVar[bool] = False
+    """It finds the landmarks of the target in the pictures of the camera."""
     row_count: ClassVar[int] = 0
     """Rows of a measurement in the filter, 0 for a sensor that it does not believe."""
 

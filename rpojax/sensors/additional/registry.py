@@ -9,6 +9,7 @@ from typing import Any, Final
 from pydantic import model_serializer
 
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
+from rpojax.sensors.additional.landmark_camera import LandmarkCamera
 from rpojax.sensors.additional.lidar import Lidar
 from rpojax.sensors.additional.range_finder import RangeFinder
 from rpojax.value_types import Section
@@ -22,6 +23,7 @@ class AdditionalSensors(Section):
 
     range_finder: RangeFinder | None = None
     lidar: Lidar | None = None
+    landmarks: LandmarkCamera | None = None
 
     @model_serializer(mode="wrap")
     def _leave_out_absent(self, serialise: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:

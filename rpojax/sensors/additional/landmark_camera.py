@@ -1,0 +1,112 @@
+"""Landmarks of the target in the pictures of the camera, as a network that finds them would give them.
+
+They are seen past the target itself, in the light of the Sun or of the lamp, within the frame of the lens in use.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final
+
+from pydantic import Field
+
+from rpojax.sensors.additional.additional_sensor import AdditionalSensor, SensedScene
+from rpojax.value_types import NonNegative, Positive, Vector
+
+if TYPE_CHECKING:
+    import jax
+
+    from rpojax.core.kalman_update import MeasurementRows
+    from rpojax.flight.navigation.believed_sensor import SensorView
+    from rpojax.flight.navigation.landmark_measurement import LandmarkView
+
+MOST: Final = 24
+"""Landmarks of a target at most."""
+_PER_LANDMARK: Final = 3
+_Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+
+
+class LandmarkCamera(AdditionalSensor):
+    """What the camera shows of landmarks of the target, where `camera.landmarks` names some."""
+
+    noise_px: NonNegative = 0.7
+    shaded_noise_px: NonNegative = 1.2
+    miss_probability: _Probability = 0.1
+    shaded_miss_probability: _Probability = 0.5
+    outlier_probability: _Probability = 0.02
+    swap_probability: _Probability = 0.0
+    minimum_size_px: Positive = 24.0
+    body_offset_m: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    believed_noise_px: Positive = 0.8
+
+    normals: ClassVar[int] = _PER_LANDMARK * MOST + 2
+    beliefs: ClassVar[tuple[str, ...]] = ("believed_noise_px",)
+    row_count: ClassVar[int] = 8
+    shows_direction: ClassVar[bool] = True
+    sees_landmarks: ClassVar[bool] = True
+
+    @staticmethod
+    def measure(
+        settings: "Mapping[str, jax.Array]", scene: SensedScene, normals: "jax.Array"
+    ) -> "dict[str, jax.Array]":
+        """Tangents right and down of the boresight (n,) of each landmark, NaN of those that are not found.
+
+        The settings are `noise`, `shaded_noise` and `minimum_size` [px], `body_offset` (3,) [m] of the landmarks in T,
+        and the probabilities of a miss in light and shade, of a place anywhere on the target, and of a picture in which
+        the landmarks are taken for those of a symmetric attitude.
+        """
+        import jax.numpy as jnp
+        from jax.scipy.special import ndtr
+
+        picture = scene.landmarks
+        assert picture is not None
+        seen, focal_px = picture.seen(settings["body_offset"]), picture.nominal_focal_px
+        count = seen.lit.shape[0]
+        drawn, of_picture = normals[: _PER_LANDMARK * count].reshape(_PER_LANDMARK, count), normals[-2:]
+        chance = ndtr(drawn[0])
+        noise = jnp.where(seen.lit, settings["noise"], settings["shaded_noise"]) / focal_px
+        miss = jnp.where(seen.lit, settings["miss_probability"], settings["shaded_miss_probability"])
+        places = seen.tangents + noise[:, None] * drawn[1:].T
+        false = seen.middle[None, :] + seen.half_size * drawn[1:].T
+        is_false = (chance >= miss) & (chance < miss + settings["outlier_probability"])
+        places = jnp.where(is_false[:, None], false, places)
+        large = 2.0 * seen.half_size * focal_px > settings["minimum_size"]
+        found = seen.visible & (chance >= miss) & large & picture.observable & picture.working
+        swapped = ndtr(of_picture[0]) < settings["swap_probability"]
+        order = picture.order(swapped, ndtr(of_picture[1]))
+        places, found = places[order], found[order]
+        inside = jnp.all(jnp.abs(places) < picture.half_frame_tangent[None, :], axis=1)
+        shown = jnp.where((found & inside)[:, None], places, math.nan)
+        return {"landmarks_right_tangent": shown[:, 0], "landmarks_down_tangent": shown[:, 1]}
+
+    @staticmethod
+    def rows(
+        beliefs: "Mapping[str, jax.Array]", view: "SensorView", measured: "Mapping[str, jax.Array]"
+    ) -> "MeasurementRows":
+        """Eight rows of all landmarks that are where the filter expects them."""
+        from rpojax.flight.navigation import landmark_measurement
+
+        assert view.target is not None
+        found = landmarks_found(beliefs, view, measured)
+        return landmark_measurement.rows(view.tuning, view.target, view.relative, found)
+
+
+def landmarks_found(
+    beliefs: "Mapping[str, jax.Array]", view: "SensorView", measured: "Mapping[str, jax.Array]"
+) -> "LandmarkView":
+    """Landmarks of a picture as flight software has them."""
+    import jax.numpy as jnp
+
+    from rpojax.core import quaternion
+    from rpojax.flight.navigation.landmark_measurement import LandmarkView
+
+    assert view.vehicle is not None
+    tangents = jnp.stack([measured["landmarks_right_tangent"], measured["landmarks_down_tangent"]], axis=1)
+    present = jnp.all(jnp.isfinite(tangents), axis=1)
+    sigma = beliefs["believed_noise"] / view.vehicle.focal_px
+    return LandmarkView(
+        tangents=jnp.where(present[:, None], tangents, 0.0),
+        variance=jnp.broadcast_to(sigma**2, present.shape),
+        present=present,
+        q_KN=quaternion.multiply(quaternion.normalize(view.vehicle.camera_mounting), view.q_BN),
+        attitude_variance=view.tuning.attitude_sigma**2,
+    )
