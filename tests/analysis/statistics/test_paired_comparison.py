@@ -140,7 +140,7 @@ def test_requirements_on_what_one_campaign_lacks_are_left_out_whichever_it_is() 
     other = RunMetrics(other.run_ids, other.outcomes, {**metrics, window.presence_name: np.ones(3)})
     for pair in ((one, other), (other, one)):
         found = compare_paired_runs(*pair, [unknown, in_phase, known], independent=True)
-        assert [each.event for each in found.requirements] == [f"{ERROR} at least 2"]
+        assert [each.event for each in found.requirements] == [f"violates {ERROR} at least 2"]
     every = compare_paired_runs(other, other, [unknown, in_phase, known], independent=True).requirements
     assert [each.both for each in every] == [3, 3, 3]
 
