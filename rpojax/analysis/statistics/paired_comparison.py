@@ -145,7 +145,7 @@ def compare_paired_runs(
         ),
         requirements=tuple(
             count_paired_events(
-                f"violates {requirement_name(requirement)}",
+                f"not {requirement_name(requirement)}",
                 _violating(requirement, one),
                 _violating(requirement, other),
                 independent,
