@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 import numpy as np
 
@@ -71,12 +71,20 @@ def check_delays(file: ScenarioFile) -> None:
     dispersed = _dispersed(file)
     for name, section in _sections(file).items():
         if file.servicers and (_is_late(section) or name in dispersed):
-            raise ScenarioError(f"{name}.delay_s", section.delay_s, "no late measurements in a team of servicers")
+            _refuse_late_team(file, name)
     for name in dispersed:
         if not memory:
             expected = "a time for which flight software remembers, with a delay that is dispersed"
             raise ScenarioError("navigation.delay_memory_s", memory, f"{expected} ({name})")
         _check_dispersed(file, name)
+
+
+def _refuse_late_team(file: ScenarioFile, name: str) -> NoReturn:
+    """Refuses a late sensor of a team, by its first key that is dispersed or not 0."""
+    section, dispersed = _sections(file)[name], _dispersed_keys(file)
+    key = next(key for key in KEYS if f"{name}.{key}" in dispersed or getattr(section, key) != 0.0)
+    found = "a dispersed number" if f"{name}.{key}" in dispersed else getattr(section, key)
+    raise ScenarioError(f"{name}.{key}", found, "no late measurements in a team of servicers")
 
 
 def _check_dispersed(file: ScenarioFile, name: str) -> None:
@@ -120,5 +128,9 @@ def _longest_s(section: Any) -> float:
 
 def _dispersed(file: ScenarioFile) -> set[str]:
     """Names of the sensors of which a delay is dispersed."""
-    keys = {key for each in file.dispersions for key in each.key_texts} | set(getattr(file.design, "values", ()))
+    keys = _dispersed_keys(file)
     return {name for name in _sections(file) if any(f"{name}.{key}" in keys for key in KEYS)}
+
+
+def _dispersed_keys(file: ScenarioFile) -> set[str]:
+    return {key for each in file.dispersions for key in each.key_texts} | set(getattr(file.design, "values", ()))

@@ -136,7 +136,7 @@ def test_a_requirement_on_a_metric_that_one_campaign_alone_has_is_left_out_and_n
             assert isinstance(requirements, list)
             assert isinstance(warnings, list)
             events = [each["event"] for each in requirements]
-            assert "formation_error_rms_m at most 2" in events
+            assert "not formation_error_rms_m at most 2" in events
             assert not any("minutes_late" in event for event in events)
             unjudged = [each for each in warnings if "no values for requirements" in each]
             assert unjudged == [

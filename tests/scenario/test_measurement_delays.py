@@ -10,7 +10,7 @@ from rpojax.flight.stages import Stages
 from rpojax.interop.cosimulation.live_run import simulate_live
 from rpojax.interop.cosimulation.live_settings import LiveSettings
 from rpojax.scenario.loading.scenario_warnings import scenario_warnings
-from rpojax.scenario.measurement_delays import DelaySettings, delay_settings
+from rpojax.scenario.measurement_delays import KEYS, TIME_TAG, DelaySettings, delay_settings
 from rpojax.simulation.tick import Loop
 from tests.scenario_error_assertions import assert_one_line
 
@@ -54,6 +54,17 @@ def test_a_time_tag_after_the_arrival_is_refused() -> None:
         rpojax.load("inspection", ["camera.time_tag_error_s=0.01"])
     assert_one_line(refused.value, "camera.time_tag_error_s", "least age")
     assert rpojax.load("inspection", ["camera.time_tag_error_s=0.01", "camera.delay_s=0.1"]).camera.delay_s == 0.1
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_late_team_is_refused_by_the_key_that_makes_it_late(key: str) -> None:
+    value = -0.25 if key == TIME_TAG else 0.25
+    dispersed = [f"dispersions.camera.{key}={{kind = 'uniform', low = 0.1, high = 0.2}}", "navigation.delay_memory_s=1"]
+    for changes, found in (([f"camera.{key}={value}"], f"{value}"), (dispersed, "'a dispersed number'")):
+        with pytest.raises(ScenarioError) as refused:
+            rpojax.load("cooperative_inspection", changes)
+        assert_one_line(refused.value, f"camera.{key}", "no late measurements in a team")
+        assert f": found {found}, expected" in str(refused.value)
 
 
 @pytest.mark.parametrize(

@@ -245,12 +245,13 @@ def aborts(evidence: RunEvidence) -> Iterator[Finding]:
             if reason in (AbortReason.NONE, AbortReason.CORRIDOR_LEFT) or not here.any():
                 continue
 
-            def words(chosen: Flags, reason: AbortReason = reason, name: str = section.name) -> str:
-                what = f"{reason.text}{_by_tests(reason, tests, chosen)}"
+            title = f"abort in {section.name}: {reason.text}"
+
+            def words(chosen: Flags, reason: AbortReason = reason, title: str = title) -> str:
                 range_m = _last(evidence.trace("range_m"))
                 return (
-                    f"{name} is aborted: {what}, at {number(median(evidence.aborted_at_s, chosen))} s and "
-                    f"{number(median(range_m, chosen))} m"
+                    f"{title}{_by_tests(reason, tests, chosen)}, at "
+                    f"{number(median(evidence.aborted_at_s, chosen))} s and {number(median(range_m, chosen))} m"
                 )
 
             def mend(chosen: Flags, reason: AbortReason = reason, name: str = section.name) -> str:
@@ -261,7 +262,7 @@ def aborts(evidence: RunEvidence) -> Iterator[Finding]:
 
             yield Finding(
                 "abort",
-                f"abort in {section.name}: {reason.text}",
+                title,
                 Depth.DECISION,
                 np.where(here, _WEAK, 0.0),
                 evidence.aborted_at_s,

@@ -19,7 +19,7 @@ import numpy as np
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
 from rpojax.analysis.statistics.campaign_comparison import changed_keys
 from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs, spearman
-from rpojax.analysis.statistics.intervals import shrunk_mean
+from rpojax.analysis.statistics.intervals import deviation_interval, shrunk_mean
 from rpojax.analysis.statistics.paired_comparison import requirement_name
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, to_json_types, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 LEADING = 5
 """Number of inputs that count as leading."""
 MIN_RUNS = 2
+_FAR_ABOVE = 3.0
+"""Times the upper limit of a metric's own spread; derivatives beyond are of ripples and not of the metric."""
 _KINKS = {
     "min": "the least value over time: its derivative jumps where another instant becomes the least",
     "max": "the greatest value over time: its derivative jumps where another instant becomes the greatest",
@@ -94,6 +96,16 @@ class MetricSensitivity:
     values: np.ndarray
     undefined: int
     kink: str | None
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of the metric in the runs, noise included."""
+        return float(np.std(self.values, ddof=1))
+
+    @property
+    def exceeds_spread(self) -> bool:
+        """Whether `sigma` is more than three times what the values allow of the metric's spread, at 99 %."""
+        return self.sigma > _FAR_ABOVE * deviation_interval(self.std, len(self.values), 0.99)[1]
 
     @property
     def leading(self) -> tuple[str, ...]:
@@ -368,6 +380,8 @@ def _entry(found: MetricSensitivity, agreement: RankingAgreement | None) -> dict
         "undefined": found.undefined,
         "mean": float(np.mean(found.values)),
         "sigma_by_dispersions": found.sigma,
+        "std": found.std,
+        "exceeds_spread": found.exceeds_spread,
         "leading": list(found.leading),
         "kink": found.kink,
         "inputs": [dataclasses.asdict(share) for share in found.shares],

@@ -43,8 +43,6 @@ CotangentFunction = Callable[[Array, Array], Array]
 count, 0 for padding."""
 ProgramKind = Literal["values", "forward", "reverse", "reverse of all"]
 """`reverse` is that of a weighted sum of metrics, `reverse of all` that of a function of all runs in one batch."""
-Gates = Literal["slopes", "steps"]
-"""What derivatives see of gates and dead band: the slope of a logistic step, or the step itself, whose slope is 0."""
 _COMPILING: dict[ProgramKind, str] = {
     "values": "compiling runs",
     "forward": "compiling runs and derivatives, a minute or more",
@@ -131,18 +129,12 @@ class RolloutEvaluator:
         stages: Stages | None = None,
         cotangent: CotangentFunction | None = None,
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
-        gates: Gates = "slopes",
         on_stage: Callable[[str], None] = lambda words: None,
     ) -> None:
-        """Compiles nothing yet.
-
-        Derivatives see gates and dead band as `gates`; `on_stage` gets a description when a compilation or a simulation
-        begins.
-        """
+        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins."""
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
-        self.scenario, nominal = single_run.nominal_parameters(file)
-        self._nominal = nominal.with_steps() if gates == "steps" else nominal
+        self.scenario, self._nominal = single_run.nominal_parameters(file)
         self._stages = plugin_registry.stages_of(file, stages)
         known = plugin_registry.catalogue_of(file)
         self._metrics = [known[name] for name in self.metric_names]
@@ -161,6 +153,10 @@ class RolloutEvaluator:
     def batch_size(self) -> int:
         """Runs that all devices take at once."""
         return self.runs_per_device * self._mesh.size
+
+    def take_gates_as_steps(self) -> None:
+        """Derivatives see gates and dead band as the steps that they are, without slopes; before the first of them."""
+        self._nominal = self._nominal.with_steps()
 
     def evaluate(self, inputs: np.ndarray, keys: np.ndarray) -> RolloutResult:
         """Metrics alone, for inputs (runs, k) and random keys (runs, 2)."""

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
-from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, Gates, RolloutEvaluator, RolloutResult
+from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
 from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
 from rpojax.campaign import argument_checks
 from rpojax.campaign.experiment_design import has_independent_runs
@@ -109,7 +109,7 @@ def gradient(
     horizon_s: float | None = None,
     seed: int = 0,
     mode: str = "auto",
-    gates: Gates = "slopes",
+    gates: str = "slopes",
     stages: Stages | None = None,
     progress: bool = True,
 ) -> Gradient:
@@ -138,23 +138,17 @@ def gradient(
         RpojaxError: a key names no number of the scenario, a metric has no derivative, or runs are not independent.
     """
     argument_checks.check_numbers(runs, first_run, seed, None)
-    if mode not in ("auto", "forward", "reverse"):
-        raise RpojaxError(f"mode: found {mode!r}, expected 'auto', 'forward' or 'reverse'")
-    if gates not in get_args(Gates):
-        raise RpojaxError(f"gates: found {gates!r}, expected 'slopes' or 'steps'")
-    if not has_independent_runs(file):
-        raise RpojaxError(f"design: found {file.design.kind!r}, expected 'independent' for derivatives")
-    check_differentiable(file)
-    used = file if horizon_s is None else _with_horizon(file, horizon_s)
-    nominal = {key: _nominal_of(used, key) for key in dict.fromkeys(keys)}
-    if not nominal:
-        raise RpojaxError("keys: found none, expected at least one key of a number in the scenario")
+    _check_request(file, mode, gates)
+    used = _with_horizon(file, horizon_s)
+    nominal = _nominals_of(used, keys)
     names = select_metrics(used, metrics)
     count = sum(value.size for value in nominal.values())
     run_ids = first_run + np.arange(runs)
     if mode == "auto":
         mode = "forward" if count <= FORWARD_MODE_MAX_INPUTS * len(names) else "reverse"
-    evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages, gates=gates)
+    evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages)
+    if gates == "steps":
+        evaluator.take_gates_as_steps()
     with stage(f"derivatives in {mode} mode: compiling, then simulating", quiet=not progress):
         found, jacobian = _jacobian(evaluator, np.zeros((runs, count)), run_keys(seed, run_ids), mode)
     return Gradient(
@@ -166,6 +160,17 @@ def gradient(
         mode=mode,
         compile_s=evaluator.compile_s,
     )
+
+
+def _check_request(file: ScenarioFile, mode: str, gates: str) -> None:
+    """Refuses words that name nothing, and scenarios without derivatives."""
+    if mode not in ("auto", "forward", "reverse"):
+        raise RpojaxError(f"mode: found {mode!r}, expected 'auto', 'forward' or 'reverse'")
+    if gates not in ("slopes", "steps"):
+        raise RpojaxError(f"gates: found {gates!r}, expected 'slopes' or 'steps'")
+    if not has_independent_runs(file):
+        raise RpojaxError(f"design: found {file.design.kind!r}, expected 'independent' for derivatives")
+    check_differentiable(file)
 
 
 def _jacobian(
@@ -181,18 +186,28 @@ def _jacobian(
     return rows[0], np.stack([np.asarray(row.gradient) for row in rows], axis=1)
 
 
-def _with_horizon(file: ScenarioFile, horizon_s: float) -> ScenarioFile:
-    """The scenario simulated for another time [s].
+def _with_horizon(file: ScenarioFile, horizon_s: float | None) -> ScenarioFile:
+    """The scenario simulated for another time [s], if one is given.
 
     Raises:
         RpojaxError: it does not suit that time.
     """
+    if horizon_s is None:
+        return file
     try:
         return scenario_loader.with_duration(file, horizon_s)
     except ScenarioError as error:
         raise RpojaxError.of_argument(
             "horizon_s", f"found {horizon_s:g} ({error}), expected a time that suits the scenario"
         ) from None
+
+
+def _nominals_of(file: ScenarioFile, keys: Sequence[str]) -> dict[str, np.ndarray]:
+    """Key -> nominal value, of each key once."""
+    nominal = {key: _nominal_of(file, key) for key in dict.fromkeys(keys)}
+    if not nominal:
+        raise RpojaxError("keys: found none, expected at least one key of a number in the scenario")
+    return nominal
 
 
 def _nominal_of(file: ScenarioFile, key: str) -> np.ndarray:

@@ -145,7 +145,10 @@ def compare_paired_runs(
         ),
         requirements=tuple(
             count_paired_events(
-                requirement_name(requirement), _violating(requirement, one), _violating(requirement, other), independent
+                f"not {requirement_name(requirement)}",
+                _violating(requirement, one),
+                _violating(requirement, other),
+                independent,
             )
             for requirement in requirements
             if can_be_judged(requirement, one.metrics) and can_be_judged(requirement, other.metrics)

@@ -251,6 +251,16 @@ def test_the_first_cause_is_the_planted_one_with_its_numbers(plant: Callable[[],
     assert [each for each in numbers if each not in text] == [], text
 
 
+@pytest.mark.parametrize("reason", [each for each in AbortReason if each not in (0, AbortReason.CORRIDOR_LEFT)])
+def test_an_abort_names_its_phase_and_reason_once(reason: AbortReason) -> None:
+    file = file_of("vbar_approach")
+    evidence = planted(file, "aborted", phases=phases_of(file, 1, abort_reason=reason))
+    (finding,) = [each for each in all_findings(evidence) if each.name == "abort"]
+    text = finding.evidence(FAILED)
+    assert text.startswith(finding.title)
+    assert [text.count(words) for words in (file.phases[1].name, reason.text)] == [1, 1]
+
+
 @pytest.mark.parametrize(
     ("of_burns", "of_health", "words"),
     [

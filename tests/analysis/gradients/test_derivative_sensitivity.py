@@ -200,6 +200,29 @@ def test_the_analysis_of_a_scenario_is_written_as_json(
         found.write(tmp_path / "sensitivity.json")
 
 
+@pytest.mark.parametrize("runs", [2, 4, 16])
+def test_derivatives_beyond_the_spread_of_the_runs_are_told(
+    runs: int, space: StandardNormalSpace, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ripples of 1 mm in the metric have derivatives as large as those of 5 m, or 5000 times the metric's spread."""
+
+    class Ripples(KnownDerivatives):
+        def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+            found = super().jacobian(inputs, keys)
+            rippled = np.stack([0.001 * np.cos(1e4 * inputs[:, 0]), found.metrics[:, 1]], axis=1)
+            return replace(found, metrics=rippled, failed=np.zeros(len(inputs), dtype=bool))
+
+    arguments = ["sensitivity", "inspection", "--metric", METRICS[0], "--metric", METRICS[1], "--runs", str(runs)]
+    for made, are_told in ((Ripples, True), (KnownDerivatives, False)):
+        monkeypatch.setattr(derivative_sensitivity, "RolloutEvaluator", lambda *_, made=made, **__: made(space))
+        if runs == 2 and not are_told:
+            continue
+        assert main.main(arguments) == main.Status.DONE
+        output = capsys.readouterr().out
+        assert (f"warning: {METRICS[0]} varies by" in output) is are_told
+        assert f"warning: {METRICS[1]}" not in output
+
+
 def test_the_command_refuses_an_unknown_metric_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main.main(["sensitivity", "inspection", "--metric", "speed"]) == main.Status.BAD_INPUT
     error = capsys.readouterr().err

@@ -20,7 +20,7 @@ METRIC = "nav_relative_position_error_rms_m"
 class SquaredValues(RolloutEvaluator):
     """Takes the place of rollouts: the metric of a run is half the sum of squares of its values of two keys."""
 
-    def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any, **__: Any) -> None:
+    def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any) -> None:
         self._values, self.compile_s = input_function, 0.0
 
     def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> Any:

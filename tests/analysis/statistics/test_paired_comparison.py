@@ -60,7 +60,7 @@ def test_failures_and_violations_are_compared_run_by_run() -> None:
     found = compare_paired_runs(first, second, [wanted], independent=True)
     assert (found.failures.only_first, found.failures.only_second, found.failures.neither) == (1, 1, 4)
     [violated] = found.requirements
-    assert violated.event == "formation_error_rms_m at most 2"
+    assert violated.event == "not formation_error_rms_m at most 2"
     assert (violated.both, violated.only_first, violated.only_second, violated.neither) == (1, 2, 2, 1)
     assert found.metrics[0].pairs == 4
 
@@ -140,7 +140,7 @@ def test_requirements_on_what_one_campaign_lacks_are_left_out_whichever_it_is() 
     other = RunMetrics(other.run_ids, other.outcomes, {**metrics, window.presence_name: np.ones(3)})
     for pair in ((one, other), (other, one)):
         found = compare_paired_runs(*pair, [unknown, in_phase, known], independent=True)
-        assert [each.event for each in found.requirements] == [f"{ERROR} at least 2"]
+        assert [each.event for each in found.requirements] == [f"not {ERROR} at least 2"]
     every = compare_paired_runs(other, other, [unknown, in_phase, known], independent=True).requirements
     assert [each.both for each in every] == [3, 3, 3]
 

@@ -68,6 +68,13 @@ def _show(found: SensitivityAnalysis) -> None:
                 f"{format_number(other.rank_correlation, 2)}",
                 soft_wrap=True,
             )
+        if one.exceeds_spread:
+            console.print(
+                f"warning: {one.metric} varies by {format_number(one.std)} {one.unit} (1 sigma) in these runs, not by "
+                f"{format_number(one.sigma)} {one.unit}: its derivatives are those of ripples, and neither they nor "
+                "their order tell which dispersions make its spread; a campaign does",
+                soft_wrap=True,
+            )
         if one.kink is not None:
             console.print(f"{one.metric} is {one.kink}", soft_wrap=True)
     if found.space.unmapped:
