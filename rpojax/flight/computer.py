@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -31,10 +32,12 @@ from rpojax.flight.guidance.attitude_guidance import GuidanceTick
 from rpojax.flight.guidance.target_acquisition import Sighting
 from rpojax.flight.navigation import (
     attitude_ekf,
+    landmark_measurement,
     lasting_adaptation,
     relative_filter_state,
     relative_orbit_ekf,
     retrodiction,
+    target_attitude_ekf,
     thrust_estimator,
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -50,6 +53,9 @@ from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
+
+LANDMARKS: Final = "landmarks"
+"""Name of the sensor that shows the attitude of the target."""
 
 
 def initial(
@@ -111,7 +117,8 @@ def navigate(
     )
     variance = _attitude_variance(params.vehicle, attitude)
     exposures = _exposures(software, memory.history, attitude.q_BN, measurements)
-    rows = _believed_rows(params, measurements, attitude, exposures, time)
+    view_of = _views(params, attitude, exposures, time)
+    rows = _believed_rows(params, measurements, view_of)
     box = filtered_box(params, replace(memory, lens=frame), variance, measurements.box, sun_N)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
@@ -132,6 +139,7 @@ def navigate(
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
+    orbit = _with_target_attitude(params, measurements, view_of, exposures.get(LANDMARKS), orbit, innovation)
     adaptation = lasting_adaptation.adapt(params.navigation, orbit.relative, memory.health.lasting, box)
     orbit = replace(orbit, relative=adaptation.estimate)
     after = replace(
@@ -149,20 +157,20 @@ def navigate(
     return replace(after, health=health), innovation
 
 
-def _believed_rows(
-    params: FlightParams,
-    measurements: Measurements,
-    attitude: AttitudeEstimate,
-    exposures: Mapping[str, Exposure],
-    time: Scalar,
-) -> Callable[[BelievedSensor, RelativeEstimate], MeasurementRows]:
-    """Rows of the measurement of a sensor for an estimate at its exposure, which is at `time` [s] unless it is late."""
+ViewOf = Callable[[str, RelativeEstimate], SensorView]
+"""What is known where a measurement of a sensor, by its name, is used with an estimate at its exposure."""
 
-    def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
+
+def _views(
+    params: FlightParams, attitude: AttitudeEstimate, exposures: Mapping[str, Exposure], time: Scalar
+) -> ViewOf:
+    """Views of sensors, whose exposure is at `time` [s] unless they are late."""
+
+    def view(name: str, relative: RelativeEstimate) -> SensorView:
         q_BN, exposed = attitude.q_BN, time
-        if sensor.name in exposures:
-            q_BN, exposed = exposures[sensor.name].q_BN, time - exposures[sensor.name].age
-        view = SensorView(
+        if name in exposures:
+            q_BN, exposed = exposures[name].q_BN, time - exposures[name].age
+        return SensorView(
             tuning=params.navigation,
             relative=relative,
             q_BN=q_BN,
@@ -170,9 +178,41 @@ def _believed_rows(
             vehicle=params.vehicle,
             target=params.target,
         )
+
+    return view
+
+
+def _believed_rows(
+    params: FlightParams, measurements: Measurements, view_of: ViewOf
+) -> Callable[[BelievedSensor, RelativeEstimate], MeasurementRows]:
+    """Rows of the measurement of a sensor for an estimate at its exposure."""
+
+    def rows(sensor: BelievedSensor, relative: RelativeEstimate) -> MeasurementRows:
+        view = view_of(sensor.name, relative)
         return sensor.checked_rows(params.sensors[sensor.name], view, measurements.additional)
 
     return rows
+
+
+def _with_target_attitude(
+    params: FlightParams,
+    measurements: Measurements,
+    view_of: ViewOf,
+    exposure: Exposure | None,
+    orbit: OrbitEstimate,
+    innovation: Innovation,
+) -> OrbitEstimate:
+    """Estimate whose attitude of the target is given up where landmarks contradict it, and found where it is unknown."""
+    if params.target is None or orbit.relative.target is None:
+        return orbit
+    used, rejected = innovation.sensors[LANDMARKS].accepted, innovation.sensors[LANDMARKS].rejected
+    reference = target_attitude_ekf.given_up(orbit.relative.target, used, rejected, measurements.box.interval)
+    relative = retrodiction.to_exposure(replace(orbit.relative, target=reference), exposure)
+    picture = landmark_measurement.picture(
+        params.sensors[LANDMARKS], view_of(LANDMARKS, relative), measurements.additional
+    )
+    relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)
+    return replace(orbit, relative=retrodiction.from_exposure(relative, exposure))
 
 
 def _exposures(

@@ -28,6 +28,7 @@ from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.retrodiction import History
+from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
 from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
 from rpojax.flight.navigation_health import HealthTuning, NavigationHealth
 from rpojax.flight.vehicle_model import VehicleModel

@@ -22,8 +22,8 @@ window has a weight (for `end` and `total`, where the last one has none), and wh
 """
 
 
-Need = Literal["phases", "plume", "isolation", "coverage"]
-"""What only some scenarios have: phases, plumes on the target, isolation valves, coverage of the target."""
+Need = Literal["phases", "plume", "isolation", "coverage", "landmarks"]
+"""What only some scenarios have: phases, plumes on the target, isolation valves, coverage of the target, landmarks."""
 
 Source = Literal["records", "drifts", "coverage", "team", "simulation", "plugin"]
 

@@ -21,6 +21,7 @@ _CONDITIONS: Final[Mapping[Need, _Condition]] = {
         "isolation.enabled, chamber_pressure.enabled and effects.faults = true with [[thrusters]]",
         lambda file: file.effects.faults and file.isolates_thrusters,
     ),
+    "landmarks": _Condition("camera.landmarks", lambda file: file.landmarks is not None),
     "coverage": _Condition("coverage.enabled = true", lambda file: file.coverage.enabled),
 }
 

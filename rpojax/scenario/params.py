@@ -41,7 +41,7 @@ from rpojax.scenario.numbers import key_units
 from rpojax.scenario.numbers.section_records import array, record_of, section_record
 from rpojax.scenario.numbers.start_and_limits import HandoverErrors, InitialRelativeState, Limits
 from rpojax.scenario.plugins import plugin_registry
-from rpojax.scenario.trained import coverage_surface, fitted_camera, ranging_surface, trained_files
+from rpojax.scenario.trained import coverage_surface, fitted_camera, ranging_surface, target_landmarks, trained_files
 from rpojax.sensors.additional import surface_ranging
 from rpojax.sensors.additional.registry import sensor_classes, sensor_names
 from rpojax.sensors.additional.surface_ranging import TargetSurface
@@ -57,6 +57,7 @@ from rpojax.sensors.star_tracker import StarTracker
 from rpojax.sensors.statistical_camera import CameraStatistics
 from rpojax.value_types import epoch_seconds
 from rpojax.vision import pinhole
+from rpojax.vision.surface.landmarks import Landmarks
 
 
 @pytree

@@ -6,7 +6,7 @@ from typing import Any
 
 from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.trained import coverage_surface, trained_files
+from rpojax.scenario.trained import coverage_surface, target_landmarks, trained_files
 from rpojax.sensors.additional.registry import sensor_names
 from rpojax.value_types import Section
 
@@ -47,6 +47,8 @@ def scenario_digest(file: ScenarioFile) -> str:
         content["metrics_in_windows"] = windows
     if trained := trained_files.required_digests(content):
         content["trained"] = trained
+    if landmarks := target_landmarks.landmark_path(content):
+        content["landmarks_sha256"] = trained_files.file_digest(landmarks)
     if not file.coverage.enabled:
         coverage = content.pop("coverage", {})
         if coverage_surface.is_surface_used(content):

@@ -5,7 +5,7 @@ import functools
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, Field, create_model
+from pydantic import AfterValidator, create_model, Field, model_validator
 
 from rpojax.core.constants import RADIUS_EARTH
 from rpojax.dispersions.designs.design_sections import Design, IndependentDesign
@@ -119,6 +119,8 @@ class RequirementSection(OptionalKeys):
         return not self.window.suffix and self.outcome is None
 
 
+NO_LANDMARKS: Final = "none"
+"""Value of `camera.landmarks` of a camera that finds none."""
 MAX_THRUSTERS: Final = 24
 """Most thrusters of a reaction control system."""
 MAX_SERVICERS: Final = 8
@@ -222,6 +224,14 @@ class ScenarioFile(Summarised, AdditionalSensors):
     requirements: list[RequirementSection] = Field(default_factory=list)
     tuning: TuningSection = TuningSection()
     design: Design = IndependentDesign(kind="independent")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_landmarks(cls, data: Any) -> Any:
+        """Tables with the section of landmarks, of the numbers by default, where the camera finds some."""
+        camera = data.get("camera") if isinstance(data, dict) else None
+        finds = isinstance(camera, dict) and camera.get("landmarks", NO_LANDMARKS) != NO_LANDMARKS
+        return {**data, "landmarks": {}} if finds and data.get("landmarks") is None else data
 
     @property
     def phase_names(self) -> tuple[str, ...]:

@@ -189,10 +189,11 @@ class WheelsSection(section_of(ReactionWheels)):
     """Reaction wheels of the servicer."""
 
 
-class CameraSection(section_of(Camera, MeasurementDelay, name="camera", first=("model", "width_px", "height_px"))):
+class CameraSection(section_of(Camera, MeasurementDelay, name="camera", first=("model", "landmarks", "width_px", "height_px"))):
     """Camera, and errors of the geometric bounding-box model."""
 
     model: Literal["geometric", "statistical", "rendered"]
+    landmarks: str = "none"
     width_px: Annotated[int, Field(ge=16, le=4096)]
     height_px: Annotated[int, Field(ge=16, le=4096)]
 

@@ -22,7 +22,9 @@ from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import of_phase
+from rpojax.flight.navigation import target_attitude_ekf
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.flight.navigation.target_attitude_ekf import TargetAttitude
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -91,6 +93,29 @@ class ObservedTick:
         """Squared Mahalanobis norm of the relative error, and log determinant of its covariance."""
         return squared_mahalanobis_and_log_determinant(self.relative_covariance, self.orbit_errors[1])
 
+    @property
+    def target_reference(self) -> TargetAttitude:
+        """Reference of the attitude of the target, where it is estimated."""
+        reference = self.telemetry.flight.orbit.relative.target
+        assert reference is not None
+        return reference
+
+    @cached_property
+    def pose_error(self) -> Float[Array, "6"]:
+        """Small turn in T from the estimated to the true attitude of the target [rad], and error of its rate [rad/s]."""
+        slow = self.telemetry.flight.orbit.relative.slow
+        turn = quaternion.multiply(
+            self.truth.q_TN, quaternion.conjugate(target_attitude_ekf.attitude(self.target_reference, slow))
+        )
+        return jnp.concatenate([quaternion.log(turn), self.truth.omega_TN_T - slow["rate"]])
+
+    @property
+    def pose_covariance(self) -> Float[Array, "6 6"]:
+        """Covariance of that error."""
+        relative = self.telemetry.flight.orbit.relative
+        numbers = jnp.array([*relative.layout.places("attitude"), *relative.layout.places("rate")])
+        return relative.covariance[numbers][:, numbers]
+
     @cached_property
     def boresight_and_line(self) -> tuple[Vector, Vector]:
         """Unit vectors in N along the boresight and to the target."""
@@ -118,6 +143,8 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
         functions |= LENS_CHANNELS
     if scenario.effects.plume:
         functions |= PLUME_CHANNELS
+    if telemetry.flight.orbit.relative.target is not None:
+        functions |= LANDMARK_CHANNELS
     if scenario.effects.faults and scenario.isolation:
         functions |= ISOLATION_CHANNELS
     if scenario.mission.is_managed:
@@ -212,6 +239,12 @@ def _failed_tests(tick: ObservedTick) -> Array:
     ratios = tick.telemetry.flight.health.ratios
     bits = jnp.array([1 << place for place in range(len(ratios))], dtype=jnp.int16)
     return jnp.sum(jnp.where(ratios >= 1.0, bits, 0), axis=0, dtype=jnp.int16)
+
+
+def _estimated_attitude(tick: ObservedTick) -> Float[Array, "4"]:
+    """Estimated attitude of the target, NaN before it was found."""
+    q_TN = target_attitude_ekf.attitude(tick.target_reference, tick.telemetry.flight.orbit.relative.slow)
+    return jnp.where(tick.target_reference.known, q_TN, jnp.nan)
 
 
 def _is_wide(tick: ObservedTick) -> Array:
@@ -349,6 +382,26 @@ LENS_CHANNELS: Final[ChannelFunctions] = {"wide_lens": _is_wide}
 """Lens of a tick, in scenarios with two."""
 PLUME_CHANNELS: Final[ChannelFunctions] = {"plume_impulse_n_s": lambda tick: tick.truth.plume_impulse}
 """Load of the thrusters' plumes on the target, in scenarios with it."""
+LANDMARK_CHANNELS: Final[ChannelFunctions] = {
+    "q_TN_estimate": _estimated_attitude,
+    "target_attitude_error_T_deg": lambda tick: jnp.rad2deg(tick.pose_error[:3]),
+    "target_rate_error_T_deg_s": lambda tick: jnp.rad2deg(tick.pose_error[3:]),
+    "target_attitude_sigma_T_deg": lambda tick: jnp.rad2deg(
+        gradient_safe.sqrt(jnp.diagonal(tick.pose_covariance)[:3])
+    ),
+    "target_attitude_known": lambda tick: tick.target_reference.known,
+    "nees_pose": lambda tick: jnp.where(
+        tick.target_reference.known,
+        squared_mahalanobis_and_log_determinant(tick.pose_covariance, tick.pose_error)[0],
+        jnp.nan,
+    ),
+    "landmarks_found": lambda tick: jnp.sum(
+        jnp.isfinite(tick.telemetry.measurements.additional["landmarks_right_tangent"]).astype(jnp.int8),
+        axis=0,
+        dtype=jnp.int8,
+    ),
+}
+"""Attitude of the target, in scenarios whose camera finds landmarks; errors are small turns in T, true by estimate."""
 ISOLATION_CHANNELS: Final[ChannelFunctions] = {
     "isolated_thrusters": lambda tick: jnp.sum(_isolated(tick).astype(jnp.int8), axis=0, dtype=jnp.int8),
     "isolation_delay_s": _isolation_delay,

@@ -4,6 +4,8 @@ All landmarks of a picture are put together to at most eight rows, by the Choles
 position, attitude error and bearing: the rows carry what all of them do, and the filter takes eight in place of forty.
 """
 
+from collections.abc import Mapping
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -11,10 +13,12 @@ from jaxtyping import Array, Bool, Float
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core import quaternion
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.numerics.small_systems import cholesky_rows
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.vectors import product
+from rpojax.core.vectors import apply, product
 from rpojax.flight.navigation import perspective_n_point, target_attitude_ekf
+from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget, cross_matrix
@@ -56,73 +60,113 @@ class LandmarkView:
     attitude_variance: Array
 
 
+def picture(beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[str, Array]) -> LandmarkView:
+    """Landmarks of a picture as measured, with what flight software believes of them."""
+    assert view.vehicle is not None
+    tangents = jnp.stack([measured["landmarks_right_tangent"], measured["landmarks_down_tangent"]], axis=1)
+    present = jnp.all(jnp.isfinite(tangents), axis=1)
+    sigma = beliefs["believed_noise"] / view.vehicle.focal_px
+    return LandmarkView(
+        tangents=jnp.where(present[:, None], tangents, 0.0),
+        variance=jnp.broadcast_to(sigma**2, present.shape),
+        present=present,
+        q_KN=quaternion.multiply(quaternion.normalize(view.vehicle.camera_mounting), view.q_BN),
+        attitude_variance=view.tuning.attitude_sigma**2,
+    )
+
+
 def rows(
     tuning: OrbitFilterTuning, target: BelievedTarget, estimate: RelativeEstimate, view: LandmarkView
 ) -> MeasurementRows:
     """Rows (8,) of the landmarks that pass their gates, for an estimate with the target's attitude."""
     assert estimate.target is not None
-    expected, jacobian = _linearised(target, estimate, view)
-    residual = jnp.where(view.present[:, None], view.tangents, 0.0) - expected
-    used = view.present & estimate.target.known & _is_inside(tuning, estimate, view, residual, jacobian)
-    weight = jnp.where(used, 1.0 / view.variance, 0.0)
-    # (8, 8) and (8,): sums over landmarks and both axes of the image.
-    weighted = jacobian * weight[:, None, None]
-    information = jnp.sum(weighted[:, :, :, None] * jacobian[:, :, None, :], axis=(0, 1))
-    evidence = jnp.sum(weighted * residual[:, :, None], axis=(0, 1))
+    pose = _Pose.of(estimate, view)
+    layout, body_offset = estimate.layout, estimate.slow["body_offset"]
+    numbers = jnp.array([number for name in _PARTS for number in layout.places(name)])
+    shared = estimate.covariance[numbers][:, numbers]
+
+    def add(sums: tuple[Array, Array], landmark: tuple[Array, ...]) -> tuple[tuple[Array, Array], None]:
+        place_T, measured, variance, present = landmark
+        expected, jacobian = _linearised(pose, place_T + body_offset)
+        residual = jnp.where(present, measured, 0.0) - expected
+        noise = variance + view.attitude_variance
+        used = present & estimate.target.known & _is_inside(tuning, shared, noise, residual, jacobian)
+        weighted = jacobian * jnp.where(used, 1.0 / variance, 0.0)
+        added = product(weighted.T, jacobian), jnp.sum(weighted * residual[:, None], axis=0)
+        return (sums[0] + added[0], sums[1] + added[1]), None
+
+    nothing = jnp.zeros((ROWS, ROWS), dtype=shared.dtype), jnp.zeros(ROWS, dtype=shared.dtype)
+    each = (target.landmarks, view.tangents, view.variance, view.present)
+    information, evidence = short_scan(add, nothing, each)
     information, evidence = _without_common_error(information, evidence, view.attitude_variance)
     factor, values, exists = _factorised(information, evidence)
     by_part = dict(zip(_PARTS, (factor[:, :3], factor[:, 3:6], factor[:, 6:]), strict=True))
     # A centre of mass that is elsewhere in the body moves all landmarks alike.
-    R_NT = quaternion.to_matrix(quaternion.conjugate(target_attitude_ekf.attitude(estimate.target, estimate.slow)))
     return MeasurementRows(
         residual=values,
-        jacobian=estimate.layout.rows(**by_part, body_offset=product(factor[:, :3], R_NT)),
+        jacobian=layout.rows(**by_part, body_offset=product(factor[:, :3], pose.R_NT)),
         variance=jnp.ones_like(values),
         weight=jnp.where(exists, 1.0, 0.0),
     )
 
 
-def _linearised(
-    target: BelievedTarget, estimate: RelativeEstimate, view: LandmarkView
-) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 8"]]:
-    """Expected tangents, and their derivatives to position, attitude error and bearing."""
-    assert estimate.target is not None
-    q_TN = target_attitude_ekf.attitude(estimate.target, estimate.slow)
-    R_KN = quaternion.to_matrix(view.q_KN)
-    R_KT = product(R_KN, quaternion.to_matrix(quaternion.conjugate(q_TN)))
-    center_K = jnp.sum(R_KN * estimate.r_TS_N[None, :], axis=1)
-    places_T = target.landmarks + estimate.slow["body_offset"][None, :]
-    places_K = jnp.sum(R_KT[None] * places_T[:, None, :], axis=2) + center_K[None, :]
-    depth = jnp.maximum(places_K[:, 2], _NEAREST)
-    tangents = places_K[:, :2] / depth[:, None]
-    one, none = 1.0 / depth, jnp.zeros_like(depth)
+@pytree
+class _Pose:
+    """Estimated pose of the target before the camera.
+
+    Attributes:
+        R_KN: (3, 3)
+        R_NT: (3, 3)
+        R_KT: (3, 3)
+        center_K: (3,) centre of mass [m]
+        bearing_bias: (2,)
+    """
+
+    R_KN: Array
+    R_NT: Array
+    R_KT: Array
+    center_K: Array
+    bearing_bias: Array
+
+    @classmethod
+    def of(cls, estimate: RelativeEstimate, view: LandmarkView) -> "_Pose":
+        """Pose of an estimate in a picture."""
+        assert estimate.target is not None
+        R_KN = quaternion.to_matrix(view.q_KN)
+        R_NT = quaternion.to_matrix(quaternion.conjugate(target_attitude_ekf.attitude(estimate.target, estimate.slow)))
+        return cls(
+            R_KN=R_KN,
+            R_NT=R_NT,
+            R_KT=product(R_KN, R_NT),
+            center_K=jnp.sum(R_KN * estimate.r_TS_N[None, :], axis=1),
+            bearing_bias=estimate.slow["bearing_bias"],
+        )
+
+
+def _linearised(pose: _Pose, place_T: Vector) -> tuple[Float[Array, "2"], Float[Array, "2 8"]]:
+    """Expected tangents of a landmark, and their derivatives to position, attitude error and bearing."""
+    place_K = apply(pose.R_KT, place_T) + pose.center_K
+    depth = jnp.maximum(place_K[2], _NEAREST)
+    tangents, one, none = place_K[:2] / depth, 1.0 / depth, jnp.zeros_like(depth)
     to_place = jnp.stack(
-        [jnp.stack([one, none, -tangents[:, 0] * one], axis=1), jnp.stack([none, one, -tangents[:, 1] * one], axis=1)],
-        axis=1,
+        [jnp.stack([one, none, -tangents[0] * one]), jnp.stack([none, one, -tangents[1] * one])],
     )
     # v_N = R_NT (l + l x a): the error turns the body, and so the landmarks the other way in its own axes.
-    turns = jax.vmap(cross_matrix)(places_T)
-    by_angle = jnp.sum(R_KT[None, :, :, None] * turns[:, None, :, :], axis=2)
     parts = (
-        jnp.sum(to_place[:, :, :, None] * R_KN[None, None], axis=2),
-        jnp.sum(to_place[:, :, :, None] * by_angle[:, None], axis=2),
-        jnp.broadcast_to(jnp.eye(2, dtype=depth.dtype), (*tangents.shape, 2)),
+        product(to_place, pose.R_KN),
+        product(product(to_place, pose.R_KT), cross_matrix(place_T)),
+        jnp.eye(2, dtype=depth.dtype),
     )
-    return tangents + estimate.slow["bearing_bias"][None, :], jnp.concatenate(parts, axis=2)
+    return tangents + pose.bearing_bias, jnp.concatenate(parts, axis=1)
 
 
 def _is_inside(
-    tuning: OrbitFilterTuning, estimate: RelativeEstimate, view: LandmarkView, residual: Array, jacobian: Array
-) -> Bool[Array, " n"]:
-    """Whether each landmark is where the filter expects it, within `gate_sigma`."""
-    layout, P = estimate.layout, estimate.covariance
-    numbers = [number for name in _PARTS for number in layout.places(name)]
-    shared = P[jnp.array(numbers)][:, jnp.array(numbers)]
-    by_row = jnp.sum(jacobian[:, :, :, None] * shared[None, None], axis=2)
-    S = jnp.sum(by_row[:, :, None, :] * jacobian[:, None, :, :], axis=3)
-    noise = view.variance + view.attitude_variance
-    a, b, c = S[:, 0, 0] + noise, S[:, 0, 1], S[:, 1, 1] + noise
-    x, y = residual[:, 0], residual[:, 1]
+    tuning: OrbitFilterTuning, shared: Float[Array, "8 8"], noise: Scalar, residual: Array, jacobian: Array
+) -> Bool[Array, ""]:
+    """Whether a landmark is where the filter expects it, within `gate_sigma`."""
+    S = product(product(jacobian, shared), jacobian.T)
+    a, b, c = S[0, 0] + noise, S[0, 1], S[1, 1] + noise
+    x, y = residual[0], residual[1]
     return c * x * x - 2.0 * b * x * y + a * y * y < tuning.gate_sigma**2 * (a * c - b * b)
 
 

@@ -6,7 +6,6 @@ moments of inertia and the place of its centre of mass are states, too. Lefferts
 for Spacecraft Attitude Estimation", 1982.
 """
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -14,7 +13,8 @@ from rpojax.core import quaternion
 from rpojax.core.constants import MU_EARTH
 from rpojax.core.filter_state_layout import StateLayout
 from rpojax.core.numerics import gradient_safe, runge_kutta
-from rpojax.core.numerics.small_systems import solve_positive_definite
+from rpojax.core.numerics.short_scan import short_scan
+from rpojax.core.numerics.small_systems import inverse_positive_definite
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply, cross, product
 
@@ -79,17 +79,17 @@ def predict(
     reference: TargetAttitude, layout: StateLayout, slow: dict[str, Array], P: Array, r_TN_N: Vector, dt: float
 ) -> tuple[TargetAttitude, dict[str, Array], Float[Array, "n n"]]:
     """Reference, slow states and covariance `dt` [s] later, without process noise; the target is at `r_TN_N` [m]."""
-    q_TN, rate, ratios = attitude(reference, slow), slow["rate"], slow["inertia_ratio"]
-
-    def acceleration(q: Array, omega: Vector, ratios: Array) -> Vector:
-        inertia = inertia_of(reference.inertia, ratios)
-        return solve_positive_definite(inertia, _torque(inertia, q, omega, r_TN_N))
+    q_TN, rate, inertia = attitude(reference, slow), slow["rate"], inertia_of(reference.inertia, slow["inertia_ratio"])
+    inverse, distance = inverse_positive_definite(inertia), gradient_safe.norm(r_TN_N)
+    outward_N, pull = r_TN_N / distance, 3.0 * MU_EARTH / distance**3
 
     def derivative(y: tuple[Array, Vector], _: Scalar | None) -> tuple[Array, Vector]:
-        return quaternion.derivative(*y), acceleration(*y, ratios)
+        q, omega = y
+        return quaternion.derivative(q, omega), apply(inverse, _torque(inertia, q, omega, outward_N, pull))
 
     change_q, change_rate = runge_kutta.increment("rk4", derivative, (q_TN, rate), None, dt)
-    by_rate, by_ratio = jax.jacfwd(lambda omega, log: acceleration(q_TN, omega, log), argnums=(0, 1))(rate, ratios)
+    by_rate = product(inverse, cross_matrix(apply(inertia, rate)) - product(cross_matrix(rate), inertia))
+    by_ratio = _effect_of_ratios(inertia, inverse, quaternion.rotate(q_TN, outward_N), pull, rate)
     transition = (_turned(rate, dt), _shown_by_rate(rate, dt))
     P = _mixed(P, layout, transition, jnp.eye(3, dtype=P.dtype) + dt * by_rate, dt * by_ratio)
     known = reference.known
@@ -110,13 +110,29 @@ def turned_by(
     return replace(reference, q_TN=moved), {**slow, "attitude": none}, P
 
 
-def _torque(inertia: Matrix, q_TN: Array, omega_TN_T: Vector, r_TN_N: Vector) -> Vector:
-    """Gyroscopic torque and that of the gravity gradient in T, over the unit of the inertia [1/s^2]."""
-    r_T = quaternion.rotate(q_TN, r_TN_N)
-    distance = gradient_safe.norm(r_T)
-    outward = r_T / distance
-    gradient = 3.0 * MU_EARTH / distance**3 * cross(outward, apply(inertia, outward))
-    return gradient - cross(omega_TN_T, apply(inertia, omega_TN_T))
+def _torque(inertia: Matrix, q_TN: Array, omega_TN_T: Vector, outward_N: Vector, pull: Scalar) -> Vector:
+    """Gyroscopic torque and that of the gravity gradient of strength `pull` [1/s^2] in T, in the unit of the inertia."""
+    outward = quaternion.rotate(q_TN, outward_N)
+    return pull * cross(outward, apply(inertia, outward)) - cross(omega_TN_T, apply(inertia, omega_TN_T))
+
+
+def _effect_of_ratios(
+    inertia: Matrix, inverse: Matrix, outward: Vector, pull: Scalar, rate: Vector
+) -> Float[Array, "3 2"]:
+    """Angular acceleration by a unit of each log of a ratio of moments [rad/s^2]; `outward` from the Earth, in T."""
+    torque = pull * cross(outward, apply(inertia, outward)) - cross(rate, apply(inertia, rate))
+    acceleration, columns = apply(inverse, torque), []
+    for axis in range(2):
+        row = 0.5 * inertia[axis]
+        of_axis = jnp.zeros_like(row).at[axis].set(1.0)
+
+        def change(vector: Vector, row: Vector = row, of_axis: Vector = of_axis) -> Vector:
+            """Product of the change of the inertia and a vector."""
+            return of_axis * jnp.sum(row * vector, axis=0) + row * jnp.sum(of_axis * vector, axis=0)
+
+        added = pull * cross(outward, change(outward)) - cross(rate, change(rate)) - change(acceleration)
+        columns.append(apply(inverse, added))
+    return jnp.stack(columns, axis=1)
 
 
 def _turned(rate: Vector, dt: float | Scalar) -> Matrix:
@@ -141,16 +157,20 @@ def _mixed(
 ) -> Float[Array, "n n"]:
     """Covariance after a linear change of attitude error and rate by themselves, rate and inertia ratios."""
     angle, rate, ratio = layout["attitude"], layout["rate"], layout["inertia_ratio"]
+    assert angle.stop == rate.start
 
-    def change(rows: Array) -> Array:
+    def change(rows: Array, _: Array) -> tuple[Array, None]:
         turned = product(of_attitude[0], rows[angle]) + product(of_attitude[1], rows[rate])
         changed = product(by_rate, rows[rate]) + product(by_ratio, rows[ratio])
-        return rows.at[angle].set(turned).at[rate].set(changed)
+        return jnp.concatenate([rows[: angle.start], turned, changed, rows[rate.stop :]]).T, None
 
-    return change(change(P).T).T
+    # Rows, then columns.
+    return short_scan(change, P, jnp.arange(2))
 
 
-def is_lost(reference: TargetAttitude, used: Bool[Array, ""], rejected: Bool[Array, ""], dt: Scalar) -> TargetAttitude:
+def given_up(
+    reference: TargetAttitude, used: Bool[Array, ""], rejected: Bool[Array, ""], dt: Scalar
+) -> TargetAttitude:
     """Reference that is given up where landmarks have contradicted it for long, `dt` [s] after the tick before."""
     unexplained = jnp.where(used, 0.0, reference.unexplained_s + jnp.where(rejected & reference.known, dt, 0.0))
     lost = unexplained >= _LOST_AFTER

@@ -15,6 +15,7 @@ from rpojax.metrics import (
     plume,
     position_errors,
     surface_coverage,
+    target_attitude,
     team,
     thrusters,
     trajectory,
@@ -22,6 +23,7 @@ from rpojax.metrics import (
 
 _GROUPS: Final = (
     ("Errors of position", (position_errors,)),
+    ("Attitude of the target", (target_attitude,)),
     ("Consistency of the filter", (filter_consistency, filter_likelihood)),
     ("Confidence of the navigation", (navigation_health,)),
     ("Range and delta-v", (trajectory, approach, plume, thrusters)),

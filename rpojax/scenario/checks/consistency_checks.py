@@ -5,6 +5,7 @@ import math
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.lamp_checks import check_lamp
+from rpojax.scenario.checks.landmark_checks import check_landmarks
 from rpojax.scenario.checks.listed_design_checks import check_design
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.ranging_checks import check_ranging
@@ -67,6 +68,7 @@ def check_consistency(file: ScenarioFile) -> None:
     check_thrusters(file)
     check_phases(file)
     check_ranging(file)
+    check_landmarks(file)
     check_delays(file)
     check_lamp(file)
     check_wide_lens(file)

@@ -2,16 +2,15 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from rpojax.errors import ScenarioError
+from rpojax.scenario.schema import NO_LANDMARKS
 from rpojax.scenario.trained.trained_files import PACKAGED
 from rpojax.untrusted.file_reading import is_regular
 from rpojax.vision.surface import landmark_file
 from rpojax.vision.surface.landmarks import Landmarks
 
-NONE: Final = "none"
-"""Value of `camera.landmarks` of a camera that finds none."""
 
 
 def landmarks_for_camera(tables: Mapping[str, Any]) -> Landmarks | None:
@@ -30,10 +29,10 @@ def landmark_path(tables: Mapping[str, Any]) -> Path | None:
     Raises:
         ScenarioError: there is no such file.
     """
-    name = tables["camera"].get("landmarks", NONE)
-    if name == NONE:
+    name = tables["camera"].get("landmarks", NO_LANDMARKS)
+    if name == NO_LANDMARKS:
         return None
     path = landmark_file.landmark_path(None if name == PACKAGED else Path(name))
     if not is_regular(path):
-        raise ScenarioError("camera.landmarks", name, f"'{NONE}', '{PACKAGED}' or the path of a file")
+        raise ScenarioError("camera.landmarks", name, f"'{NO_LANDMARKS}', '{PACKAGED}' or the path of a file")
     return path

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from rpojax.core.kalman_update import MeasurementRows
     from rpojax.flight.navigation.believed_sensor import SensorView
-    from rpojax.flight.navigation.landmark_measurement import LandmarkView
 
 MOST: Final = 24
 """Landmarks of a target at most."""
@@ -86,27 +85,5 @@ class LandmarkCamera(AdditionalSensor):
         from rpojax.flight.navigation import landmark_measurement
 
         assert view.target is not None
-        found = landmarks_found(beliefs, view, measured)
+        found = landmark_measurement.picture(beliefs, view, measured)
         return landmark_measurement.rows(view.tuning, view.target, view.relative, found)
-
-
-def landmarks_found(
-    beliefs: "Mapping[str, jax.Array]", view: "SensorView", measured: "Mapping[str, jax.Array]"
-) -> "LandmarkView":
-    """Landmarks of a picture as flight software has them."""
-    import jax.numpy as jnp
-
-    from rpojax.core import quaternion
-    from rpojax.flight.navigation.landmark_measurement import LandmarkView
-
-    assert view.vehicle is not None
-    tangents = jnp.stack([measured["landmarks_right_tangent"], measured["landmarks_down_tangent"]], axis=1)
-    present = jnp.all(jnp.isfinite(tangents), axis=1)
-    sigma = beliefs["believed_noise"] / view.vehicle.focal_px
-    return LandmarkView(
-        tangents=jnp.where(present[:, None], tangents, 0.0),
-        variance=jnp.broadcast_to(sigma**2, present.shape),
-        present=present,
-        q_KN=quaternion.multiply(quaternion.normalize(view.vehicle.camera_mounting), view.q_BN),
-        attitude_variance=view.tuning.attitude_sigma**2,
-    )

@@ -24,6 +24,7 @@ from rpojax.simulation.channels import (
     CHANNELS,
     ISOLATION_CHANNELS,
     MISSION_CHANNELS,
+    LANDMARK_CHANNELS,
     PLUME_CHANNELS,
     POSE_CHANNELS,
     ChannelFunctions,
@@ -131,6 +132,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         **sensor_channels(telemetry.flight.rejected_s),
         **(_OF_MISSIONS if scenario.mission.is_managed else {}),
         **(PLUME_CHANNELS if scenario.effects.plume else {}),
+        **(LANDMARK_CHANNELS if telemetry.flight.orbit.relative.target is not None else {}),
         **(ISOLATION_CHANNELS if scenario.effects.faults and scenario.isolation else {}),
     }
     for metric in metrics:

@@ -1,0 +1,62 @@
+"""Metrics of the estimated attitude and rate of the target."""
+
+from typing import Final
+
+from rpojax.metrics.metric_definition import Metric, WeightedValue
+
+_WINDOW = "while the filter knows the attitude, from 1000 s (or a third of a shorter run) to the end"
+
+
+METRICS: Final = (
+    Metric(
+        "target_attitude_error_deg",
+        "deg",
+        title="Attitude error of the target",
+        meaning=f"RMS angle between the estimated and the true attitude of the target {_WINDOW}.",
+        inputs=("target_attitude_error_T_deg", "target_attitude_known"),
+        value=lambda xp, error, known: WeightedValue(xp.where(known[..., None], error, 0.0), known),
+        reduction="rms",
+        window="late",
+        has_derivative=True,
+        needs="landmarks",
+    ),
+    Metric(
+        "target_rate_error_deg_s",
+        "deg/s",
+        title="Rate error of the target",
+        meaning=f"RMS error of the estimated rate of the target {_WINDOW}.",
+        inputs=("target_rate_error_T_deg_s", "target_attitude_known"),
+        value=lambda xp, error, known: WeightedValue(xp.where(known[..., None], error, 0.0), known),
+        reduction="rms",
+        window="late",
+        has_derivative=True,
+        needs="landmarks",
+    ),
+    Metric(
+        "nees_pose_mean",
+        "-",
+        title="NEES, attitude of the target",
+        meaning="Mean normalised estimation error squared of attitude and rate of the target, 6 components, "
+        f"{_WINDOW}; 6 is consistent.",
+        inputs=("nees_pose", "target_attitude_known"),
+        value=lambda xp, nees, known: WeightedValue(xp.where(known, nees, 0.0), known),
+        reduction="mean",
+        window="late",
+        has_derivative=True,
+        degrees_of_freedom=6,
+        needs="landmarks",
+    ),
+    Metric(
+        "target_attitude_known_fraction",
+        "-",
+        title="Attitude of the target known",
+        meaning="Share of the time from 1000 s (or a third of a shorter run) on in which the filter knows the attitude "
+        "of the target.",
+        inputs=("target_attitude_known",),
+        reduction="mean",
+        window="late",
+        low_is_bad=True,
+        needs="landmarks",
+    ),
+)
+"""Metrics of scenarios whose camera finds landmarks."""
