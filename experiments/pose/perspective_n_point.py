@@ -69,7 +69,7 @@ def random_cases(count: int, seed: int) -> Cases:
     seen_at = np.einsum("cij,nj->cni", rotations, points) + positions[:, None]
     image = seen_at[..., :2] / np.maximum(seen_at[..., 2:], 1e-3)
     cameras = -np.einsum("cji,cj->ci", rotations, positions)
-    free = jax.jit(jax.vmap(lambda camera: are_free(landmarks.visible, camera - landmarks.positions)))
+    free = jax.jit(jax.vmap(lambda camera: are_free(landmarks.visible, camera[None] - landmarks.positions)))
     in_frame = (np.abs(image) * focal[:, None, None] < HALF_FRAME_PX).all(axis=2) & (seen_at[..., 2] > 0.1)
     # Some landmarks that could be seen are not found; at times all are.
     found = rng.uniform(size=(drawn, len(points))) > rng.choice([0.0, 0.2, 0.4], size=(drawn, 1))
@@ -104,7 +104,8 @@ def refined_by_opencv(
     points, pixels = cases.landmarks[seen], cases.image[number, seen]
     turn, position = cv2.solvePnPRefineLM(points, pixels, np.eye(3), None, turn.copy(), position.copy(), _CRITERIA)
     # The former stops at some 1e-4 rad where landmarks tell little; steps of Gauss and Newton go on.
-    turn, position = cv2.solvePnPRefineVVS(points, pixels, np.eye(3), None, turn, position, _CRITERIA, 1.0)
+    for _ in range(2):
+        turn, position = cv2.solvePnPRefineVVS(points, pixels, np.eye(3), None, turn, position, _CRITERIA, 1.0)
     rotation = cv2.Rodrigues(turn)[0]
     return cost_of(cases, number, rotation, position[:, 0]), rotation, position[:, 0]
 
