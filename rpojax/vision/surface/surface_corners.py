@@ -5,8 +5,8 @@ defect, the curvature that the vertex stands for: zero in a plane and along a st
 however it is cut into triangles (Botsch et al., Polygon Mesh Processing, 2010, chapter 3).
 """
 
-from dataclasses import dataclass, replace
-from typing import Final, Self
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -29,10 +29,6 @@ class Corners:
     positions: np.ndarray
     normals: np.ndarray
     defects: np.ndarray
-
-    def subset(self, kept: np.ndarray) -> Self:
-        """The corners that are `kept` (n,)."""
-        return replace(self, positions=self.positions[kept], normals=self.normals[kept], defects=self.defects[kept])
 
 
 def body_size(triangles: np.ndarray) -> float:
