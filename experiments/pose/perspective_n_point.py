@@ -1,6 +1,7 @@
 """Poses from landmarks against OpenCV: the same optimum, how often each finds the best one, and time in a batch."""
 
 import argparse
+import itertools
 import math
 import time
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ RANGES_M = (1.2, 30.0)
 NOISE_PX = (0.5, 2.0)
 LENSES = ((12.0, 0.5 * 768 / math.tan(math.radians(22.5))), (math.inf, 0.5 * 768 / math.tan(math.radians(10.0))))
 """Range up to which a lens is used [m], and its focal length [px]: those of `final_approach`."""
+BANDS_M = (1.2, 3.0, 12.0, 30.0)
 HALF_FRAME_PX = 384.0
 METHODS = {"SQPnP": cv2.SOLVEPNP_SQPNP, "iterative": cv2.SOLVEPNP_ITERATIVE}
 _CRITERIA = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 200, 1e-15)
@@ -172,6 +174,27 @@ def compare(cases: Cases) -> dict[str, dict[str, np.ndarray]]:
     return found
 
 
+def print_errors(cases: Cases, found: PoseHypotheses) -> None:
+    """Errors of the first hypothesis by range, and their squares over what its covariance says."""
+    truth = jax.vmap(quaternion.from_matrix)(jnp.asarray(cases.rotations))
+    turns = jax.vmap(lambda q, p: quaternion.log(quaternion.multiply(q, quaternion.conjugate(p))))(
+        truth, found.q_KT[:, 0]
+    )
+    shifts = cases.positions - np.asarray(found.r_TK_K[:, 0])
+    errors = np.concatenate([turns, shifts], axis=1)
+    squares = np.einsum("ci,cij,cj->c", errors, np.asarray(found.information[:, 0]), errors)
+    for near, far in itertools.pairwise(BANDS_M):
+        rows = (cases.ranges >= near) & (cases.ranges < far)
+        angles = np.degrees(np.linalg.norm(errors[rows, :3], axis=1))
+        places = np.linalg.norm(shifts[rows], axis=1)
+        print(
+            f"{near:g} to {far:g} m: {rows.sum()} cases, 50 and 99 % {np.percentile(angles, 50.0):.2g} and "
+            f"{np.percentile(angles, 99.0):.2g} deg, {np.percentile(places, 50.0):.2g} and "
+            f"{np.percentile(places, 99.0):.2g} m, more than 10 deg {(angles > 10.0).sum()}, squares of errors over "
+            f"covariance, median {np.median(squares[rows]):.2f} (5.35 expected)"
+        )
+
+
 def main() -> int:
     """Prints the figures; the exit status is 1 where OpenCV has a better optimum, or the same one elsewhere."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -192,6 +215,7 @@ def main() -> int:
             holds &= bool(found[what].max() <= TOLERANCE)
         holds &= not found["theirs"].any()
     ours = solve(cases)
+    print_errors(cases, ours)
     print(f"hypotheses: {np.bincount(np.asarray(ours.exists).sum(axis=1), minlength=5)[1:].tolist()} cases with 1 to 4")
     print(f"time: {1e6 * time_in_batch(cases):.0f} us a run of a batch of 128")
     return int(not holds)
