@@ -43,8 +43,9 @@ def corners(triangles: np.ndarray) -> Corners:
     angles, normals = _angles(positions[faces])
     count = len(positions)
     turn = np.bincount(faces.ravel(), weights=angles.ravel(), minlength=count)
-    # Along the edge of an open surface half a turn is straight.
-    defects = np.abs(np.where(_on_open_edge(faces, count), np.pi, 2.0 * np.pi) - turn)
+    defects = np.abs(2.0 * np.pi - turn)
+    # Along the edge of an open surface half a turn is straight, and where a vertex divides only one of two sides.
+    defects = np.where(_on_open_edge(faces, count), np.minimum(defects, np.abs(np.pi - turn)), defects)
     weighted = (angles[:, :, None] * normals[:, None, :]).reshape(-1, 3)
     sums = np.stack([np.bincount(faces.ravel(), weights=column, minlength=count) for column in weighted.T], axis=1)
     lengths = np.linalg.norm(sums, axis=1)

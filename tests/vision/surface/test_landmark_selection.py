@@ -58,6 +58,27 @@ def test_the_landmarks_of_a_cube_are_its_corners_with_all_its_rotations() -> Non
     assert visible(found, np.array([1.0, 0.8, 0.9])).sum() == 7
 
 
+def test_corners_do_not_depend_on_how_the_surface_is_cut_into_triangles() -> None:
+    box = surface_meshes.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    pieces = box
+    # Each triangle is halved at its longest side by itself, so that vertices end in the middle of others' sides.
+    for number in range(6):
+        chosen = np.arange(len(pieces)) % 3 != number % 3
+        a, b, c = np.moveaxis(pieces[chosen], 1, 0)
+        middle = 0.5 * (b + c)
+        halves = [np.stack([a, b, middle], axis=1), np.stack([a, middle, c], axis=1)]
+        pieces = np.roll(np.concatenate([pieces[~chosen], *halves]), 1, axis=1)
+    assert len(pieces) > 150
+    found = corners(pieces).positions
+    np.testing.assert_allclose(found[np.lexsort(found.T[::-1])], BOX_CORNERS, atol=1e-12)
+
+
+def test_a_plate_has_its_corners_alone() -> None:
+    side = surface_meshes.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    plate = side[np.all(side[:, :, 0] > 0.0, axis=1)]
+    assert len(corners(plate).positions) == 4
+
+
 @pytest.mark.parametrize(
     ("size", "shift", "turns"), [((2.0, 1.0, 1.0), (0.0, 0.0, 0.0), 8), ((2.0, 1.0, 0.6), (0.1, 0.05, 0.0), 4)]
 )
