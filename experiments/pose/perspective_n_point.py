@@ -1,6 +1,7 @@
 """Poses from landmarks against OpenCV: the same optimum, how often each finds the best one, and time in a batch."""
 
 import argparse
+import itertools
 import math
 import time
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ RANGES_M = (1.2, 30.0)
 NOISE_PX = (0.5, 2.0)
 LENSES = ((12.0, 0.5 * 768 / math.tan(math.radians(22.5))), (math.inf, 0.5 * 768 / math.tan(math.radians(10.0))))
 """Range up to which a lens is used [m], and its focal length [px]: those of `final_approach`."""
+BANDS_M = (1.2, 3.0, 12.0, 30.0)
 HALF_FRAME_PX = 384.0
 METHODS = {"SQPnP": cv2.SOLVEPNP_SQPNP, "iterative": cv2.SOLVEPNP_ITERATIVE}
 _CRITERIA = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 200, 1e-15)
@@ -69,7 +71,7 @@ def random_cases(count: int, seed: int) -> Cases:
     seen_at = np.einsum("cij,nj->cni", rotations, points) + positions[:, None]
     image = seen_at[..., :2] / np.maximum(seen_at[..., 2:], 1e-3)
     cameras = -np.einsum("cji,cj->ci", rotations, positions)
-    free = jax.jit(jax.vmap(lambda camera: are_free(landmarks.visible, camera - landmarks.positions)))
+    free = jax.jit(jax.vmap(lambda camera: are_free(landmarks.visible, camera[None] - landmarks.positions)))
     in_frame = (np.abs(image) * focal[:, None, None] < HALF_FRAME_PX).all(axis=2) & (seen_at[..., 2] > 0.1)
     # Some landmarks that could be seen are not found; at times all are.
     found = rng.uniform(size=(drawn, len(points))) > rng.choice([0.0, 0.2, 0.4], size=(drawn, 1))
@@ -104,7 +106,8 @@ def refined_by_opencv(
     points, pixels = cases.landmarks[seen], cases.image[number, seen]
     turn, position = cv2.solvePnPRefineLM(points, pixels, np.eye(3), None, turn.copy(), position.copy(), _CRITERIA)
     # The former stops at some 1e-4 rad where landmarks tell little; steps of Gauss and Newton go on.
-    turn, position = cv2.solvePnPRefineVVS(points, pixels, np.eye(3), None, turn, position, _CRITERIA, 1.0)
+    for _ in range(2):
+        turn, position = cv2.solvePnPRefineVVS(points, pixels, np.eye(3), None, turn, position, _CRITERIA, 1.0)
     rotation = cv2.Rodrigues(turn)[0]
     return cost_of(cases, number, rotation, position[:, 0]), rotation, position[:, 0]
 
@@ -171,6 +174,27 @@ def compare(cases: Cases) -> dict[str, dict[str, np.ndarray]]:
     return found
 
 
+def print_errors(cases: Cases, found: PoseHypotheses) -> None:
+    """Errors of the first hypothesis by range, and their squares over what its covariance says."""
+    truth = jax.vmap(quaternion.from_matrix)(jnp.asarray(cases.rotations))
+    turns = jax.vmap(lambda q, p: quaternion.log(quaternion.multiply(q, quaternion.conjugate(p))))(
+        truth, found.q_KT[:, 0]
+    )
+    shifts = cases.positions - np.asarray(found.r_TK_K[:, 0])
+    errors = np.concatenate([turns, shifts], axis=1)
+    squares = np.einsum("ci,cij,cj->c", errors, np.asarray(found.information[:, 0]), errors)
+    for near, far in itertools.pairwise(BANDS_M):
+        rows = (cases.ranges >= near) & (cases.ranges < far)
+        angles = np.degrees(np.linalg.norm(errors[rows, :3], axis=1))
+        places = np.linalg.norm(shifts[rows], axis=1)
+        print(
+            f"{near:g} to {far:g} m: {rows.sum()} cases, 50 and 99 % {np.percentile(angles, 50.0):.2g} and "
+            f"{np.percentile(angles, 99.0):.2g} deg, {np.percentile(places, 50.0):.2g} and "
+            f"{np.percentile(places, 99.0):.2g} m, more than 10 deg {(angles > 10.0).sum()}, squares of errors over "
+            f"covariance, median {np.median(squares[rows]):.2f} (5.35 expected)"
+        )
+
+
 def main() -> int:
     """Prints the figures; the exit status is 1 where OpenCV has a better optimum, or the same one elsewhere."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -191,6 +215,7 @@ def main() -> int:
             holds &= bool(found[what].max() <= TOLERANCE)
         holds &= not found["theirs"].any()
     ours = solve(cases)
+    print_errors(cases, ours)
     print(f"hypotheses: {np.bincount(np.asarray(ours.exists).sum(axis=1), minlength=5)[1:].tolist()} cases with 1 to 4")
     print(f"time: {1e6 * time_in_batch(cases):.0f} us a run of a batch of 128")
     return int(not holds)

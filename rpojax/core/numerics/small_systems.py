@@ -7,7 +7,7 @@ Matrices = Float[Array, "n n *systems"]
 Vectors = Float[Array, "n *systems"]
 
 
-def cholesky_rows(matrix: Matrices) -> list[list[Array]]:
+def _cholesky_rows(matrix: Matrices) -> list[list[Array]]:
     """Rows of the lower Cholesky factor, with the inverse of each element of the diagonal in its place.
 
     A pivot that is not positive counts as infinite: what it belongs to is solved as zero.
@@ -28,8 +28,8 @@ def cholesky_rows(matrix: Matrices) -> list[list[Array]]:
     return rows
 
 
-def solve_with_rows(rows: list[list[Array]], right: list[Array]) -> list[Array]:
-    """Solution of the system of `cholesky_rows` for a right side, element by element."""
+def _solve_with_rows(rows: list[list[Array]], right: list[Array]) -> list[Array]:
+    """Solution of the system of `_cholesky_rows` for a right side, element by element."""
     count = len(rows)
     half: list[Array] = []
     for i in range(count):
@@ -48,7 +48,7 @@ def solve_with_rows(rows: list[list[Array]], right: list[Array]) -> list[Array]:
 
 def solve_positive_definite(matrix: Matrices, right: Vectors) -> Vectors:
     """Solution of `matrix x = right`."""
-    return jnp.stack(solve_with_rows(cholesky_rows(matrix), [right[i] for i in range(matrix.shape[0])]))
+    return jnp.stack(_solve_with_rows(_cholesky_rows(matrix), [right[i] for i in range(matrix.shape[0])]))
 
 
 def inverse_positive_definite(matrix: Matrices) -> Matrices:
@@ -57,4 +57,5 @@ def inverse_positive_definite(matrix: Matrices) -> Matrices:
     # Rows of the identity, for all columns of the inverse at once.
     identity = jnp.eye(count, dtype=matrix.dtype).reshape(count, count, *[1] * (matrix.ndim - 2))
     right = [jnp.broadcast_to(row, matrix.shape[1:]) for row in identity]
-    return jnp.stack(solve_with_rows(cholesky_rows(matrix), right))
+    rows = [[each[None] for each in row] for row in _cholesky_rows(matrix)]
+    return jnp.stack(_solve_with_rows(rows, right))

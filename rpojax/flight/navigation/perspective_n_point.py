@@ -14,14 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from rpojax.batching.vmap_last_axis import vmap
 from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.numerics.small_systems import inverse_positive_definite, solve_positive_definite
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import product
-
-Attitudes = Float[Array, "4 *poses"]
 
 FEWEST: Final = 4
 """Landmarks that a pose needs: of three there are up to four poses without any residual."""
@@ -70,7 +69,7 @@ class PoseHypotheses:
     camera axes [rad], so that `q_true = exp(a) q_KT`, and a shift [m].
 
     Attributes:
-        q_KT: (k, 4) attitude of the target in the camera
+        q_KT: (k, 4) attitude of the target in the camera, of the two quaternions that with a scalar part above zero
         r_TK_K: (k, 3) position of the target's origin from the camera [m]
         cost: (k,) sum of the weighted squares of residuals, infinite where there is no hypothesis
         information: (k, 6, 6) on attitude and position, that of the weights
@@ -140,10 +139,10 @@ def _deepest_minima(view: _View) -> tuple[Array, Array]:
     form, to_position, middle = _quadratic_form(view)
     starts = jnp.asarray(_STARTS, dtype=form.dtype)
     # Behind the camera a target looks as one before it that is turned by half a turn about the boresight.
-    behind = _depth(quaternion.to_matrix(starts), to_position, middle) < 0.0
+    behind = _depth(_to_matrices(starts), to_position, middle) < 0.0
     turned = jnp.stack([-starts[3], -starts[2], starts[1], starts[0]])
     attitudes = _descended(form, jnp.where(behind, turned, starts))
-    rotations = quaternion.to_matrix(attitudes)
+    rotations = _to_matrices(attitudes)
     vectors = rotations.reshape(9, -1)
     costs = jnp.sum(vectors * product(form, vectors), axis=0)
     costs = jnp.where(_depth(rotations, to_position, middle) > 0.0, costs, jnp.inf)
@@ -151,24 +150,26 @@ def _deepest_minima(view: _View) -> tuple[Array, Array]:
     found = []
     for _ in range(HYPOTHESES):
         is_best = numbers == jnp.argmin(costs, axis=0).astype(jnp.int32)
-        best = jnp.sum(jnp.where(is_best, attitudes, 0.0), axis=1)
+        best = jnp.sum(jnp.where(is_best[None], attitudes, 0.0), axis=1)
         found.append(best)
         costs = jnp.where(_are_same(attitudes, best[:, None], _APART), jnp.inf, costs)
     chosen = jnp.stack(found, axis=1)
-    return chosen, product(to_position, quaternion.to_matrix(chosen).reshape(9, -1))
+    return chosen, product(to_position, _to_matrices(chosen).reshape(9, -1))
 
 
 def _quadratic_form(view: _View) -> tuple[Float[Array, "9 9"], Float[Array, "3 9"], Float[Array, "3"]]:
-    """Form whose value at the rows of a rotation matrix is the cost at its best position; the matrix that gives that
-    position; and the mean landmark [m].
+    """Form of the rows of a rotation matrix, the matrix that gives its best position, and the mean landmark [m].
 
-    The cost is the sum of the squares of `X - x Z` and `Y - y Z` of landmarks at (X, Y, Z).
+    The form is the mean of the squares of `X - x Z` and `Y - y Z` of landmarks at (X, Y, Z).
     """
-    x, y, weights = view.image[0], view.image[1], view.weights / jnp.sum(view.weights, axis=0)
+    x, y = view.image[0], view.image[1]
+    total = jnp.sum(view.weights, axis=0)
+    weights = view.weights * gradient_safe.safe_div(jnp.ones_like(total), total)
     extended = jnp.concatenate([view.landmarks, jnp.ones_like(view.landmarks[:1])])
     squares = extended[:, None] * extended[None, :]
     one, by_x, by_y, by_square = (
-        jnp.sum(squares * (weights * factor), axis=2) for factor in (jnp.ones_like(x), -x, -y, x * x + y * y)
+        jnp.sum(squares * (weights * factor)[None, None], axis=2)
+        for factor in (jnp.ones_like(x), -x, -y, x * x + y * y)
     )
     zero = jnp.zeros_like(one)
     # Moments (4, 4) of landmarks and 1, for each pair of rows of the pose (3, 4).
@@ -191,7 +192,7 @@ def _descended(form: Float[Array, "9 9"], starts: Float[Array, "4 s"]) -> Float[
     """Attitudes after damped Gauss-Newton steps on the quadratic form."""
 
     def step(attitudes: Array, _: Array) -> tuple[Array, None]:
-        rotations = quaternion.to_matrix(attitudes)
+        rotations = _to_matrices(attitudes)
         none = jnp.zeros_like(rotations[0])
         # Changes of the matrix by small turns about each axis: rows of the others exchange places.
         turns = [
@@ -205,10 +206,12 @@ def _descended(form: Float[Array, "9 9"], starts: Float[Array, "4 s"]) -> Float[
         slope = jnp.stack([jnp.sum(vectors * each, axis=0) for each in products])
         curvature = jnp.stack([jnp.stack([jnp.sum(a * b, axis=0) for b in products]) for a in changes])
         damping = _DESCENT_DAMPING * (curvature[0, 0] + curvature[1, 1] + curvature[2, 2])
-        turn = -solve_positive_definite(curvature + jnp.eye(3, dtype=form.dtype)[:, :, None] * damping, slope)
-        length = gradient_safe.norm(turn)
-        turn = turn * jnp.minimum(1.0, _LARGEST_TURN / jnp.maximum(length, 1e-30))
-        return quaternion.normalize(quaternion.multiply(quaternion.exp(turn), attitudes)), None
+        turn = -solve_positive_definite(
+            curvature + jnp.eye(3, dtype=form.dtype)[:, :, None] * damping[None, None], slope
+        )
+        length = gradient_safe.sqrt(jnp.sum(turn * turn, axis=0))
+        turn = turn * jnp.minimum(1.0, _LARGEST_TURN / jnp.maximum(length, 1e-30))[None]
+        return _after_turn(turn, attitudes), None
 
     return short_scan(step, starts, jnp.arange(_DESCENT_STEPS))
 
@@ -218,12 +221,11 @@ def _refined(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array
 
     def step(carry: tuple[_Poses, Array], _: Array) -> tuple[tuple[_Poses, Array], None]:
         poses, damping = carry
-        diagonal = jnp.stack([poses.information[i, i] for i in range(6)])
-        damped = poses.information + jnp.eye(6, dtype=damping.dtype)[:, :, None] * (damping * diagonal)
-        moved = _moved(view, poses, -solve_positive_definite(damped, poses.slope))
+        growth = 1.0 + jnp.eye(6, dtype=damping.dtype)[:, :, None] * damping[None, None]
+        moved = _moved(view, poses, -solve_positive_definite(poses.information * growth, poses.slope))
         is_better = moved.cost < poses.cost
         factor = jnp.where(is_better, 1.0 / _DAMPING_CHANGE, _DAMPING_CHANGE)
-        return (jax.tree.map(lambda new, old: jnp.where(is_better, new, old), moved, poses), damping * factor), None
+        return (_chosen(is_better, moved, poses), damping * factor), None
 
     poses = _least_squares(view, attitudes, positions)
     first = jnp.full_like(poses.cost, _FIRST_DAMPING)
@@ -231,22 +233,27 @@ def _refined(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array
 
 
 def _differentiable(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array, "3 k"]) -> _Poses:
-    """The same poses after undamped steps, which bring the derivatives with them: each step leaves of the difference of
-    a derivative from that of the least squares only the share by which it shortens the distance from the minimum.
+    """The same poses after undamped steps, which bring the derivatives with them.
+
+    Of what a derivative differs from that of the minimum a step leaves as much as of the distance from the minimum.
     """
 
     def step(poses: _Poses, _: Array) -> tuple[_Poses, None]:
         moved = _moved(view, poses, -solve_positive_definite(poses.information, poses.slope))
         most = poses.cost * (1.0 + 1e-6) + 1e-18 * jnp.sum(view.weights, axis=0)
-        return jax.tree.map(lambda new, old: jnp.where(moved.cost <= most, new, old), moved, poses), None
+        return _chosen(moved.cost <= most, moved, poses), None
 
     return short_scan(step, _least_squares(view, attitudes, positions), jnp.arange(_FINAL_STEPS))
 
 
+def _chosen(conditions: Bool[Array, " k"], if_true: _Poses, if_false: _Poses) -> _Poses:
+    """Each pose from one of two."""
+    return jax.tree.map(lambda a, b: jnp.where(jnp.broadcast_to(conditions, a.shape), a, b), if_true, if_false)
+
+
 def _moved(view: _View, poses: _Poses, change: Float[Array, "6 k"]) -> _Poses:
     """Poses after a turn [rad] and a shift [m] in camera axes."""
-    turned = quaternion.multiply(quaternion.exp(change[:3]), poses.quaternion)
-    return _least_squares(view, quaternion.normalize(turned), poses.position + change[3:])
+    return _least_squares(view, _after_turn(change[:3], poses.quaternion), poses.position + change[3:])
 
 
 def _least_squares(view: _View, attitudes: Float[Array, "4 k"], positions: Float[Array, "3 k"]) -> _Poses:
@@ -254,7 +261,7 @@ def _least_squares(view: _View, attitudes: Float[Array, "4 k"], positions: Float
 
     Landmarks are added up one after the other: as a sum of products XLA computes each row again for each product.
     """
-    rotations = quaternion.to_matrix(attitudes)
+    rotations = _to_matrices(attitudes)
     zero = jnp.zeros_like(positions[0])
     pairs = [(i, j) for i in range(7) for j in range(i + 1)]
 
@@ -286,8 +293,21 @@ def _least_squares(view: _View, attitudes: Float[Array, "4 k"], positions: Float
     )
 
 
-def _are_same(a: Attitudes, b: Attitudes, angle: float) -> Array:
-    """Whether attitudes are less than a small angle [rad] apart."""
+def _to_matrices(attitudes: Float[Array, "4 k"]) -> Float[Array, "3 3 k"]:
+    return vmap(quaternion.to_matrix, -1, -1)(attitudes)
+
+
+def _after_turn(turns: Float[Array, "3 k"], attitudes: Float[Array, "4 k"]) -> Float[Array, "4 k"]:
+    """Attitudes after turns [rad] in camera axes."""
+
+    def of_one(turn: Float[Array, "3"], attitude: Float[Array, "4"]) -> Float[Array, "4"]:
+        return quaternion.normalize(quaternion.multiply(quaternion.exp(turn), attitude))
+
+    return vmap(of_one, -1, -1)(turns, attitudes)
+
+
+def _are_same(a: Float[Array, "4 ..."], b: Float[Array, "4 ..."], angle: float) -> Array:
+    """Whether attitudes are less than a small angle [rad] apart, of arrays that are broadcast."""
     apart = jnp.minimum(jnp.sum((a - b) ** 2, axis=0), jnp.sum((a + b) ** 2, axis=0))
     return apart < (0.5 * angle) ** 2
 
@@ -295,8 +315,8 @@ def _are_same(a: Attitudes, b: Attitudes, angle: float) -> Array:
 def _sorted(view: _View, poses: _Poses, enough: Array) -> PoseHypotheses:
     """Hypotheses in the order of their costs; last those equal to a better one, behind the camera, or no minimum."""
     count = poses.cost.shape[0]
-    last_row = quaternion.to_matrix(poses.quaternion)[2]
-    depths = product(view.landmarks.T, last_row) + poses.position[2]
+    last_row = _to_matrices(poses.quaternion)[2]
+    depths = product(view.landmarks.T, last_row) + poses.position[2][None]
     is_in_front = jnp.all((depths > _LEAST_DEPTH) | (view.weights[:, None] == 0.0), axis=0)
     covariance = inverse_positive_definite(poses.information)
     gain = jnp.sum(covariance * (poses.slope[:, None] * poses.slope[None, :]), axis=(0, 1))
@@ -307,12 +327,16 @@ def _sorted(view: _View, poses: _Poses, enough: Array) -> PoseHypotheses:
     place = jnp.sum(_is_before(cost), axis=0, dtype=jnp.int32)
     is_at = jnp.arange(count, dtype=jnp.int32)[:, None] == place[None, :]
 
+    rows = [is_at[number] for number in range(count)]
+
     def ordered(values: Array) -> Array:
         """Values (..., k) with the hypotheses in order, and first."""
-        return jnp.stack([jnp.sum(jnp.where(is_at[i], values, 0.0), axis=-1) for i in range(count)])
+        return jnp.stack(
+            [jnp.sum(jnp.where(jnp.broadcast_to(row, values.shape), values, 0.0), axis=-1) for row in rows]
+        )
 
     return PoseHypotheses(
-        q_KT=ordered(poses.quaternion),
+        q_KT=ordered(jnp.where(poses.quaternion[:1] < 0.0, -poses.quaternion, poses.quaternion)),
         r_TK_K=ordered(poses.position),
         cost=ordered(cost),
         information=ordered(poses.information),

@@ -87,6 +87,9 @@ def select_landmarks(triangles: np.ndarray, count: int = 20, port: PortView | No
     candidates = _candidates(seen, orbits, triangles, surface)
     chosen = [] if port is None else _chosen_at_port(candidates, port, surface, count)
     chosen = _extended(candidates.orbits, chosen, count, candidates.information)
+    if len(chosen) < FEWEST:
+        least = f"at least {min(map(len, orbits))}, corners that symmetries exchange"
+        raise LandmarkError.of_argument("count", f"found {count}, expected {least}")
     return with_symmetries(
         candidates.positions[chosen],
         candidates.normals[chosen],
@@ -132,10 +135,14 @@ def _outer_corners(triangles: np.ndarray) -> tuple[Corners, np.ndarray]:
     found = corners(triangles)
     # The sharpest ones, with all that are as sharp as the last of them, so that a symmetric body keeps its symmetry.
     least = np.sort(found.defects)[::-1][min(_MOST_CORNERS, len(found.defects)) - 1] if len(found.defects) else 0.0
-    kept = found.subset(found.defects >= least - 1e-6)
+    kept = _subset(found, found.defects >= least - 1e-6)
     directions, _ = octahedral_map.cell_directions(_COARSE_CELLS)
     exposure = free_rays(kept.positions, kept.normals, triangles, directions).mean(axis=1)
-    return kept.subset(exposure > 0.0), exposure[exposure > 0.0]
+    return _subset(kept, exposure > 0.0), exposure[exposure > 0.0]
+
+
+def _subset(found: Corners, kept: np.ndarray) -> Corners:
+    return Corners(found.positions[kept], found.normals[kept], found.defects[kept])
 
 
 def _orbits(

@@ -5,8 +5,8 @@ defect, the curvature that the vertex stands for: zero in a plane and along a st
 however it is cut into triangles (Botsch et al., Polygon Mesh Processing, 2010, chapter 3).
 """
 
-from dataclasses import dataclass, replace
-from typing import Final, Self
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -30,10 +30,6 @@ class Corners:
     normals: np.ndarray
     defects: np.ndarray
 
-    def subset(self, kept: np.ndarray) -> Self:
-        """The corners that are `kept` (n,)."""
-        return replace(self, positions=self.positions[kept], normals=self.normals[kept], defects=self.defects[kept])
-
 
 def body_size(triangles: np.ndarray) -> float:
     """Diagonal [m] of the box around triangles (t, 3, 3) [m]."""
@@ -47,8 +43,9 @@ def corners(triangles: np.ndarray) -> Corners:
     angles, normals = _angles(positions[faces])
     count = len(positions)
     turn = np.bincount(faces.ravel(), weights=angles.ravel(), minlength=count)
-    # Along the edge of an open surface half a turn is straight.
-    defects = np.abs(np.where(_on_open_edge(faces, count), np.pi, 2.0 * np.pi) - turn)
+    defects = np.abs(2.0 * np.pi - turn)
+    # Along the edge of an open surface half a turn is straight, and where a vertex divides only one of two sides.
+    defects = np.where(_on_open_edge(faces, count), np.minimum(defects, np.abs(np.pi - turn)), defects)
     weighted = (angles[:, :, None] * normals[:, None, :]).reshape(-1, 3)
     sums = np.stack([np.bincount(faces.ravel(), weights=column, minlength=count) for column in weighted.T], axis=1)
     lengths = np.linalg.norm(sums, axis=1)

@@ -15,6 +15,8 @@ _SAMPLE: Final = 0.003
 """Mean distance of the places that stand for the surface, as a share of the body's size."""
 _COMPARED: Final = 4000
 """Most places that are turned and compared with the surface."""
+_FEW: Final = 16
+"""Corners that are turned first."""
 _SAME_TURN: Final = 0.05
 """Angle [rad] between two rotations that are one."""
 
@@ -72,16 +74,18 @@ class SampledSurface:
 
 
 def surface_symmetries(surface: SampledSurface, corners: np.ndarray) -> list[Symmetry]:
-    """Symmetries of a surface with corners (n, 3) [m] that do not all lie on one line; that of no turn is the first.
+    """Symmetries of a surface with corners (n, 3) [m], of which that of no turn is the first.
 
-    Only the shape counts: faces of different colours are alike.
+    Only the shape counts: faces of different colours are alike. Corners on one line through the middle tell none.
     """
     offsets = corners - surface.middle
     margin = TOLERANCE * surface.size
     tree = KDTree(offsets)
+    few = offsets[:: max(1, len(offsets) // _FEW)]
     found = [Symmetry(np.eye(3), np.zeros(3))]
     for rotation in _candidate_rotations(offsets, margin):
-        if tree.query(offsets @ rotation.T)[0].max() > margin:
+        # Most candidates fail at a few corners already.
+        if any(tree.query(each @ rotation.T)[0].max() > margin for each in (few, offsets)):
             continue
         turn = _fitted(offsets, tree, rotation)
         symmetry = Symmetry(turn, surface.middle - turn @ surface.middle)
@@ -96,6 +100,8 @@ def _candidate_rotations(offsets: np.ndarray, margin: float) -> list[np.ndarray]
     first = int(np.argmax(lengths))
     second = int(np.argmax(np.linalg.norm(np.cross(offsets[first], offsets), axis=1)))
     distance = np.linalg.norm(offsets[first] - offsets[second])
+    if np.linalg.norm(np.cross(offsets[first], offsets[second])) < (2.0 * margin) ** 2:
+        return []
     own = _triad(offsets[first], offsets[second])
     rotations = []
     for other in np.flatnonzero(np.abs(lengths - lengths[first]) <= 2.0 * margin):

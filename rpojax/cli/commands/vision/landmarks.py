@@ -1,6 +1,7 @@
 """The command `rpojax landmarks`: landmarks of a target for the estimate of its pose."""
 
 import math
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -110,12 +111,17 @@ def _summary(found: Landmarks, port: PortView | None) -> dict[str, Any]:
 
 def _command(asked: LandmarksCommand) -> str:
     """The command with the names of its files, without paths of this machine."""
-    port = asked.port
+    given = ((field.name, getattr(asked.port, field.name), field.default) for field in fields(asked.port))
+    port = [
+        word
+        for name, value, default in given
+        if value != default
+        for word in ("--" + name.replace("_", "-"), *(value if isinstance(value, tuple) else (value,)))
+    ]
     words = [
         *(("--units", asked.placement.units) if asked.placement.units else ()),
         *(("--center",) if asked.placement.center else ()),
-        *(("--port-position", *port.port_position) if port.port_position else ()),
-        *(("--port-axis", *port.port_axis) if port.port_axis else ()),
+        *port,
         *(("--points", asked.points.name) if asked.points else ("--count", asked.count)),
     ]
     return command_line("landmarks", Path(asked.mesh).name, "--out", asked.out.name, *words, plugin=None)
