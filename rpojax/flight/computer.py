@@ -161,9 +161,7 @@ ViewOf = Callable[[str, RelativeEstimate], SensorView]
 """What is known where a measurement of a sensor, by its name, is used with an estimate at its exposure."""
 
 
-def _views(
-    params: FlightParams, attitude: AttitudeEstimate, exposures: Mapping[str, Exposure], time: Scalar
-) -> ViewOf:
+def _views(params: FlightParams, attitude: AttitudeEstimate, exposures: Mapping[str, Exposure], time: Scalar) -> ViewOf:
     """Views of sensors, whose exposure is at `time` [s] unless they are late."""
 
     def view(name: str, relative: RelativeEstimate) -> SensorView:
@@ -202,7 +200,7 @@ def _with_target_attitude(
     orbit: OrbitEstimate,
     innovation: Innovation,
 ) -> OrbitEstimate:
-    """Estimate whose attitude of the target is given up where landmarks contradict it, and found where it is unknown."""
+    """Estimate with the attitude of the target given up where landmarks contradict it, and found where unknown."""
     if params.target is None or orbit.relative.target is None:
         return orbit
     used, rejected = innovation.sensors[LANDMARKS].accepted, innovation.sensors[LANDMARKS].rejected

@@ -5,7 +5,7 @@ import functools
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, create_model, Field, model_validator
+from pydantic import AfterValidator, Field, create_model, model_validator
 
 from rpojax.core.constants import RADIUS_EARTH
 from rpojax.dispersions.designs.design_sections import Design, IndependentDesign

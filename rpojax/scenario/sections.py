@@ -189,7 +189,9 @@ class WheelsSection(section_of(ReactionWheels)):
     """Reaction wheels of the servicer."""
 
 
-class CameraSection(section_of(Camera, MeasurementDelay, name="camera", first=("model", "landmarks", "width_px", "height_px"))):
+class CameraSection(
+    section_of(Camera, MeasurementDelay, name="camera", first=("model", "landmarks", "width_px", "height_px"))
+):
     """Camera, and errors of the geometric bounding-box model."""
 
     model: Literal["geometric", "statistical", "rendered"]

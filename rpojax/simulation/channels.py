@@ -102,7 +102,7 @@ class ObservedTick:
 
     @cached_property
     def pose_error(self) -> Float[Array, "6"]:
-        """Small turn in T from the estimated to the true attitude of the target [rad], and error of its rate [rad/s]."""
+        """Small turn in T from the estimated to the true attitude of the target [rad], error of its rate [rad/s]."""
         slow = self.telemetry.flight.orbit.relative.slow
         turn = quaternion.multiply(
             self.truth.q_TN, quaternion.conjugate(target_attitude_ekf.attitude(self.target_reference, slow))
@@ -386,9 +386,7 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     "q_TN_estimate": _estimated_attitude,
     "target_attitude_error_T_deg": lambda tick: jnp.rad2deg(tick.pose_error[:3]),
     "target_rate_error_T_deg_s": lambda tick: jnp.rad2deg(tick.pose_error[3:]),
-    "target_attitude_sigma_T_deg": lambda tick: jnp.rad2deg(
-        gradient_safe.sqrt(jnp.diagonal(tick.pose_covariance)[:3])
-    ),
+    "target_attitude_sigma_T_deg": lambda tick: jnp.rad2deg(gradient_safe.sqrt(jnp.diagonal(tick.pose_covariance)[:3])),
     "target_attitude_known": lambda tick: tick.target_reference.known,
     "nees_pose": lambda tick: jnp.where(
         tick.target_reference.known,

@@ -14,8 +14,7 @@ from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core import quaternion
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics.short_scan import short_scan
-from rpojax.core.numerics.small_systems import cholesky_rows
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, product
 from rpojax.flight.navigation import perspective_n_point, target_attitude_ekf
 from rpojax.flight.navigation.believed_sensor import SensorView
@@ -29,6 +28,8 @@ Vector = Float[Array, "3"]
 ROWS = 8
 """Rows of a picture: three of position, three of the attitude error, two of the bearing."""
 _PARTS = ("position", "attitude", "bearing_bias")
+_SHARE = 0.5
+"""Share of the landmarks of a picture that have to be where the filter expects them: the joint gate."""
 _FEWEST = 6
 """Landmarks from which a first pose is believed."""
 _SLACK = 1e-9
@@ -65,10 +66,10 @@ def picture(beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[st
     assert view.vehicle is not None
     tangents = jnp.stack([measured["landmarks_right_tangent"], measured["landmarks_down_tangent"]], axis=1)
     present = jnp.all(jnp.isfinite(tangents), axis=1)
-    sigma = beliefs["believed_noise"] / view.vehicle.focal_px
+    sigma = beliefs["believed_noise_factor"] * measured["landmarks_sigma_tangent"]
     return LandmarkView(
         tangents=jnp.where(present[:, None], tangents, 0.0),
-        variance=jnp.broadcast_to(sigma**2, present.shape),
+        variance=jnp.where(present, sigma, 1.0) ** 2,
         present=present,
         q_KN=quaternion.multiply(quaternion.normalize(view.vehicle.camera_mounting), view.q_BN),
         attitude_variance=view.tuning.attitude_sigma**2,
@@ -85,7 +86,7 @@ def rows(
     numbers = jnp.array([number for name in _PARTS for number in layout.places(name)])
     shared = estimate.covariance[numbers][:, numbers]
 
-    def add(sums: tuple[Array, Array], landmark: tuple[Array, ...]) -> tuple[tuple[Array, Array], None]:
+    def add(sums: tuple[Array, ...], landmark: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         place_T, measured, variance, present = landmark
         expected, jacobian = _linearised(pose, place_T + body_offset)
         residual = jnp.where(present, measured, 0.0) - expected
@@ -93,11 +94,13 @@ def rows(
         used = present & estimate.target.known & _is_inside(tuning, shared, noise, residual, jacobian)
         weighted = jacobian * jnp.where(used, 1.0 / variance, 0.0)
         added = product(weighted.T, jacobian), jnp.sum(weighted * residual[:, None], axis=0)
-        return (sums[0] + added[0], sums[1] + added[1]), None
+        return (sums[0] + added[0], sums[1] + added[1], sums[2] + jnp.where(used, 1.0, 0.0)), None
 
-    nothing = jnp.zeros((ROWS, ROWS), dtype=shared.dtype), jnp.zeros(ROWS, dtype=shared.dtype)
+    none = jnp.zeros_like(shared[0, 0])
+    nothing = jnp.zeros((ROWS, ROWS), dtype=shared.dtype), jnp.zeros(ROWS, dtype=shared.dtype), none
     each = (target.landmarks, view.tangents, view.variance, view.present)
-    information, evidence = short_scan(add, nothing, each)
+    information, evidence, count = short_scan(add, nothing, each)
+    agree = count >= _SHARE * jnp.sum(jnp.where(view.present, 1.0, 0.0), axis=0)
     information, evidence = _without_common_error(information, evidence, view.attitude_variance)
     factor, values, exists = _factorised(information, evidence)
     by_part = dict(zip(_PARTS, (factor[:, :3], factor[:, 3:6], factor[:, 6:]), strict=True))
@@ -106,7 +109,7 @@ def rows(
         residual=values,
         jacobian=layout.rows(**by_part, body_offset=product(factor[:, :3], pose.R_NT)),
         variance=jnp.ones_like(values),
-        weight=jnp.where(exists, 1.0, 0.0),
+        weight=jnp.where(exists & agree, 1.0, 0.0),
     )
 
 
@@ -183,20 +186,20 @@ def _without_common_error(
 
 
 def _factorised(information: Float[Array, "8 8"], evidence: Float[Array, " 8"]) -> tuple[Array, Array, Array]:
-    """Rows (8, 8) of unit variance with that information, their values (8,), and whether there is each (8,)."""
-    diagonal = jnp.stack([information[i, i] for i in range(ROWS)])
-    lower = cholesky_rows(information + _SLACK * jnp.diag(diagonal))
-    zero, values, found = jnp.zeros_like(evidence[0]), [], []
-    for i in range(ROWS):
-        rest = evidence[i]
-        for k in range(i):
-            rest = rest - lower[i][k] * values[k]
-        values.append(rest * lower[i][i])
-    for k in range(ROWS):
-        inverse = lower[k][k]
-        pivot = jnp.where(inverse > 0.0, 1.0 / jnp.where(inverse > 0.0, inverse, 1.0), 0.0)
-        found.append(jnp.stack([zero] * k + [pivot] + [lower[i][k] for i in range(k + 1, ROWS)]))
-    return jnp.stack(found), jnp.stack(values), jnp.stack([lower[k][k] > 0.0 for k in range(ROWS)])
+    """Rows (8, 8) of unit variance with that information, their values (8,), and whether there is each (8,).
+
+    They are those of the Cholesky factor, one after the other.
+    """
+
+    def eliminate(rest: tuple[Array, Array], index: Array) -> tuple[tuple[Array, Array], tuple[Array, Array, Array]]:
+        matrix, values = rest
+        pivot, exists = matrix[index, index], matrix[index, index] > 0.0
+        inverse = jnp.where(exists, 1.0 / jnp.sqrt(jnp.where(exists, pivot, 1.0)), 0.0)
+        row, value = inverse * matrix[index], inverse * values[index]
+        return (matrix - row[:, None] * row[None, :], values - row * value), (row, value, exists)
+
+    slack = _SLACK * jnp.diag(jnp.diagonal(information))
+    return jax.lax.scan(eliminate, (information + slack, evidence), jnp.arange(ROWS))[1]
 
 
 def acquired(
@@ -221,22 +224,25 @@ def _with_first_pose(
     wanted: Bool[Array, ""],
     seen: Array,
 ) -> RelativeEstimate:
-    """Estimate with the best pose of a picture where it is `wanted`, explains the picture and is where the target is."""
+    """Estimate with the best pose where it is `wanted`, explains the picture and puts the target where it is."""
     assert estimate.target is not None
     poses = perspective_n_point.solve_pose(
         target.landmarks, view.tangents, jnp.where(view.present, 1.0 / view.variance, 0.0)
     )
     R_KT, q_KT = quaternion.to_matrix(poses.q_KT[0]), poses.q_KT[0]
-    expected_K = quaternion.rotate(view.q_KN, estimate.r_TS_N)
-    R_KN = quaternion.to_matrix(view.q_KN)
-    P_K = product(product(R_KN, estimate.position_covariance), R_KN.T) + poses.covariance[0, 3:, 3:]
-    off, variance = poses.r_TK_K[0] - expected_K, jnp.stack([P_K[i, i] for i in range(3)])
+    R_NK = quaternion.to_matrix(quaternion.conjugate(view.q_KN))
     explains = poses.cost[0] < _FIT * (2.0 * seen - 6.0)
+    place, P_place = _place_of_camera(estimate, view, R_NK, poses.r_TK_K[0], poses.covariance[0, 3:, 3:])
+    P_before = estimate.position_covariance
+    off, variance = place - estimate.r_TS_N, jnp.diagonal(P_place) + jnp.diagonal(P_before)
     there = jnp.all(off * off < _PLACE_GATE**2 * variance, axis=0)
     take = wanted & poses.exists[0] & poses.enough & explains & there
-    q_TN = quaternion.multiply(quaternion.conjugate(q_KT), view.q_KN)
+    is_better = take & (jnp.sum(jnp.diagonal(P_place), axis=0) < jnp.sum(jnp.diagonal(P_before), axis=0))
     angle = product(product(R_KT.T, poses.covariance[0, :3, :3]), R_KT)
     angle = angle + view.attitude_variance * jnp.eye(3, dtype=angle.dtype)
+    # An error of the attitude in T turns the other way in the camera.
+    shared = -product(product(R_KT.T, poses.covariance[0, :3, 3:]), R_NK.T)
+    q_TN = quaternion.multiply(quaternion.conjugate(q_KT), view.q_KN)
     reference = estimate.target
     reference = replace(
         reference,
@@ -247,17 +253,41 @@ def _with_first_pose(
     slow = {**estimate.slow}
     for name in ("attitude", "rate"):
         slow[name] = jnp.where(take, 0.0, slow[name])
-    fresh = _uncorrelated(tuning, estimate, angle)
-    return replace(estimate, target=reference, slow=slow, covariance=jnp.where(take, fresh, estimate.covariance))
+    P = jnp.where(take, _with_attitude(tuning, estimate, angle), estimate.covariance)
+    at_place = _with_place(replace(estimate, covariance=P), R_NK, place, P_place, shared)
+    moved = select(is_better, at_place, replace(estimate, covariance=P))
+    return replace(moved, target=reference, slow=slow)
 
 
-def _uncorrelated(tuning: OrbitFilterTuning, estimate: RelativeEstimate, angle: Array) -> Float[Array, "n n"]:
+def _place_of_camera(
+    estimate: RelativeEstimate, view: LandmarkView, R_NK: Array, r_TK_K: Vector, P_K: Array
+) -> tuple[Vector, Float[Array, "3 3"]]:
+    """Target from the servicer in N [m] by a pose in the camera, and its covariance with the errors of the bearing."""
+    place = estimate.layout["bearing_bias"]
+    by_bias = -r_TK_K[2] * R_NK[:, :2]
+    bearing = estimate.covariance[place, place] + view.attitude_variance * jnp.eye(2, dtype=P_K.dtype)
+    of_bearing = product(product(by_bias, bearing), by_bias.T)
+    mean = apply(R_NK, r_TK_K) + apply(by_bias, estimate.slow["bearing_bias"])
+    return mean, product(product(R_NK, P_K), R_NK.T) + of_bearing
+
+
+def _with_attitude(tuning: OrbitFilterTuning, estimate: RelativeEstimate, angle: Array) -> Float[Array, "n n"]:
     """Covariance with a new attitude error and rate, of which nothing else knows."""
     layout, P = estimate.layout, estimate.covariance
-    for name, block in (
-        ("attitude", angle),
-        ("rate", tuning.tumble_sigma**2 * jnp.eye(3, dtype=P.dtype)),
-    ):
+    for name, block in (("attitude", angle), ("rate", tuning.tumble_sigma**2 * jnp.eye(3, dtype=P.dtype))):
         place = layout[name]
         P = P.at[place].set(0.0).at[:, place].set(0.0).at[place, place].set(block)
     return P
+
+
+def _with_place(
+    estimate: RelativeEstimate, R_NK: Array, place: Vector, P_place: Array, with_attitude: Float[Array, "3 3"]
+) -> RelativeEstimate:
+    """Estimate at a place (3,) [m] that a pose gave, which has the error of the bearing in it, and that of the pose."""
+    layout, P = estimate.layout, estimate.covariance
+    position, attitude, bias = layout["position"], layout["attitude"], layout["bearing_bias"]
+    depth = jnp.sum(R_NK[:, 2] * place, axis=0)
+    by_bias = product(-depth * R_NK[:, :2], P[bias])
+    rows = by_bias.at[:, position].set(P_place).at[:, attitude].set(with_attitude.T)
+    P = P.at[position].set(rows).at[:, position].set(rows.T)
+    return replace(estimate, r_TS_N=place, covariance=P)

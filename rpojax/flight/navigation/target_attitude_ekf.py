@@ -111,7 +111,7 @@ def turned_by(
 
 
 def _torque(inertia: Matrix, q_TN: Array, omega_TN_T: Vector, outward_N: Vector, pull: Scalar) -> Vector:
-    """Gyroscopic torque and that of the gravity gradient of strength `pull` [1/s^2] in T, in the unit of the inertia."""
+    """Gyroscopic torque and that of the gravity gradient of strength `pull` [1/s^2], in T and the inertia's unit."""
     outward = quaternion.rotate(q_TN, outward_N)
     return pull * cross(outward, apply(inertia, outward)) - cross(omega_TN_T, apply(inertia, omega_TN_T))
 
@@ -168,9 +168,7 @@ def _mixed(
     return short_scan(change, P, jnp.arange(2))
 
 
-def given_up(
-    reference: TargetAttitude, used: Bool[Array, ""], rejected: Bool[Array, ""], dt: Scalar
-) -> TargetAttitude:
+def given_up(reference: TargetAttitude, used: Bool[Array, ""], rejected: Bool[Array, ""], dt: Scalar) -> TargetAttitude:
     """Reference that is given up where landmarks have contradicted it for long, `dt` [s] after the tick before."""
     unexplained = jnp.where(used, 0.0, reference.unexplained_s + jnp.where(rejected & reference.known, dt, 0.0))
     lost = unexplained >= _LOST_AFTER

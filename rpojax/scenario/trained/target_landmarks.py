@@ -12,7 +12,6 @@ from rpojax.vision.surface import landmark_file
 from rpojax.vision.surface.landmarks import Landmarks
 
 
-
 def landmarks_for_camera(tables: Mapping[str, Any]) -> Landmarks | None:
     """Landmarks of a scenario, None of one whose camera finds none.
 

@@ -35,10 +35,10 @@ class LandmarkCamera(AdditionalSensor):
     swap_probability: _Probability = 0.0
     minimum_size_px: Positive = 24.0
     body_offset_m: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
-    believed_noise_px: Positive = 0.8
+    believed_noise_factor: Positive = 1.05
 
     normals: ClassVar[int] = _PER_LANDMARK * MOST + 2
-    beliefs: ClassVar[tuple[str, ...]] = ("believed_noise_px",)
+    beliefs: ClassVar[tuple[str, ...]] = ("believed_noise_factor",)
     row_count: ClassVar[int] = 8
     shows_direction: ClassVar[bool] = True
     sees_landmarks: ClassVar[bool] = True
@@ -47,7 +47,7 @@ class LandmarkCamera(AdditionalSensor):
     def measure(
         settings: "Mapping[str, jax.Array]", scene: SensedScene, normals: "jax.Array"
     ) -> "dict[str, jax.Array]":
-        """Tangents right and down of the boresight (n,) of each landmark, NaN of those that are not found.
+        """Tangents right and down of the boresight (n,) of each landmark, NaN of those that are not found, and 1 sigma.
 
         The settings are `noise`, `shaded_noise` and `minimum_size` [px], `body_offset` (3,) [m] of the landmarks in T,
         and the probabilities of a miss in light and shade, of a place anywhere on the target, and of a picture in which
@@ -72,10 +72,14 @@ class LandmarkCamera(AdditionalSensor):
         found = seen.visible & (chance >= miss) & large & picture.observable & picture.working
         swapped = ndtr(of_picture[0]) < settings["swap_probability"]
         order = picture.order(swapped, ndtr(of_picture[1]))
-        places, found = places[order], found[order]
+        places, found, noise = places[order], found[order], noise[order]
         inside = jnp.all(jnp.abs(places) < picture.half_frame_tangent[None, :], axis=1)
         shown = jnp.where((found & inside)[:, None], places, math.nan)
-        return {"landmarks_right_tangent": shown[:, 0], "landmarks_down_tangent": shown[:, 1]}
+        return {
+            "landmarks_right_tangent": shown[:, 0],
+            "landmarks_down_tangent": shown[:, 1],
+            "landmarks_sigma_tangent": jnp.where(found & inside, noise, math.nan),
+        }
 
     @staticmethod
     def rows(

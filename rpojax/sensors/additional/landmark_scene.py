@@ -84,7 +84,7 @@ class LandmarkScene:
         )
 
     def order(self, swapped: Bool[Array, ""], which: Scalar) -> Array:
-        """Landmark that each is taken for (n,): itself, or with `swapped` by a symmetry that `which` in 0..1 chooses."""
+        """Landmark that each is taken for (n,): itself, or if `swapped` one by the symmetry `which`, from 0 to 1."""
         permutations = self.landmarks.permutations
         others = permutations.shape[0] - 1
         number = jnp.clip(1 + (which * others).astype(jnp.int32), 0, others)

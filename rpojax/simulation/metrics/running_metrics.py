@@ -23,8 +23,8 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import (
     CHANNELS,
     ISOLATION_CHANNELS,
-    MISSION_CHANNELS,
     LANDMARK_CHANNELS,
+    MISSION_CHANNELS,
     PLUME_CHANNELS,
     POSE_CHANNELS,
     ChannelFunctions,
