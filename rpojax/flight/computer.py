@@ -203,12 +203,16 @@ def _with_target_attitude(
     """Estimate with the attitude of the target given up where landmarks contradict it, and found where unknown."""
     if params.target is None or orbit.relative.target is None:
         return orbit
-    used, rejected = innovation.sensors[LANDMARKS].accepted, innovation.sensors[LANDMARKS].rejected
-    reference = target_attitude_ekf.given_up(orbit.relative.target, used, rejected, measurements.box.interval)
-    relative = retrodiction.to_exposure(replace(orbit.relative, target=reference), exposure)
+    relative, used = orbit.relative, innovation.sensors[LANDMARKS].accepted
     picture = landmark_measurement.picture(
         params.sensors[LANDMARKS], view_of(LANDMARKS, relative), measurements.additional
     )
+    contradicted = landmark_measurement.contradicts(picture, used)
+    reference, lost = target_attitude_ekf.given_up(orbit.relative.target, used, contradicted, measurements.box.interval)
+    # A wrong attitude has moved the target, too.
+    added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, lost)
+    relative = replace(relative, target=reference, covariance=relative.covariance + jnp.diag(added))
+    relative = retrodiction.to_exposure(relative, exposure)
     relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)
     return replace(orbit, relative=retrodiction.from_exposure(relative, exposure))
 
