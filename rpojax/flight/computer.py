@@ -203,12 +203,16 @@ def _with_target_attitude(
     """Estimate with the attitude of the target given up where landmarks contradict it, and found where unknown."""
     if params.target is None or orbit.relative.target is None:
         return orbit
-    used, rejected = innovation.sensors[LANDMARKS].accepted, innovation.sensors[LANDMARKS].rejected
-    reference = target_attitude_ekf.given_up(orbit.relative.target, used, rejected, measurements.box.interval)
-    relative = retrodiction.to_exposure(replace(orbit.relative, target=reference), exposure)
+    relative = retrodiction.to_exposure(orbit.relative, exposure)
+    assert relative.target is not None
     picture = landmark_measurement.picture(
         params.sensors[LANDMARKS], view_of(LANDMARKS, relative), measurements.additional
     )
+    # Rows of landmarks that contradict the attitude have no weight, so that the update does not see that there are any.
+    used = innovation.sensors[LANDMARKS].accepted
+    rejected = jnp.any(picture.present, axis=0) & ~used
+    reference = target_attitude_ekf.given_up(relative.target, used, rejected, measurements.box.interval)
+    relative = replace(relative, target=reference)
     relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)
     return replace(orbit, relative=retrodiction.from_exposure(relative, exposure))
 
