@@ -372,6 +372,7 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
         *channels.PLUME_CHANNELS,
         *channels.ISOLATION_CHANNELS,
         *channels.LENS_CHANNELS,
+        *channels.LANDMARK_CHANNELS,
         *channels.TEAM_CHANNELS,
         *channels.PHASING_CHANNELS,
     } - {"running"}

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.metrics import attitude, camera_boxes, filter_consistency, position_errors, trajectory
+from rpojax.metrics import attitude, camera_boxes, filter_consistency, position_errors, target_attitude, trajectory
 from rpojax.metrics.metric_definition import Metric, RunTiming
 from rpojax.metrics.recorded_reduction import reduce_records
 
 TIMING = RunTiming(tick_s=1.0, decision_ticks=3)
-MODULES = (attitude, camera_boxes, filter_consistency, position_errors, trajectory)
+MODULES = (attitude, camera_boxes, filter_consistency, position_errors, target_attitude, trajectory)
 BY_NAME: dict[str, Metric] = {each.name: each for module in MODULES for each in module.METRICS}
 
 
@@ -47,6 +47,10 @@ RECORDS = {
     "nees_relative": 2.0 * SIX,
     "gps_innovation_sigmas": INNOVATION,
     "box_innovation_sigmas": 2.0 * INNOVATION,
+    "target_attitude_error_T_deg": ERROR,
+    "target_rate_error_T_deg_s": 0.1 * ERROR,
+    "target_attitude_known": flags("xx..xx"),
+    "nees_pose": np.array([np.nan, 6.0, np.nan, np.nan, 5.0, 8.0]),
 }
 LATE_RMS = np.sqrt((3 * 9.0 + 9.0) / 4.0)
 EXPECTED = {
@@ -78,6 +82,11 @@ EXPECTED = {
     "nav_target_position_error_rms_m": 3.0 * LATE_RMS,
     # 2 m along -y twice, -2 m along z, and no direction at the target itself.
     "nav_range_error_rms_m": np.sqrt(3.0 * 4.0 / 4.0),
+    # Known at the last two ticks of the late window alone.
+    "target_attitude_error_deg": 3.0,
+    "target_rate_error_deg_s": 0.3,
+    "nees_pose_mean": 6.5,
+    "target_attitude_known_fraction": 0.5,
     "delta_v_m_s": 0.5,
     "min_range_m": 20.0,
     "final_range_m": 35.0,
@@ -89,6 +98,14 @@ def test_a_metric_has_its_value_by_hand(name: str) -> None:
     metric = BY_NAME[name]
     found = reduce_records(metric, {key: RECORDS[key][None] for key in metric.inputs}, TIMING)
     np.testing.assert_allclose(found, [EXPECTED[name]], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", [each.name for each in target_attitude.METRICS])
+def test_the_errors_of_an_attitude_that_is_never_known_are_not_defined(name: str) -> None:
+    records = {**RECORDS, "target_attitude_known": flags("xx...."), "nees_pose": np.full(6, np.nan)}
+    metric = BY_NAME[name]
+    (found,) = reduce_records(metric, {key: records[key][None] for key in metric.inputs}, TIMING)
+    assert found == 0.0 if name == "target_attitude_known_fraction" else np.isnan(found)
 
 
 def test_all_metrics_of_records_have_a_value_by_hand() -> None:

@@ -27,6 +27,7 @@ STATIC = {
     "statistics",
     "sky_seed",
     "model",
+    "landmarks",
     "width_px",
     "height_px",
     "gating",

@@ -13,6 +13,7 @@ from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
 from rpojax.vision.radiance_field import field_file
+from rpojax.vision.surface import landmark_file
 
 
 @pytest.fixture
@@ -64,6 +65,9 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     del content["health"]["lasting_limit"], content["rates"]["command_delay_s"]
     for key in ("delay_s", "delay_jitter_s", "processing_s", "time_tag_error_s"):
         del content["camera"][key]
+    del content["camera"]["landmarks"]
+    for key in ("tumble_sigma_deg_s", "tumble_walk_deg_s_sqrt_s", "inertia_ratio_sigma", "body_offset_sigma_m"):
+        del content["navigation"][key]
     for key in (
         "ballistic_sigma_m2_kg",
         "adaptation_limit",
@@ -119,6 +123,25 @@ def test_the_content_of_trained_files_is_hashed(tmp_path: Path) -> None:
     one = scenario_loader.load("inspection", ["camera.model=rendered"])
     other = scenario_loader.load("inspection", ["camera.model=rendered", f"imaging.field={copy}"])
     assert scenario_digest(one) != scenario_digest(other)
+
+
+def test_the_content_of_the_file_of_landmarks_is_hashed(tmp_path: Path) -> None:
+    landmarks, card = landmark_file.load_landmarks()
+    path, digests = tmp_path / "own.safetensors", []
+    for count in (0, 1):
+        landmark_file.save_landmarks(landmarks, path, {**card, "count": count})
+        digests.append(scenario_digest(scenario_loader.load("pose_inspection", [f"camera.landmarks={path}"])))
+    assert len({*digests, scenario_digest(scenario_loader.load("pose_inspection"))}) == 3
+
+
+def test_the_section_of_landmarks_is_hashed_alike_given_or_left_out(tables: dict[str, Any]) -> None:
+    def digest(**section: float) -> str:
+        camera = {**tables["camera"], "landmarks": "packaged"}
+        return scenario_digest(scenario_loader.validate({**tables, "camera": camera, "landmarks": section}))
+
+    assert digest() == scenario_digest(scenario_loader.load("inspection", ["camera.landmarks=packaged"]))
+    assert digest() == digest(delay_s=0.0, noise_px=0.7)
+    assert digest() != digest(noise_px=0.8)
 
 
 def test_the_order_of_the_keys_of_a_grid_is_hashed(mission: ScenarioFile) -> None:

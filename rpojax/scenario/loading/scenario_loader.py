@@ -23,7 +23,7 @@ from rpojax.scenario.loading.table_merging import apply_override, merge
 from rpojax.scenario.plugins import plugin_file, plugin_registry
 from rpojax.scenario.plugins.custom_metrics import MetricFunction
 from rpojax.scenario.plugins.plugin import Plugin
-from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.schema import NO_LANDMARKS, ScenarioFile
 from rpojax.scenario.team.team_checks import check_team
 from rpojax.scenario.trained import trained_files
 from rpojax.scenario.trained.coverage_surface import SURFACES
@@ -243,10 +243,10 @@ def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
         if isinstance(start, dict) and isinstance(name := start.get(key), str):
             start[key] = str(absolute_path(folder / name))
     trained = [("imaging", key) for key in trained_files.PACKAGED_FILES]
-    for section, key in (*trained, ("wide_lens", "statistics")):
+    for section, key in (*trained, ("wide_lens", "statistics"), ("camera", "landmarks")):
         table = tables.get(section)
         name = table.get(key) if isinstance(table, dict) else None
-        if isinstance(name, str) and name != trained_files.PACKAGED and isinstance(table, dict):
+        if isinstance(name, str) and name not in (trained_files.PACKAGED, NO_LANDMARKS) and isinstance(table, dict):
             table[key] = str(absolute_path(folder / name))
     coverage = tables.get("coverage")
     if isinstance(coverage, dict) and isinstance(name := coverage.get("surface"), str) and name not in SURFACES:

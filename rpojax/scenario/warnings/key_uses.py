@@ -17,6 +17,7 @@ from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import RelativeOrbitSection, TransferSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained.coverage_surface import SURFACES, is_surface_used
+from rpojax.scenario.trained.target_landmarks import landmarks_for_camera
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.value_types import Section
 
@@ -106,6 +107,12 @@ class PhaseUse:
 
 def _surfaces(*names: str) -> tuple[str, ...]:
     return tuple(f"{section}.{name}" for section in ("servicer_surface", "target_surface") for name in names)
+
+
+def _looks_alike_in_other_attitudes(at: Situation) -> bool:
+    """Whether the target has a symmetry, by which its landmarks can be exchanged."""
+    landmarks = landmarks_for_camera(at.file.model_dump())
+    return landmarks is not None and landmarks.symmetries.shape[0] > 1
 
 
 _PLANT: Final = (
@@ -246,6 +253,11 @@ _CAMERA: Final = (
         "a mesh file as coverage.surface",
         lambda at: at.file.coverage.surface not in SURFACES,
     ),
+    Use(
+        ("landmarks.swap_probability",),
+        "landmarks of a body with a symmetry",
+        lambda at: at.file.landmarks is None or _looks_alike_in_other_attitudes(at),
+    ),
 )
 
 
@@ -260,7 +272,7 @@ def _is_late(sensor: str) -> Callable[[Situation], bool]:
 _DELAYS: Final = (
     *(
         Use(tuple(f"{sensor}.{key}" for key in DELAY_KEYS), f"one of these keys of {sensor} beside 0", _is_late(sensor))
-        for sensor in ("camera", "range_finder", "lidar")
+        for sensor in ("camera", "range_finder", "lidar", "landmarks")
     ),
     Use(
         ("navigation.delays", "navigation.delay_memory_s"),
@@ -279,6 +291,16 @@ _FLIGHT: Final = (
         ("navigation.centroid", "navigation.centroid_sigma"),
         "a section lidar",
         lambda at: at.file.lidar is not None,
+    ),
+    Use(
+        (
+            "navigation.tumble_sigma_deg_s",
+            "navigation.tumble_walk_deg_s_sqrt_s",
+            "navigation.inertia_ratio_sigma",
+            "navigation.body_offset_sigma_m",
+        ),
+        "camera.landmarks",
+        lambda at: at.file.landmarks is not None,
     ),
     Use(
         ("isolation.*",),

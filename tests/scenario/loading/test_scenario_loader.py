@@ -1,5 +1,6 @@
 """Scenario files, packaged and of the user: what loads, and what is refused."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
+from rpojax.vision.surface import landmark_file
 
 
 @pytest.mark.parametrize("name", scenario_loader.packaged_names())
@@ -97,6 +99,10 @@ def test_paths_of_trained_files_are_relative_to_the_scenario_file(tmp_path: Path
     (tmp_path / "mine.toml").write_text('extends = "inspection"\n[imaging]\nfield = "my.field.safetensors"\n')
     file = scenario_loader.load(tmp_path / "mine.toml")
     assert Path(file.imaging.field) == (tmp_path / "my.field.safetensors").resolve()
+    shutil.copy(landmark_file.landmark_path(None), tmp_path / "my.landmarks.safetensors")
+    (tmp_path / "mine.toml").write_text('extends = "inspection"\n[camera]\nlandmarks = "my.landmarks.safetensors"\n')
+    file = scenario_loader.load(tmp_path / "mine.toml")
+    assert Path(file.camera.landmarks) == (tmp_path / "my.landmarks.safetensors").resolve()
 
 
 def test_a_case_table_becomes_part_of_the_scenario(tmp_path: Path) -> None:

@@ -42,6 +42,11 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "imaging.sky_seed": ("inspection", ["camera.model=statistical", "imaging.sky_seed=3"], "camera.model = 'rendered'"),
     "coverage.facet_size_m": ("inspection", ["coverage.facet_size_m=0.2"], "coverage.enabled = true"),
     "coverage.mesh_units": ("safety_ellipse", ["coverage.mesh_units=mm"], "a mesh file as coverage.surface"),
+    "navigation.tumble_sigma_deg_s": ("inspection", ["navigation.tumble_sigma_deg_s=2"], "camera.landmarks"),
+    "navigation.body_offset_sigma_m": ("inspection", ["navigation.body_offset_sigma_m=0.1"], "camera.landmarks"),
+    "landmarks.swap_probability": (
+        "pose_inspection", ["landmarks.swap_probability=0.1"], "landmarks of a body with a symmetry"
+    ),
     "isolation.valve_s": (
         "thruster_failure", ["chamber_pressure.enabled=false", "isolation.valve_s=0.3"], "chamber_pressure.enabled"
     ),
