@@ -214,7 +214,7 @@ def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
     assert len(file.target.hull_m) >= 4
 
 
-def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
+def test_the_options_on_the_fields_page_are_those_of_its_commands() -> None:
     import inspect
 
     from rpojax.cli.options import vision
@@ -222,7 +222,7 @@ def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
     page = (ROOT / "docs" / "how_to" / "field.md").read_text(encoding="utf-8")
     code = "\n".join([*blocks(page, ""), *quoted(page)])
     verbs = (vision.TrainFieldCommand, vision.EvaluateFieldCommand, vision.RenderFieldCommand)
-    records = (vision.MeshPlacement, vision.FreshViews)
+    records = (vision.LandmarksCommand, vision.PortOptions, vision.MeshPlacement, vision.FreshViews)
     names = {name for each in (*verbs, *records) for name in inspect.signature(each).parameters}
     known = {name.replace("_", "-") for name in names}
     assert set(re.findall(r"--([a-z][a-z-]*)", code)) <= known | {"json"}

@@ -80,6 +80,7 @@ COMMANDS: Final[dict[str, type[Command] | Group]] = {
         },
     ),
     "detect": vision.DetectCommand,
+    "landmarks": vision.LandmarksCommand,
     "calibrate-camera-model": vision.CalibrateCameraModelCommand,
 }
 """The commands by name, in the order of `--help`."""

@@ -28,6 +28,7 @@ class FileKind(enum.Enum):
     MESH = ("a mesh", 64_000_000)
     PICTURE = ("an image", 256_000_000)
     ANNOTATIONS = ("annotations as in COCO", 64_000_000)
+    LANDMARKS = ("a JSON list of places", 1_000_000)
 
     @property
     def words(self) -> str:

@@ -220,3 +220,49 @@ class EvaluateDetectorCommand(Command):
     ] = None
     limit: Annotated[int | None, arg(metavar="N", help="Most pictures of speed, spark or yolo, chosen evenly.")] = None
     as_json: AsJson = False
+
+
+@dataclass(frozen=True)
+class PortOptions:
+    """Docking port of a target, and the view in which landmarks count as those on its face."""
+
+    port_position: Annotated[
+        tuple[float, float, float] | None, arg(metavar="X Y Z", help="Docking port in target axes [m].")
+    ] = None
+    port_axis: Annotated[
+        tuple[float, float, float] | None, arg(metavar="X Y Z", help="Direction out of the port in target axes.")
+    ] = None
+    port_range: Annotated[float, arg(metavar="R", help="Range of the last view along that axis [m].")] = 1.5
+    port_fov_deg: Annotated[
+        float, arg(metavar="A", help="Field of view then [deg]; default: the wide lens of final_approach.")
+    ] = 45.0
+    port_landmarks: Annotated[int, arg(metavar="N", help="Landmarks that have to be in that view.")] = 8
+
+    def __post_init__(self) -> None:
+        if (self.port_position is None) != (self.port_axis is None):
+            raise RpojaxError.of_argument("port_position, port_axis", "found one of them, expected both or none")
+        if not 0.0 < self.port_fov_deg < 170.0 or not 0.0 < self.port_range < 1e4:
+            found = f"{self.port_fov_deg}, {self.port_range}"
+            raise RpojaxError.of_argument(
+                "port_fov_deg, port_range", f"found {found}, expected 0 to 170 and 0 to 10000"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LandmarksCommand(Command):
+    """Choose landmarks of a target for the estimate of its pose: corners of its mesh, and from where each is seen."""
+
+    work = "vision.landmarks:landmarks"
+    prepares_jax = False
+
+    mesh: Positional[Mesh] = "target"
+    placement: Annotated[MeshPlacement, FLAT]
+    port: Annotated[PortOptions, FLAT]
+    out: Annotated[Path, arg(metavar="FILE", help="File to write, such as target.landmarks.safetensors.")]
+    count: Annotated[int, arg(metavar="N", help="Landmarks at most.")] = 20
+    points: Annotated[
+        Path | None, arg(metavar="FILE", help="Places to take in place of a choice: a JSON list of [x, y, z] in m.")
+    ] = None
+    picture: Annotated[Path | None, arg(metavar="PNG", help="Write a picture of the mesh with its landmarks.")] = None
+    force: Annotated[bool, arg(help="Replace files that are there.")] = False
+    as_json: AsJson = False

@@ -16,6 +16,10 @@ from rpojax.training.synthetic_data.meshes.mesh_primitives import (
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
 
 PACKAGED_TARGET = "target"
+PORT_POSITION = (0.0, 0.0, 0.303)
+"""Docking port [m]: on the side of the cells, from where the way out is free, and corners of bus and panels are seen
+face on and in two depths. From the sides along x the panels are seen edge on, and that along -z has four corners."""
+PORT_AXIS = (0.0, 0.0, 1.0)
 FOIL = Material(color=(0.83, 0.52, 0.17), metallic=1.0, roughness=0.32)
 RADIATOR = Material(color=(0.78, 0.78, 0.76), roughness=0.6)
 CELL = Material(color=(0.03, 0.05, 0.16), roughness=0.3)
