@@ -16,7 +16,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, product
-from rpojax.flight.navigation import perspective_n_point, target_attitude_ekf
+from rpojax.flight.navigation import perspective_n_point, relative_filter_state, target_attitude_ekf
 from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
@@ -68,10 +68,11 @@ def picture(beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[st
     assert view.vehicle is not None
     tangents = jnp.stack([measured["landmarks_right_tangent"], measured["landmarks_down_tangent"]], axis=1)
     present = jnp.all(jnp.isfinite(tangents), axis=1)
-    sigma = beliefs["believed_noise_factor"] * measured["landmarks_sigma_tangent"]
+    # Before the product: the derivative of one with what is no number is none.
+    sigma = beliefs["believed_noise_factor"] * jnp.where(present, measured["landmarks_sigma_tangent"], 1.0)
     return LandmarkView(
         tangents=jnp.where(present[:, None], tangents, 0.0),
-        variance=jnp.where(present, sigma, 1.0) ** 2,
+        variance=sigma**2,
         present=present,
         q_KN=quaternion.multiply(quaternion.normalize(view.vehicle.camera_mounting), view.q_BN),
         attitude_variance=view.tuning.attitude_sigma**2,
@@ -85,8 +86,7 @@ def rows(
     assert estimate.target is not None
     known, pose = estimate.target.known, _Pose.of(estimate, view)
     layout, body_offset = estimate.layout, estimate.slow["body_offset"]
-    numbers = jnp.array([number for name in _PARTS for number in layout.places(name)])
-    shared = estimate.covariance[numbers][:, numbers]
+    shared = _shared_covariance(estimate, pose)
 
     def add(sums: tuple[Array, ...], landmark: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         place_T, measured, variance, present = landmark
@@ -113,6 +113,16 @@ def rows(
         variance=jnp.ones_like(values),
         weight=jnp.where(exists & agree, 1.0, 0.0),
     )
+
+
+def _shared_covariance(estimate: RelativeEstimate, pose: "_Pose") -> Float[Array, "8 8"]:
+    """Covariance of what the rows are of: place of the landmarks' frame, attitude error and bearing."""
+    layout, P = estimate.layout, estimate.covariance
+    position, attitude, bias = (layout[name] for name in _PARTS)
+    offset = layout["body_offset"]
+    rows = jnp.concatenate([P[position] + product(pose.R_NT, P[offset]), P[attitude], P[bias]])
+    columns = [rows[:, position] + product(rows[:, offset], pose.R_NT.T), rows[:, attitude], rows[:, bias]]
+    return jnp.concatenate(columns, axis=1)
 
 
 @pytree
@@ -179,11 +189,11 @@ def _without_common_error(
     information: Float[Array, "8 8"], evidence: Float[Array, " 8"], variance: Scalar
 ) -> tuple[Float[Array, "8 8"], Float[Array, " 8"]]:
     """The same without what a common error of the bearing in this picture, of that variance, does not let be known."""
+    # Multiplied by the variance, which may be 0.
     columns = information[:, 6:]
-    a, b, c = information[6, 6] + 1.0 / variance, information[6, 7], information[7, 7] + 1.0 / variance
-    determinant = a * c - b * b
-    inverse = jnp.stack([jnp.stack([c, -b]), jnp.stack([-b, a])]) / determinant
-    gain = product(columns, inverse)
+    a, b, c = 1.0 + variance * columns[6, 0], variance * columns[6, 1], 1.0 + variance * columns[7, 1]
+    inverse = jnp.stack([jnp.stack([c, -b]), jnp.stack([-b, a])]) / (a * c - b * b)
+    gain = variance * product(columns, inverse)
     return information - product(gain, columns.T), evidence - jnp.sum(gain * evidence[6:][None, :], axis=1)
 
 
@@ -234,21 +244,29 @@ def _with_first_pose(
     """Estimate with the best pose where it is `wanted`, explains the picture and puts the target where it is."""
     assert estimate.target is not None
     poses = perspective_n_point.solve_pose(
-        target.landmarks, view.tangents, jnp.where(view.present, 1.0 / view.variance, 0.0)
+        target.landmarks + estimate.slow["body_offset"][None, :],
+        view.tangents - estimate.slow["bearing_bias"][None, :],
+        jnp.where(view.present, 1.0 / view.variance, 0.0),
     )
     R_KT, q_KT = quaternion.to_matrix(poses.q_KT[0]), poses.q_KT[0]
     R_NK = quaternion.to_matrix(quaternion.conjugate(view.q_KN))
     explains = poses.cost[0] < _FIT * (2.0 * seen - 6.0)
-    place, P_place = _place_of_camera(estimate, view, R_NK, poses.r_TK_K[0], poses.covariance[0, 3:, 3:])
+    by_error = _effects_of_errors(R_NK, R_KT, poses.r_TK_K[0])
+    place = apply(R_NK, poses.r_TK_K[0])
+    P_place = _covariance_of_place(estimate, view, R_NK, by_error, poses.covariance[0, 3:, 3:])
     P_before = estimate.position_covariance
     off, variance = place - estimate.r_TS_N, jnp.diagonal(P_place) + jnp.diagonal(P_before)
     there = jnp.all(off * off < _PLACE_GATE**2 * variance, axis=0)
     # Of two poses that explain a picture about as well, another picture decides.
     alone = ~poses.exists[1] | (poses.cost[1] - poses.cost[0] > _AMBIGUOUS)
-    take = wanted & poses.exists[0] & poses.enough & explains & alone & there
+    # A pivot that is none leaves a variance of zero.
+    determined = jnp.all(jnp.diagonal(poses.covariance[0]) > 0.0, axis=0)
+    take = wanted & poses.exists[0] & poses.enough & determined & explains & alone & there
     is_better = take & (jnp.sum(jnp.diagonal(P_place), axis=0) < jnp.sum(jnp.diagonal(P_before), axis=0))
     angle = product(product(R_KT.T, poses.covariance[0, :3, :3]), R_KT)
-    angle = angle + view.attitude_variance * jnp.eye(3, dtype=angle.dtype)
+    bias = estimate.layout["bearing_bias"]
+    of_camera = view.attitude_variance + jnp.max(jnp.diagonal(estimate.covariance[bias, bias]), axis=0)
+    angle = angle + of_camera * jnp.eye(3, dtype=angle.dtype)
     # An error of the attitude in T turns the other way in the camera.
     shared = -product(product(R_KT.T, poses.covariance[0, :3, 3:]), R_NK.T)
     q_TN = quaternion.multiply(quaternion.conjugate(q_KT), view.q_KN)
@@ -259,44 +277,43 @@ def _with_first_pose(
         known=reference.known | take,
         unexplained_s=jnp.where(take, 0.0, reference.unexplained_s),
     )
-    slow = {**estimate.slow}
-    for name in ("attitude", "rate"):
-        slow[name] = jnp.where(take, 0.0, slow[name])
-    P = jnp.where(take, _with_attitude(tuning, estimate, angle), estimate.covariance)
-    at_place = _with_place(replace(estimate, covariance=P), R_NK, place, P_place, shared)
-    moved = select(is_better, at_place, replace(estimate, covariance=P))
-    return replace(moved, target=reference, slow=slow)
+    anew = relative_filter_state.reset_to_prior(tuning, replace(estimate, target=reference), ("attitude", "rate"), take)
+    where = estimate.layout["attitude"]
+    P = jnp.where(take, anew.covariance.at[where, where].set(angle), anew.covariance)
+    anew = replace(anew, covariance=P)
+    return select(is_better, _with_place(anew, place, P_place, by_error, shared), anew)
 
 
-def _place_of_camera(
-    estimate: RelativeEstimate, view: LandmarkView, R_NK: Array, r_TK_K: Vector, P_K: Array
-) -> tuple[Vector, Float[Array, "3 3"]]:
-    """Target from the servicer in N [m] by a pose in the camera, and its covariance with the errors of the bearing."""
-    place = estimate.layout["bearing_bias"]
-    by_bias = -r_TK_K[2] * R_NK[:, :2]
-    bearing = estimate.covariance[place, place] + view.attitude_variance * jnp.eye(2, dtype=P_K.dtype)
-    of_bearing = product(product(by_bias, bearing), by_bias.T)
-    mean = apply(R_NK, r_TK_K) + apply(by_bias, estimate.slow["bearing_bias"])
-    return mean, product(product(R_NK, P_K), R_NK.T) + of_bearing
+def _effects_of_errors(R_NK: Array, R_KT: Array, r_TK_K: Vector) -> dict[str, Array]:
+    """Error of the place that a pose gives, by a unit of each error of slow states that it takes as they are."""
+    return {"bearing_bias": -r_TK_K[2] * R_NK[:, :2], "body_offset": -product(R_NK, R_KT)}
 
 
-def _with_attitude(tuning: OrbitFilterTuning, estimate: RelativeEstimate, angle: Array) -> Float[Array, "n n"]:
-    """Covariance with a new attitude error and rate, of which nothing else knows."""
-    layout, P = estimate.layout, estimate.covariance
-    for name, block in (("attitude", angle), ("rate", tuning.tumble_sigma**2 * jnp.eye(3, dtype=P.dtype))):
-        place = layout[name]
-        P = P.at[place].set(0.0).at[:, place].set(0.0).at[place, place].set(block)
-    return P
+def _covariance_of_place(
+    estimate: RelativeEstimate, view: LandmarkView, R_NK: Array, by_error: dict[str, Array], P_K: Array
+) -> Float[Array, "3 3"]:
+    """Covariance in N of the place that a pose gives [m^2]."""
+    found = product(product(R_NK, P_K), R_NK.T)
+    for name, effect in by_error.items():
+        place = estimate.layout[name]
+        P = estimate.covariance[place, place]
+        if name == "bearing_bias":
+            P = P + view.attitude_variance * jnp.eye(2, dtype=P.dtype)
+        found = found + product(product(effect, P), effect.T)
+    return found
 
 
 def _with_place(
-    estimate: RelativeEstimate, R_NK: Array, place: Vector, P_place: Array, with_attitude: Float[Array, "3 3"]
+    estimate: RelativeEstimate,
+    place: Vector,
+    P_place: Array,
+    by_error: dict[str, Array],
+    with_attitude: Float[Array, "3 3"],
 ) -> RelativeEstimate:
-    """Estimate at a place (3,) [m] that a pose gave, which has the error of the bearing in it, and that of the pose."""
+    """Estimate at a place (3,) [m] that a pose gave, which has the errors of slow states and of the pose in it."""
     layout, P = estimate.layout, estimate.covariance
-    position, attitude, bias = layout["position"], layout["attitude"], layout["bearing_bias"]
-    depth = jnp.sum(R_NK[:, 2] * place, axis=0)
-    by_bias = product(-depth * R_NK[:, :2], P[bias])
-    rows = by_bias.at[:, position].set(P_place).at[:, attitude].set(with_attitude.T)
+    position, attitude = layout["position"], layout["attitude"]
+    rows = sum((product(effect, P[layout[name]]) for name, effect in by_error.items()), jnp.zeros_like(P[position]))
+    rows = rows.at[:, position].set(P_place).at[:, attitude].set(with_attitude.T)
     P = P.at[position].set(rows).at[:, position].set(rows.T)
     return replace(estimate, r_TS_N=place, covariance=P)
