@@ -203,16 +203,16 @@ def _with_target_attitude(
     """Estimate with the attitude of the target given up where landmarks contradict it, and found where unknown."""
     if params.target is None or orbit.relative.target is None:
         return orbit
-    relative = retrodiction.to_exposure(orbit.relative, exposure)
-    assert relative.target is not None
+    relative, used = orbit.relative, innovation.sensors[LANDMARKS].accepted
     picture = landmark_measurement.picture(
         params.sensors[LANDMARKS], view_of(LANDMARKS, relative), measurements.additional
     )
-    # Rows of landmarks that contradict the attitude have no weight, so that the update does not see that there are any.
-    used = innovation.sensors[LANDMARKS].accepted
-    rejected = jnp.any(picture.present, axis=0) & ~used
-    reference = target_attitude_ekf.given_up(relative.target, used, rejected, measurements.box.interval)
-    relative = replace(relative, target=reference)
+    contradicted = landmark_measurement.contradicts(picture, used)
+    reference, lost = target_attitude_ekf.given_up(orbit.relative.target, used, contradicted, measurements.box.interval)
+    # A wrong attitude has moved the target, too.
+    added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, lost)
+    relative = replace(relative, target=reference, covariance=relative.covariance + jnp.diag(added))
+    relative = retrodiction.to_exposure(relative, exposure)
     relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)
     return replace(orbit, relative=retrodiction.from_exposure(relative, exposure))
 

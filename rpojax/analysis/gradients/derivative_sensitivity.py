@@ -18,6 +18,7 @@ import numpy as np
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
 from rpojax.analysis.statistics.campaign_comparison import changed_keys
+from rpojax.analysis.statistics.dependence import MIN_RUNS as MIN_RANKED_RUNS
 from rpojax.analysis.statistics.dependence import InputRanking, rank_inputs, spearman
 from rpojax.analysis.statistics.intervals import deviation_interval, shrunk_mean
 from rpojax.analysis.statistics.paired_comparison import requirement_name
@@ -144,6 +145,7 @@ class SensitivityAnalysis:
         runs: with random dispersions
         metrics: sensitivities, one a metric
         agreements: with a campaign, one a metric; None without a campaign that can be ranked
+        unranked: why a given campaign ranks no input, one a metric; None where it does, or without a campaign
     """
 
     space: StandardNormalSpace
@@ -151,10 +153,12 @@ class SensitivityAnalysis:
     runs: int
     metrics: tuple[MetricSensitivity, ...]
     agreements: tuple[RankingAgreement | None, ...]
+    unranked: tuple[str | None, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Content of the JSON file, in the types of JSON."""
-        entries = [_entry(found, sampled) for found, sampled in zip(self.metrics, self.agreements, strict=True)]
+        each = zip(self.metrics, self.agreements, self.unranked, strict=True)
+        entries = [{**_entry(found, sampled), "unranked": reason} for found, sampled, reason in each]
         return to_json_types(
             {
                 "scenario": self.space.file.name,
@@ -220,7 +224,11 @@ def sensitivity(
     with stage("simulating with derivatives (compiling takes a minute or two)", quiet=not progress):
         found = derivative_sensitivities(space, names, runs, seed)
     agreements = tuple(None if campaign is None else _campaign_agreement(one, space, campaign) for one in found)
-    return SensitivityAnalysis(space, seed, runs, found, agreements)
+    unranked = tuple(
+        _why_unranked(one.metric, campaign) if campaign is not None and other is None else None
+        for one, other in zip(found, agreements, strict=True)
+    )
+    return SensitivityAnalysis(space, seed, runs, found, agreements, unranked)
 
 
 def check_same_scenario(file: ScenarioFile, directory: Path, info: Mapping[str, Any]) -> None:
@@ -359,6 +367,16 @@ def _campaign_agreement(
         return None
     columns = {name: column for name, column in component_columns(campaign.drawn).items() if np.isfinite(column).all()}
     return compare_with_sampling(found, space, columns, campaign.metrics[found.metric])
+
+
+def _why_unranked(metric: str, campaign: Campaign) -> str:
+    if metric not in campaign.metrics:
+        return f"{campaign.directory} has no {metric}"
+    values = campaign.metrics[metric]
+    defined = values[np.isfinite(values)]
+    if len(defined) < MIN_RANKED_RUNS:
+        return f"{len(defined)} runs of {campaign.directory} have {metric}, and a ranking needs {MIN_RANKED_RUNS}"
+    return f"{metric} or the dispersions of all {len(defined)} runs of {campaign.directory} are equal"
 
 
 def _strengths(space: StandardNormalSpace, ranking: InputRanking) -> dict[str, float]:

@@ -39,8 +39,13 @@ def find_design_point(limit_state: LimitState, dimension: int, settings: SearchS
         # While there is no violation, new random points are screened until the budget is spent.
         for number in itertools.count():
             searches = _screen_random_points(log, rng, dimension, number)
-            while searches and not (log.nearest_violation is not None and log.nearest_violation.distance == 0.0):
-                searches = _step_searches(log, searches)
+            try:
+                while searches and not (log.nearest_violation is not None and log.nearest_violation.distance == 0.0):
+                    searches = _step_searches(log, searches)
+            except BudgetExceededError:
+                # What is left may be too little for gradients and still enough for many runs.
+                if log.nearest_violation is not None:
+                    raise
             if log.nearest_violation is not None:
                 break
         log.evaluate_gradient_at_nearest()

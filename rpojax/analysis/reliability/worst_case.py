@@ -100,6 +100,17 @@ class WorstCase(Summarised):
         return found is not None and found.distance == 0.0
 
     @property
+    def lack_of_gradients(self) -> str | None:
+        """That the budget allowed no gradient, so that runs and line searches are all there was; None if it did."""
+        if self.search.gradient_evaluations > 0 or self.breaks_at_median:
+            return None
+        batch, each = self.costs.batch_size, self.costs.gradient_run_equivalents
+        return (
+            f"no gradient was evaluated: a batch of {batch} costs {batch * each:g} run-equivalents, more than the "
+            "budget left, so this is the best of random runs and line searches"
+        )
+
+    @property
     def pinned_scenario(self) -> ScenarioFile:
         """The scenario with the dispersions of the reported point as choices of one value."""
         return standard_normal_space.with_fixed_values(self.space, self.values)
@@ -137,6 +148,7 @@ class WorstCase(Summarised):
             "confirmed": self.confirmed,
             "undefined": self.undefined,
             "breaks_at_median": self.breaks_at_median,
+            "lack_of_gradients": self.lack_of_gradients,
             "dispersions": self._dispersions(),
             "held": list(self.space.unmapped),
             "cost": self._cost(),
@@ -176,6 +188,8 @@ class WorstCase(Summarised):
         if self.simulated_value is not None:
             verdict = "" if not found else ", confirmed" if self.confirmed else ", NOT confirmed"
             yield "simulated", f"{number(self.simulated_value)} {unit}{verdict}"
+        if self.lack_of_gradients is not None:
+            yield "search", self.lack_of_gradients
         for entry in self._dispersions()[:_SHOWN_DISPERSIONS]:
             values = ", ".join(f"{key} {numbers(np.asarray(each).tolist())}" for key, each in entry["values"].items())
             yield "dispersions", f"{values} ({entry['distance_sigmas']:.2f} sigmas)"

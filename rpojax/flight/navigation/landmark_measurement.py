@@ -34,8 +34,10 @@ _FEWEST = 6
 """Landmarks from which a first pose is believed."""
 _SLACK = 1e-9
 """Information that is added to each part, as a share of its own, so that a direction without any has a pivot."""
-_FIT = 9.0
+_FIT = 4.0
 """Mean square of the residuals of a first pose, over that of the noise, up to which it is believed."""
+_AMBIGUOUS = 25.0
+"""Difference of the squared residuals of two poses over the noise, up to which either may be right."""
 _PLACE_GATE = 5.0
 """Sigmas of the filter within which a first pose has to put the target, along each axis."""
 _NEAREST = 0.05
@@ -81,7 +83,7 @@ def rows(
 ) -> MeasurementRows:
     """Rows (8,) of the landmarks that pass their gates, for an estimate with the target's attitude."""
     assert estimate.target is not None
-    pose = _Pose.of(estimate, view)
+    known, pose = estimate.target.known, _Pose.of(estimate, view)
     layout, body_offset = estimate.layout, estimate.slow["body_offset"]
     numbers = jnp.array([number for name in _PARTS for number in layout.places(name)])
     shared = estimate.covariance[numbers][:, numbers]
@@ -91,7 +93,7 @@ def rows(
         expected, jacobian = _linearised(pose, place_T + body_offset)
         residual = jnp.where(present, measured, 0.0) - expected
         noise = variance + view.attitude_variance
-        used = present & estimate.target.known & _is_inside(tuning, shared, noise, residual, jacobian)
+        used = present & known & _is_inside(tuning, shared, noise, residual, jacobian)
         weighted = jacobian * jnp.where(used, 1.0 / variance, 0.0)
         added = product(weighted.T, jacobian), jnp.sum(weighted * residual[:, None], axis=0)
         return (sums[0] + added[0], sums[1] + added[1], sums[2] + jnp.where(used, 1.0, 0.0)), None
@@ -202,6 +204,11 @@ def _factorised(information: Float[Array, "8 8"], evidence: Float[Array, " 8"]) 
     return jax.lax.scan(eliminate, (information + slack, evidence), jnp.arange(ROWS))[1]
 
 
+def contradicts(view: LandmarkView, used: Bool[Array, ""]) -> Bool[Array, ""]:
+    """Whether a picture shows enough landmarks for a pose, and none of it was `used`."""
+    return ~used & (jnp.sum(view.present, axis=0, dtype=jnp.int32) >= _FEWEST)
+
+
 def acquired(
     tuning: OrbitFilterTuning, target: BelievedTarget, estimate: RelativeEstimate, view: LandmarkView
 ) -> RelativeEstimate:
@@ -236,7 +243,9 @@ def _with_first_pose(
     P_before = estimate.position_covariance
     off, variance = place - estimate.r_TS_N, jnp.diagonal(P_place) + jnp.diagonal(P_before)
     there = jnp.all(off * off < _PLACE_GATE**2 * variance, axis=0)
-    take = wanted & poses.exists[0] & poses.enough & explains & there
+    # Of two poses that explain a picture about as well, another picture decides.
+    alone = ~poses.exists[1] | (poses.cost[1] - poses.cost[0] > _AMBIGUOUS)
+    take = wanted & poses.exists[0] & poses.enough & explains & alone & there
     is_better = take & (jnp.sum(jnp.diagonal(P_place), axis=0) < jnp.sum(jnp.diagonal(P_before), axis=0))
     angle = product(product(R_KT.T, poses.covariance[0, :3, :3]), R_KT)
     angle = angle + view.attitude_variance * jnp.eye(3, dtype=angle.dtype)

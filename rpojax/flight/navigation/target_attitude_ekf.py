@@ -44,7 +44,7 @@ class TargetAttitude:
         q_TN: (4,)
         inertia: (3, 3) as in `BelievedTarget`
         known: () bool, it was found and has not been lost
-        unexplained_s: () for how long landmarks have contradicted it [s]
+        unexplained_s: () for how long landmarks have contradicted it, less the time for which they agreed [s]
     """
 
     q_TN: Array
@@ -168,12 +168,17 @@ def _mixed(
     return short_scan(change, P, jnp.arange(2))
 
 
-def given_up(reference: TargetAttitude, used: Bool[Array, ""], rejected: Bool[Array, ""], dt: Scalar) -> TargetAttitude:
-    """Reference that is given up where landmarks have contradicted it for long, `dt` [s] after the tick before."""
-    unexplained = jnp.where(used, 0.0, reference.unexplained_s + jnp.where(rejected & reference.known, dt, 0.0))
-    lost = unexplained >= _LOST_AFTER
-    return replace(reference, known=reference.known & ~lost, unexplained_s=jnp.where(lost, 0.0, unexplained))
+def given_up(
+    reference: TargetAttitude, used: Bool[Array, ""], contradicted: Bool[Array, ""], dt: Scalar
+) -> tuple[TargetAttitude, Bool[Array, ""]]:
+    """Reference `dt` [s] after the tick before, which is given up where landmarks contradict it, and whether it was."""
+    change = jnp.where(contradicted & reference.known, dt, 0.0) - jnp.where(used, dt, 0.0)
+    unexplained = jnp.maximum(reference.unexplained_s + change, 0.0)
+    lost = reference.known & (unexplained >= _LOST_AFTER)
+    known = reference.known & ~lost
+    return replace(reference, known=known, unexplained_s=jnp.where(lost, 0.0, unexplained)), lost
 
 
 _LOST_AFTER = 10.0
-"""Time of landmarks that contradict the attitude without one that agrees, after which it is looked for anew [s]."""
+"""Time for which landmarks contradict the attitude longer than they agree, until it is looked for anew [s]. A wrong one
+is in agreement with chance landmarks every now and then."""

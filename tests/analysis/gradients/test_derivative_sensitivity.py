@@ -10,12 +10,15 @@ import pytest
 
 from rpojax.analysis.gradients import derivative_sensitivity, rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
+from rpojax.cli.commands.analysis import sensitivity as command
 from rpojax.cli.commands.analysis.sensitivity import shown_names
 from rpojax.errors import Notice, OutputError, RpojaxError
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.scenario_digest import scenario_digest
 
 METRICS = ("delta_v_m_s", "formation_error_rms_m")
 POSITION, AXIS = "initial.relative_position_m", "target.tumble_axis"
@@ -138,6 +141,41 @@ def test_too_few_sampled_runs_rank_nothing(space: StandardNormalSpace) -> None:
         derivative_sensitivity.compare_with_sampling(linear, space, {f"{POSITION}[0]": np.arange(5.0)}, np.arange(5.0))
         is None
     )
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({METRICS[0]: np.arange(12.0) // 4}, None),
+        ({METRICS[0]: np.where(np.arange(12) < 8, np.arange(12.0), np.nan)}, "8 runs of out have delta_v_m_s, and a"),
+        ({METRICS[0]: np.ones(12)}, "delta_v_m_s or the dispersions of all 12 runs of out are equal"),
+        ({}, "out has no delta_v_m_s"),
+    ],
+)
+def test_a_campaign_that_ranks_nothing_says_why(
+    values: dict[str, np.ndarray],
+    reason: str | None,
+    space: StandardNormalSpace,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    content = {
+        "__init__": lambda self, directory: setattr(self, "directory", directory),
+        "info": {"scenario_hash": scenario_digest(space.file)},
+        "drawn": {POSITION: np.random.default_rng(3).normal(size=(12, 3))},
+        "metrics": values,
+    }
+    monkeypatch.setattr(command, "Campaign", type("TwelveRuns", (Campaign,), content))
+    monkeypatch.setattr(derivative_sensitivity, "RolloutEvaluator", lambda *_, **__: KnownDerivatives(space))
+    arguments = ["sensitivity", "inspection", "--metric", METRICS[0], "--runs", "8", "--campaign", "out"]
+    assert main.main(arguments) == main.Status.DONE
+    output = capsys.readouterr().out
+    assert ("12 sampled runs" in output) is (reason is None)
+    assert ("nothing by sampling" in output) is (reason is not None)
+    assert reason is None or f"nothing by sampling: {reason}" in output
+    assert main.main([*arguments, "--json"]) == main.Status.DONE
+    told = json.loads(capsys.readouterr().out)["metrics"][0]["unranked"]
+    assert (told or "").startswith(reason or "") and (told is None) is (reason is None)
 
 
 def test_metrics_are_those_of_the_requirements_unless_asked_for(space: StandardNormalSpace) -> None:

@@ -1,7 +1,7 @@
 """The search for a design point on functions whose nearest point beyond the limit is known."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -113,6 +113,16 @@ def test_the_budget_is_kept_and_everything_is_counted(batch: int, budget: float)
     assert limit.asked == found.margin_evaluations + 8.0 * found.gradient_evaluations
     assert found.cost >= limit.asked
     assert found.cost == limit.asked or batch > 1
+
+
+def test_runs_go_on_where_gradients_are_dearer_than_the_budget() -> None:
+    limit = replace(bowl(8.0, 0.05), gradient_cost=1e6)
+    found = form_search.find_design_point(limit, COUNT, AMPLE, 0)
+    assert found.nearest_violation is None
+    assert found.gradient_evaluations == 0
+    # The next round of random runs would exceed what is left.
+    assert AMPLE.budget - AMPLE.screening_points < found.cost <= AMPLE.budget
+    assert found.cost == found.margin_evaluations == limit.asked
 
 
 def test_every_start_is_on_a_lane_of_its_own() -> None:

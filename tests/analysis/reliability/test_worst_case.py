@@ -163,6 +163,25 @@ def test_a_limit_out_of_reach_is_reported(mission: ScenarioFile) -> None:
     assert content["value"] == pytest.approx(30.0 - 3.0 * 6.0, rel=1e-3)
 
 
+@pytest.mark.parametrize(("gradient_s", "told"), [(0.71, None), (100.0, "a batch of 2 costs 2000 run-equivalents")])
+@pytest.mark.parametrize("metric_limit", [11.0, 99.0])
+def test_a_search_without_gradients_says_so(
+    mission: ScenarioFile, gradient_s: float, told: str | None, metric_limit: float
+) -> None:
+    space = standard_normal_space.make_space(mission)
+    worst = worst_case.search_worst_case(
+        space,
+        MetricLimit("delta_v_m_s", "at most", metric_limit),
+        SearchSettings(starts=2, budget=400.0),
+        seed=3,
+        evaluator=LinearRuns(space.dimension),
+        costs=replace(COSTS, gradient_s=gradient_s),
+    )
+    assert (worst.lack_of_gradients is None) is (told is None)
+    assert told is None or told in str(worst.to_dict()["lack_of_gradients"])
+    assert told is None or told in " ".join(str(worst).split())
+
+
 def test_a_run_that_keeps_the_limit_is_no_confirmation(mission: ScenarioFile) -> None:
     worst = searched(mission, MetricLimit("delta_v_m_s", "at most", 16.0))
     assert not worst.confirmed
@@ -252,6 +271,23 @@ def test_the_command_writes_a_scenario_that_is_the_point(
         for key, value in entry["values"].items():
             np.testing.assert_allclose(drawn[key], value, rtol=1e-12)
     assert main.main(["worst-case", "inspection", *given]) == main.Status.BAD_INPUT
+
+
+def test_the_command_warns_of_a_budget_without_gradients(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worst_case, "make_evaluator", lambda space, metrics, starts: LinearRuns(space.dimension))
+    monkeypatch.setattr(worst_case, "measure_costs", lambda evaluator: replace(COSTS, gradient_s=100.0))
+
+    def simulate(_: WorstCase, directory: Path) -> float:
+        directory.mkdir(parents=True)
+        return 21.9
+
+    monkeypatch.setattr(worst_case, "simulate_worst_case", simulate)
+    given = ["--metric", "delta_v_m_s", "--limit", "99", "--bound", "at most", "--out", str(tmp_path / "worst")]
+    assert main.main(["worst-case", "inspection", *given]) == main.Status.DONE
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "warning: no gradient was evaluated: a batch of 2 costs 2000 run-equivalents, more than the budget" in shown
 
 
 def test_an_interrupted_simulation_leaves_nothing_and_what_was_there(

@@ -43,7 +43,7 @@ def sensitivity(asked: SensitivityCommand) -> int:
 
 def _show(found: SensitivityAnalysis) -> None:
     console = Console(highlight=False)
-    for one, other in zip(found.metrics, found.agreements, strict=True):
+    for one, other, reason in zip(found.metrics, found.agreements, found.unranked, strict=True):
         without = f" ({one.undefined} more have no value)" if one.undefined else ""
         title = f"{one.metric}: {format_number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs{without}"
         headings = ("input", f"trend [{one.unit}]", "sigma", "median run", "most of one run", "by sampling")
@@ -68,6 +68,8 @@ def _show(found: SensitivityAnalysis) -> None:
                 f"{format_number(other.rank_correlation, 2)}",
                 soft_wrap=True,
             )
+        if reason is not None:
+            console.print(f"nothing by sampling: {reason}", soft_wrap=True)
         if one.exceeds_spread:
             console.print(
                 f"warning: {one.metric} varies by {format_number(one.std)} {one.unit} (1 sigma) in these runs, not by "

@@ -62,6 +62,8 @@ def _show(content: dict[str, Any], out: Path) -> None:
     else:
         told = f"{rule}: no violation found; closest is {format_number(content['value'])} {content['unit']} "
         console.print(told + f"at {distance} in {run}", soft_wrap=True)
+    if content["lack_of_gradients"]:
+        console.print(f"warning: {content['lack_of_gradients']}; a larger --budget has them", soft_wrap=True)
     if content["undefined"]:
         console.print(f"there {content['metric']} has no value, which counts as broken", soft_wrap=True)
     rows = []
