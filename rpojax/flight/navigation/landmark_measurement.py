@@ -234,24 +234,21 @@ def _with_first_pose(
     """Estimate with the best pose where it is `wanted`, explains the picture and puts the target where it is."""
     assert estimate.target is not None
     poses = perspective_n_point.solve_pose(
-        target.landmarks, view.tangents, jnp.where(view.present, 1.0 / view.variance, 0.0)
+        target.landmarks + estimate.slow["body_offset"][None, :],
+        view.tangents - estimate.slow["bearing_bias"][None, :],
+        jnp.where(view.present, 1.0 / view.variance, 0.0),
     )
-    R_KT, q_KT = quaternion.to_matrix(poses.q_KT[0]), poses.q_KT[0]
-    R_NK = quaternion.to_matrix(quaternion.conjugate(view.q_KN))
-    explains = poses.cost[0] < _FIT * (2.0 * seen - 6.0)
-    place, P_place = _place_of_camera(estimate, view, R_NK, poses.r_TK_K[0], poses.covariance[0, 3:, 3:])
-    P_before = estimate.position_covariance
-    off, variance = place - estimate.r_TS_N, jnp.diagonal(P_place) + jnp.diagonal(P_before)
-    there = jnp.all(off * off < _PLACE_GATE**2 * variance, axis=0)
+    explains = poses.cost[0] < _FIT * (2.0 * seen.astype(view.variance.dtype) - 6.0)
+    errors = _PoseErrors.of(estimate, view, poses)
+    place = apply(quaternion.to_matrix(quaternion.conjugate(view.q_KN)), poses.r_TK_K[0])
+    variance, before = jnp.diagonal(errors.covariance)[3:], jnp.diagonal(estimate.position_covariance)
+    off = place - estimate.r_TS_N
+    there = jnp.all(off * off < _PLACE_GATE**2 * (variance + before), axis=0)
     # Of two poses that explain a picture about as well, another picture decides.
     alone = ~poses.exists[1] | (poses.cost[1] - poses.cost[0] > _AMBIGUOUS)
     take = wanted & poses.exists[0] & poses.enough & explains & alone & there
-    is_better = take & (jnp.sum(jnp.diagonal(P_place), axis=0) < jnp.sum(jnp.diagonal(P_before), axis=0))
-    angle = product(product(R_KT.T, poses.covariance[0, :3, :3]), R_KT)
-    angle = angle + view.attitude_variance * jnp.eye(3, dtype=angle.dtype)
-    # An error of the attitude in T turns the other way in the camera.
-    shared = -product(product(R_KT.T, poses.covariance[0, :3, 3:]), R_NK.T)
-    q_TN = quaternion.multiply(quaternion.conjugate(q_KT), view.q_KN)
+    is_better = take & (jnp.sum(variance, axis=0) < jnp.sum(before, axis=0))
+    q_TN = quaternion.multiply(quaternion.conjugate(poses.q_KT[0]), view.q_KN)
     reference = estimate.target
     reference = replace(
         reference,
@@ -262,41 +259,64 @@ def _with_first_pose(
     slow = {**estimate.slow}
     for name in ("attitude", "rate"):
         slow[name] = jnp.where(take, 0.0, slow[name])
-    P = jnp.where(take, _with_attitude(tuning, estimate, angle), estimate.covariance)
-    at_place = _with_place(replace(estimate, covariance=P), R_NK, place, P_place, shared)
-    moved = select(is_better, at_place, replace(estimate, covariance=P))
+    with_attitude = replace(estimate, covariance=_with_attitude(tuning, estimate, errors))
+    at_place = replace(with_attitude, r_TS_N=place, covariance=_with_place(with_attitude, errors))
+    moved = select(take, select(is_better, at_place, with_attitude), estimate)
     return replace(moved, target=reference, slow=slow)
 
 
-def _place_of_camera(
-    estimate: RelativeEstimate, view: LandmarkView, R_NK: Array, r_TK_K: Vector, P_K: Array
-) -> tuple[Vector, Float[Array, "3 3"]]:
-    """Target from the servicer in N [m] by a pose in the camera, and its covariance with the errors of the bearing."""
-    place = estimate.layout["bearing_bias"]
-    by_bias = -r_TK_K[2] * R_NK[:, :2]
-    bearing = estimate.covariance[place, place] + view.attitude_variance * jnp.eye(2, dtype=P_K.dtype)
-    of_bearing = product(product(by_bias, bearing), by_bias.T)
-    mean = apply(R_NK, r_TK_K) + apply(by_bias, estimate.slow["bearing_bias"])
-    return mean, product(product(R_NK, P_K), R_NK.T) + of_bearing
+@pytree
+class _PoseErrors:
+    """Errors of the attitude in T and the place in N [m] by a pose.
+
+    A pose has the errors of the bearing and of the landmarks' offset in it. Those of the bearing turn the target about
+    the camera.
+
+    Attributes:
+        covariance: (6, 6)
+        with_state: (6, n) covariance with the errors of the state
+    """
+
+    covariance: Array
+    with_state: Array
+
+    @classmethod
+    def of(
+        cls, estimate: RelativeEstimate, view: LandmarkView, poses: perspective_n_point.PoseHypotheses
+    ) -> "_PoseErrors":
+        """Errors of the best hypothesis."""
+        layout, (x, y, z) = estimate.layout, poses.r_TK_K[0]
+        R_KT, R_NK = quaternion.to_matrix(poses.q_KT[0]), quaternion.to_matrix(quaternion.conjugate(view.q_KN))
+        one, none = jnp.ones_like(z), jnp.zeros_like(R_KT)
+        across = jnp.stack([jnp.stack([none[0, 0], -one]), jnp.stack([one, none[0, 0]]), none[0, :2]])
+        shift = jnp.stack([jnp.stack([z, none[0, 0]]), jnp.stack([none[0, 0], z]), jnp.stack([-x, -y])])
+        by_bearing = jnp.concatenate([product(R_KT.T, across), -product(R_NK, shift)])
+        effects = jnp.concatenate([by_bearing, jnp.concatenate([none, -product(R_NK, R_KT)])], axis=1)
+        numbers = jnp.array([*layout.places("bearing_bias"), *layout.places("body_offset")])
+        with_state = product(effects, estimate.covariance[numbers])
+        # An error of the attitude in T turns the other way in the camera.
+        axes = jnp.concatenate([jnp.concatenate([-R_KT.T, none], axis=1), jnp.concatenate([none, R_NK], axis=1)])
+        alone = product(product(axes, poses.covariance[0]), axes.T)
+        roll = jnp.concatenate([R_KT[2], none[0]])
+        white = product(by_bearing, by_bearing.T) + roll[:, None] * roll[None, :]
+        shared = product(with_state[:, numbers], effects.T)
+        return cls(covariance=alone + shared + view.attitude_variance * white, with_state=with_state)
 
 
-def _with_attitude(tuning: OrbitFilterTuning, estimate: RelativeEstimate, angle: Array) -> Float[Array, "n n"]:
-    """Covariance with a new attitude error and rate, of which nothing else knows."""
+def _with_attitude(tuning: OrbitFilterTuning, estimate: RelativeEstimate, errors: _PoseErrors) -> Float[Array, "n n"]:
+    """Covariance with the attitude error of a pose, and a rate of which nothing is known."""
     layout, P = estimate.layout, estimate.covariance
-    for name, block in (("attitude", angle), ("rate", tuning.tumble_sigma**2 * jnp.eye(3, dtype=P.dtype))):
-        place = layout[name]
-        P = P.at[place].set(0.0).at[:, place].set(0.0).at[place, place].set(block)
-    return P
+    attitude, rate = layout["attitude"], layout["rate"]
+    rows = errors.with_state[:3].at[:, attitude].set(errors.covariance[:3, :3])
+    P = P.at[attitude].set(rows).at[:, attitude].set(rows.T)
+    P = P.at[rate].set(0.0).at[:, rate].set(0.0)
+    return P.at[rate, rate].set(tuning.tumble_sigma**2 * jnp.eye(3, dtype=P.dtype))
 
 
-def _with_place(
-    estimate: RelativeEstimate, R_NK: Array, place: Vector, P_place: Array, with_attitude: Float[Array, "3 3"]
-) -> RelativeEstimate:
-    """Estimate at a place (3,) [m] that a pose gave, which has the error of the bearing in it, and that of the pose."""
+def _with_place(estimate: RelativeEstimate, errors: _PoseErrors) -> Float[Array, "n n"]:
+    """Covariance with the place of a pose whose attitude it has."""
     layout, P = estimate.layout, estimate.covariance
-    position, attitude, bias = layout["position"], layout["attitude"], layout["bearing_bias"]
-    depth = jnp.sum(R_NK[:, 2] * place, axis=0)
-    by_bias = product(-depth * R_NK[:, :2], P[bias])
-    rows = by_bias.at[:, position].set(P_place).at[:, attitude].set(with_attitude.T)
-    P = P.at[position].set(rows).at[:, position].set(rows.T)
-    return replace(estimate, r_TS_N=place, covariance=P)
+    position, attitude, rate = layout["position"], layout["attitude"], layout["rate"]
+    rows = errors.with_state[3:].at[:, position].set(errors.covariance[3:, 3:])
+    rows = rows.at[:, attitude].set(errors.covariance[3:, :3]).at[:, rate].set(0.0)
+    return P.at[position].set(rows).at[:, position].set(rows.T)

@@ -131,7 +131,7 @@ def differences(given: Known, dt: float) -> np.ndarray:
 
 def test_the_transition_of_errors_is_that_of_the_nonlinear_prediction() -> None:
     # What is left out is of the second order in the step: a torque changes the rate by 3e-6 rad/s and the turn by half
-    # of that times the step, 2e-7; gyroscopic terms are 9e-5 of the attitude by the rate and 2e-6 of the rate by itself.
+    # of that times the step, 2e-7; gyroscopic terms are 9e-5 of the attitude by the rate, 2e-6 of the rate by itself.
     dt, given = 0.1, known()
     found, expected = transition(given, dt), differences(given, dt)
     np.testing.assert_allclose(found[:3, :3], expected[:3, :3], atol=3e-7)
@@ -186,21 +186,27 @@ def test_forward_and_back_is_the_same_estimate() -> None:
     np.testing.assert_allclose(turned.as_rotvec(), 1.3 * RATE, atol=1e-12)
 
 
-@pytest.mark.parametrize(("seconds", "lost"), [(9, False), (11, True)])
-def test_an_attitude_is_given_up_after_ten_seconds_of_contradiction(seconds: int, lost: bool) -> None:
+@pytest.mark.parametrize(("agreed_s", "contradicted_s", "lost"), [(4, 5, False), (4, 6, True), (20, 9, False)])
+def test_an_attitude_is_given_up_after_ten_seconds_more_of_contradiction(
+    agreed_s: int, contradicted_s: int, lost: bool
+) -> None:
     reference, yes, no, dt = known().reference, jnp.asarray(True), jnp.asarray(False), jnp.asarray(1.0)
-    for _ in range(8):
-        reference = target_attitude_ekf.given_up(reference, no, yes, dt)
-    # One picture that agrees, and the time begins anew; pictures without landmarks do not count.
-    reference = target_attitude_ekf.given_up(reference, yes, no, dt)
-    for _ in range(20):
-        reference = target_attitude_ekf.given_up(reference, no, no, dt)
-    for _ in range(seconds):
-        reference = target_attitude_ekf.given_up(reference, no, yes, dt)
+    was_lost = no
+    # Pictures without landmarks do not count.
+    sequence = [(no, yes)] * 8 + [(yes, no)] * agreed_s + [(no, no)] * 20 + [(no, yes)] * contradicted_s
+    for used, contradicted in sequence:
+        assert not bool(was_lost)
+        reference, was_lost = target_attitude_ekf.given_up(reference, used, contradicted, dt)
+    assert bool(was_lost) is lost
     assert bool(reference.known) is not lost
-    if lost:
-        again = replace(reference, known=yes)
-        assert bool(target_attitude_ekf.given_up(again, no, yes, dt).known)
+    if lost:  # and another one gets its own ten seconds
+        again, was_lost = target_attitude_ekf.given_up(replace(reference, known=yes), no, yes, dt)
+        assert bool(again.known) and not bool(was_lost)
+
+
+def test_an_attitude_that_is_not_known_cannot_be_lost() -> None:
+    reference, dt = replace(known().reference, known=jnp.asarray(False)), jnp.asarray(11.0)
+    assert not bool(target_attitude_ekf.given_up(reference, jnp.asarray(False), jnp.asarray(True), dt)[1])
 
 
 def test_larger_ratios_are_larger_moments_about_their_axes() -> None:
