@@ -70,7 +70,7 @@ def tuning_and_target() -> tuple[OrbitFilterTuning, BelievedTarget, RelativeEsti
 def case(seed: int, depth: tuple[float, float] = (6.0, 12.0)) -> Case:
     """Random attitudes and errors; the target at a depth between two [m] near the boresight."""
     rng = np.random.default_rng(seed)
-    R_TN, R_KN = Rotation.random(random_state=rng), Rotation.random(random_state=rng)
+    R_TN, R_KN = (Rotation.from_quat(rng.normal(size=4)) for _ in range(2))
     place_K = rng.uniform(*depth) * np.array([*rng.uniform(-0.08, 0.08, 2), 1.0])
     bias, offset = (LEARNT[name] + PRIOR[name] * rng.normal(size=len(LEARNT[name])) for name in LEARNT)
     places_K = (R_KN * R_TN.inv()).apply(LANDMARKS + offset) + place_K

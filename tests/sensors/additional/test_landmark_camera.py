@@ -93,13 +93,13 @@ def is_found(tangents: np.ndarray) -> np.ndarray:
 
 def is_visible(camera_T: np.ndarray) -> np.ndarray:
     """Whether the camera is in front of a face with each corner: the cube is convex."""
-    return np.any(2.0 * np.asarray(cube().positions) * camera_T > 0.5, axis=1)
+    return np.asarray(np.any(2.0 * np.asarray(cube().positions) * camera_T > 0.5, axis=1))
 
 
 def is_lit(sun_T: np.ndarray) -> np.ndarray:
     """Whether the Sun is in front of a face with each corner, and of the mean of them."""
     corners = np.asarray(cube().positions)
-    return np.any(corners * sun_T > 0.0, axis=1) & (corners @ sun_T > 0.0)
+    return np.asarray(np.any(corners * sun_T > 0.0, axis=1) & (corners @ sun_T > 0.0))
 
 
 @pytest.mark.parametrize("offset", [np.zeros(3), np.array([0.03, -0.02, 0.05])])
@@ -128,7 +128,8 @@ def test_hidden_landmarks_are_never_shown() -> None:
 
 @pytest.mark.parametrize("change", ["observable", "working"])
 def test_there_is_none_in_the_dark_or_without_a_camera(change: str) -> None:
-    assert not is_found(measured(scene(**{change: jnp.asarray(False)}))[0]).any()
+    off: dict[str, Any] = {change: jnp.asarray(False)}
+    assert not is_found(measured(scene(**off))[0]).any()
 
 
 def test_by_the_lamp_alone_what_is_seen_is_lit() -> None:
