@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -141,16 +142,32 @@ def _add_camera(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChann
     size, camera = run.servicer_file.camera, run.params.camera
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
     R_KB = attitude_matrices(np.asarray(camera_pose.camera_attitude(camera, identity))[None])[0]
-    lens = pinhole.pinhole_intrinsics(camera.field_of_view, size.width_px, size.height_px)
-    frustum = rr.Pinhole(
-        resolution=[size.width_px, size.height_px],
-        focal_length=float(lens.focal_px),
-        principal_point=np.asarray(lens.center_px),
-        camera_xyz=rr.ViewCoordinates.RDF,
-        image_plane_distance=_IMAGE_PLANE_M,
-        color=TRUE_COLOR,
-    )
-    chunks.add_static(CAMERA, rr.Transform3D(quaternion=rr.Quaternion(xyzw=quaternion_to_parent(R_KB.T))), frustum)
+    mounting = rr.Transform3D(quaternion=rr.Quaternion(xyzw=quaternion_to_parent(R_KB.T)))
+    fields: dict[str, Any] = {
+        "resolution": [size.width_px, size.height_px],
+        "camera_xyz": rr.ViewCoordinates.RDF,
+        "image_plane_distance": _IMAGE_PLANE_M,
+        "color": TRUE_COLOR,
+    }
+    own = _image_from_camera(camera.field_of_view, size.width_px, size.height_px)
+    if run.params.wide_lens is None:
+        fields["image_from_camera"] = own
+    else:
+        # What holds at all times hides what changes, so that the lens is left out of it.
+        near = _image_from_camera(run.params.wide_lens.field_of_view, size.width_px, size.height_px)
+        is_wide = np.asarray(run.values["wide_lens"], dtype=bool)
+        lenses = np.where(is_wide[:, None, None], near, own)
+        changes = np.concatenate([[True], is_wide[1:] != is_wide[:-1]])
+        columns = rr.Pinhole.columns(image_from_camera=lenses[changes])
+        chunks.add(CAMERA, run.time_s, columns.partition(changes.astype(int)))
+    chunks.add_static(CAMERA, mounting, rr.Pinhole.from_fields(**fields))
+
+
+def _image_from_camera(field_of_view: Any, width_px: int, height_px: int) -> np.ndarray:
+    """Matrix (3, 3) from directions in the camera to places in its frame [px]."""
+    lens = pinhole.pinhole_intrinsics(field_of_view, width_px, height_px)
+    focal, (x, y) = float(lens.focal_px), np.asarray(lens.center_px)
+    return np.array([[focal, 0.0, x], [0.0, focal, y], [0.0, 0.0, 1.0]])
 
 
 def _add_thrust(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:

@@ -90,6 +90,8 @@ def _camera(scenario: Mapping[str, Any]) -> str:
     if camera.get("model") == "geometric" and {"miss_probability", "outlier_probability"} <= camera.keys():
         shares = (100.0 * float(camera[name]) for name in ("miss_probability", "outlier_probability"))
         parts.append("{:.3g} % missed and {:.3g} % false".format(*shares))
+    if camera.get("landmarks", "none") != "none":
+        parts.append("landmarks of the target by an error model")
     if reach_m := (scenario.get("lamp") or {}).get("reach_m"):
         parts.append(f"a lamp to {reach_m:g} m")
     return ", ".join(part for part in parts if part)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -13,12 +14,14 @@ import rerun.chunk as rrc
 from scipy.spatial.transform import Rotation
 from synthetic_run import synthetic_run as make_synthetic_run
 
+from rpojax.core.pytree import replace
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.interop.rerun_viewer import rrd_recording, scene_3d, time_plots
 from rpojax.interop.rerun_viewer.rrd_chunks import ViewerChannels
 from rpojax.interop.run_replay import PosedImage, ReplayedRun
 from rpojax.scenario.loading import scenario_loader
+from rpojax.sensors.camera import WideLens
 
 CAMERA = "/hill/servicer/camera"
 
@@ -122,6 +125,17 @@ def test_the_chain_of_poses_puts_the_target_at_the_image_center(
     # The image's right is the orbit normal.
     right_H = R_HB.apply(R_BK.apply([1.0, 0.0, 0.0]))
     assert (right_H[:, 2] > 0.99).all()
+
+
+def test_the_lens_is_that_of_the_frame(write: Callable[..., RecordingReader]) -> None:
+    run = make_synthetic_run()
+    angles = float(run.params.camera.field_of_view) * np.array([1.0, 2.0])
+    lens = WideLens(field_of_view=jnp.asarray(angles[1]), misalignment=jnp.zeros(3))
+    values = {**run.values, "wide_lens": np.arange(run.ticks) >= 3}
+    read = write(dataclasses.replace(run, params=replace(run.params, wide_lens=lens), values=values))
+    found = np.array([row[0] for row in read.column(CAMERA, "Pinhole:image_from_camera") if row])
+    np.testing.assert_allclose(found[:, 0], 64.0 / np.tan(0.5 * angles), rtol=1e-6)
+    assert "Pinhole:image_from_camera" not in read.batches[CAMERA, True].schema.names
 
 
 def test_the_target_attitude_in_the_hill_frame_combines_tumble_and_orbit(
