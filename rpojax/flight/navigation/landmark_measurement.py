@@ -16,7 +16,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, product
-from rpojax.flight.navigation import perspective_n_point, relative_filter_state, target_attitude_ekf
+from rpojax.flight.navigation import perspective_n_point, target_attitude_ekf
 from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
@@ -248,28 +248,19 @@ def _with_first_pose(
         view.tangents - estimate.slow["bearing_bias"][None, :],
         jnp.where(view.present, 1.0 / view.variance, 0.0),
     )
-    R_KT, q_KT = quaternion.to_matrix(poses.q_KT[0]), poses.q_KT[0]
-    R_NK = quaternion.to_matrix(quaternion.conjugate(view.q_KN))
-    explains = poses.cost[0] < _FIT * (2.0 * seen - 6.0)
-    by_error = _effects_of_errors(R_NK, R_KT, poses.r_TK_K[0])
-    place = apply(R_NK, poses.r_TK_K[0])
-    P_place = _covariance_of_place(estimate, view, R_NK, by_error, poses.covariance[0, 3:, 3:])
-    P_before = estimate.position_covariance
-    off, variance = place - estimate.r_TS_N, jnp.diagonal(P_place) + jnp.diagonal(P_before)
-    there = jnp.all(off * off < _PLACE_GATE**2 * variance, axis=0)
+    explains = poses.cost[0] < _FIT * (2.0 * seen.astype(view.variance.dtype) - 6.0)
+    errors = _PoseErrors.of(estimate, view, poses)
+    place = apply(quaternion.to_matrix(quaternion.conjugate(view.q_KN)), poses.r_TK_K[0])
+    variance, before = jnp.diagonal(errors.covariance)[3:], jnp.diagonal(estimate.position_covariance)
+    off = place - estimate.r_TS_N
+    there = jnp.all(off * off < _PLACE_GATE**2 * (variance + before), axis=0)
     # Of two poses that explain a picture about as well, another picture decides.
     alone = ~poses.exists[1] | (poses.cost[1] - poses.cost[0] > _AMBIGUOUS)
     # A pivot that is none leaves a variance of zero.
     determined = jnp.all(jnp.diagonal(poses.covariance[0]) > 0.0, axis=0)
     take = wanted & poses.exists[0] & poses.enough & determined & explains & alone & there
-    is_better = take & (jnp.sum(jnp.diagonal(P_place), axis=0) < jnp.sum(jnp.diagonal(P_before), axis=0))
-    angle = product(product(R_KT.T, poses.covariance[0, :3, :3]), R_KT)
-    bias = estimate.layout["bearing_bias"]
-    of_camera = view.attitude_variance + jnp.max(jnp.diagonal(estimate.covariance[bias, bias]), axis=0)
-    angle = angle + of_camera * jnp.eye(3, dtype=angle.dtype)
-    # An error of the attitude in T turns the other way in the camera.
-    shared = -product(product(R_KT.T, poses.covariance[0, :3, 3:]), R_NK.T)
-    q_TN = quaternion.multiply(quaternion.conjugate(q_KT), view.q_KN)
+    is_better = take & (jnp.sum(variance, axis=0) < jnp.sum(before, axis=0))
+    q_TN = quaternion.multiply(quaternion.conjugate(poses.q_KT[0]), view.q_KN)
     reference = estimate.target
     reference = replace(
         reference,
@@ -277,43 +268,67 @@ def _with_first_pose(
         known=reference.known | take,
         unexplained_s=jnp.where(take, 0.0, reference.unexplained_s),
     )
-    anew = relative_filter_state.reset_to_prior(tuning, replace(estimate, target=reference), ("attitude", "rate"), take)
-    where = estimate.layout["attitude"]
-    P = jnp.where(take, anew.covariance.at[where, where].set(angle), anew.covariance)
-    anew = replace(anew, covariance=P)
-    return select(is_better, _with_place(anew, place, P_place, by_error, shared), anew)
+    slow = {**estimate.slow}
+    for name in ("attitude", "rate"):
+        slow[name] = jnp.where(take, 0.0, slow[name])
+    with_attitude = replace(estimate, covariance=_with_attitude(tuning, estimate, errors))
+    at_place = replace(with_attitude, r_TS_N=place, covariance=_with_place(with_attitude, errors))
+    moved = select(take, select(is_better, at_place, with_attitude), estimate)
+    return replace(moved, target=reference, slow=slow)
 
 
-def _effects_of_errors(R_NK: Array, R_KT: Array, r_TK_K: Vector) -> dict[str, Array]:
-    """Error of the place that a pose gives, by a unit of each error of slow states that it takes as they are."""
-    return {"bearing_bias": -r_TK_K[2] * R_NK[:, :2], "body_offset": -product(R_NK, R_KT)}
+@pytree
+class _PoseErrors:
+    """Errors of the attitude in T and the place in N [m] by a pose.
+
+    A pose has the errors of the bearing and of the landmarks' offset in it. Those of the bearing turn the target about
+    the camera.
+
+    Attributes:
+        covariance: (6, 6)
+        with_state: (6, n) covariance with the errors of the state
+    """
+
+    covariance: Array
+    with_state: Array
+
+    @classmethod
+    def of(
+        cls, estimate: RelativeEstimate, view: LandmarkView, poses: perspective_n_point.PoseHypotheses
+    ) -> "_PoseErrors":
+        """Errors of the best hypothesis."""
+        layout, (x, y, z) = estimate.layout, poses.r_TK_K[0]
+        R_KT, R_NK = quaternion.to_matrix(poses.q_KT[0]), quaternion.to_matrix(quaternion.conjugate(view.q_KN))
+        one, none = jnp.ones_like(z), jnp.zeros_like(R_KT)
+        across = jnp.stack([jnp.stack([none[0, 0], -one]), jnp.stack([one, none[0, 0]]), none[0, :2]])
+        shift = jnp.stack([jnp.stack([z, none[0, 0]]), jnp.stack([none[0, 0], z]), jnp.stack([-x, -y])])
+        by_bearing = jnp.concatenate([product(R_KT.T, across), -product(R_NK, shift)])
+        effects = jnp.concatenate([by_bearing, jnp.concatenate([none, -product(R_NK, R_KT)])], axis=1)
+        numbers = jnp.array([*layout.places("bearing_bias"), *layout.places("body_offset")])
+        with_state = product(effects, estimate.covariance[numbers])
+        # An error of the attitude in T turns the other way in the camera.
+        axes = jnp.concatenate([jnp.concatenate([-R_KT.T, none], axis=1), jnp.concatenate([none, R_NK], axis=1)])
+        alone = product(product(axes, poses.covariance[0]), axes.T)
+        roll = jnp.concatenate([R_KT[2], none[0]])
+        white = product(by_bearing, by_bearing.T) + roll[:, None] * roll[None, :]
+        shared = product(with_state[:, numbers], effects.T)
+        return cls(covariance=alone + shared + view.attitude_variance * white, with_state=with_state)
 
 
-def _covariance_of_place(
-    estimate: RelativeEstimate, view: LandmarkView, R_NK: Array, by_error: dict[str, Array], P_K: Array
-) -> Float[Array, "3 3"]:
-    """Covariance in N of the place that a pose gives [m^2]."""
-    found = product(product(R_NK, P_K), R_NK.T)
-    for name, effect in by_error.items():
-        place = estimate.layout[name]
-        P = estimate.covariance[place, place]
-        if name == "bearing_bias":
-            P = P + view.attitude_variance * jnp.eye(2, dtype=P.dtype)
-        found = found + product(product(effect, P), effect.T)
-    return found
-
-
-def _with_place(
-    estimate: RelativeEstimate,
-    place: Vector,
-    P_place: Array,
-    by_error: dict[str, Array],
-    with_attitude: Float[Array, "3 3"],
-) -> RelativeEstimate:
-    """Estimate at a place (3,) [m] that a pose gave, which has the errors of slow states and of the pose in it."""
+def _with_attitude(tuning: OrbitFilterTuning, estimate: RelativeEstimate, errors: _PoseErrors) -> Float[Array, "n n"]:
+    """Covariance with the attitude error of a pose, and a rate of which nothing is known."""
     layout, P = estimate.layout, estimate.covariance
-    position, attitude = layout["position"], layout["attitude"]
-    rows = sum((product(effect, P[layout[name]]) for name, effect in by_error.items()), jnp.zeros_like(P[position]))
-    rows = rows.at[:, position].set(P_place).at[:, attitude].set(with_attitude.T)
-    P = P.at[position].set(rows).at[:, position].set(rows.T)
-    return replace(estimate, r_TS_N=place, covariance=P)
+    attitude, rate = layout["attitude"], layout["rate"]
+    rows = errors.with_state[:3].at[:, attitude].set(errors.covariance[:3, :3])
+    P = P.at[attitude].set(rows).at[:, attitude].set(rows.T)
+    P = P.at[rate].set(0.0).at[:, rate].set(0.0)
+    return P.at[rate, rate].set(tuning.tumble_sigma**2 * jnp.eye(3, dtype=P.dtype))
+
+
+def _with_place(estimate: RelativeEstimate, errors: _PoseErrors) -> Float[Array, "n n"]:
+    """Covariance with the place of a pose whose attitude it has."""
+    layout, P = estimate.layout, estimate.covariance
+    position, attitude, rate = layout["position"], layout["attitude"], layout["rate"]
+    rows = errors.with_state[3:].at[:, position].set(errors.covariance[3:, 3:])
+    rows = rows.at[:, attitude].set(errors.covariance[3:, :3]).at[:, rate].set(0.0)
+    return P.at[position].set(rows).at[:, position].set(rows.T)
