@@ -19,7 +19,6 @@ from rpojax.simulation.channels import compute_channels
 from rpojax.simulation.state import State
 from rpojax.simulation.step import step
 
-
 pytestmark = pytest.mark.slow
 
 
