@@ -56,6 +56,8 @@ Scalar = Float[Array, ""]
 
 LANDMARKS: Final = "landmarks"
 """Name of the sensor that shows the attitude of the target."""
+BODY_STATES: Final = ("attitude", "rate", "inertia_ratio", "body_offset")
+"""Slow states of the filter that tell of the body of the target."""
 
 
 def initial(
@@ -139,7 +141,7 @@ def navigate(
         time=time,
     )
     orbit, rejected_s = _recovered(params, memory, orbit, innovation, box.interval)
-    orbit = _with_target_attitude(params, measurements, view_of, exposures.get(LANDMARKS), orbit, innovation)
+    orbit = _with_target_attitude(software, measurements, view_of, exposures.get(LANDMARKS), orbit, innovation)
     adaptation = lasting_adaptation.adapt(params.navigation, orbit.relative, memory.health.lasting, box)
     orbit = replace(orbit, relative=adaptation.estimate)
     after = replace(
@@ -193,7 +195,7 @@ def _believed_rows(
 
 
 def _with_target_attitude(
-    params: FlightParams,
+    software: FlightSoftware,
     measurements: Measurements,
     view_of: ViewOf,
     exposure: Exposure | None,
@@ -201,6 +203,7 @@ def _with_target_attitude(
     innovation: Innovation,
 ) -> OrbitEstimate:
     """Estimate with the attitude of the target given up where landmarks contradict it, and found where unknown."""
+    params = software.params
     if params.target is None or orbit.relative.target is None:
         return orbit
     relative, used = orbit.relative, innovation.sensors[LANDMARKS].accepted
@@ -208,10 +211,13 @@ def _with_target_attitude(
         params.sensors[LANDMARKS], view_of(LANDMARKS, relative), measurements.additional
     )
     contradicted = landmark_measurement.contradicts(picture, used)
-    reference, lost = target_attitude_ekf.given_up(orbit.relative.target, used, contradicted, measurements.box.interval)
+    place = relative.layout["attitude"]
+    variance = jnp.diagonal(relative.covariance[place, place])
+    reference, lost = target_attitude_ekf.given_up(orbit.relative.target, variance, used, contradicted, software.tick_s)
     # A wrong attitude has moved the target, too.
     added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, lost)
     relative = replace(relative, target=reference, covariance=relative.covariance + jnp.diag(added))
+    relative = relative_filter_state.reset_to_prior(params.navigation, relative, BODY_STATES, lost)
     relative = retrodiction.to_exposure(relative, exposure)
     relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)
     return replace(orbit, relative=retrodiction.from_exposure(relative, exposure))

@@ -68,10 +68,11 @@ def picture(beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[st
     assert view.vehicle is not None
     tangents = jnp.stack([measured["landmarks_right_tangent"], measured["landmarks_down_tangent"]], axis=1)
     present = jnp.all(jnp.isfinite(tangents), axis=1)
-    sigma = beliefs["believed_noise_factor"] * measured["landmarks_sigma_tangent"]
+    # Before the product: the derivative of one with what is no number is none.
+    sigma = beliefs["believed_noise_factor"] * jnp.where(present, measured["landmarks_sigma_tangent"], 1.0)
     return LandmarkView(
         tangents=jnp.where(present[:, None], tangents, 0.0),
-        variance=jnp.where(present, sigma, 1.0) ** 2,
+        variance=sigma**2,
         present=present,
         q_KN=quaternion.multiply(quaternion.normalize(view.vehicle.camera_mounting), view.q_BN),
         attitude_variance=view.tuning.attitude_sigma**2,
@@ -85,8 +86,7 @@ def rows(
     assert estimate.target is not None
     known, pose = estimate.target.known, _Pose.of(estimate, view)
     layout, body_offset = estimate.layout, estimate.slow["body_offset"]
-    numbers = jnp.array([number for name in _PARTS for number in layout.places(name)])
-    shared = estimate.covariance[numbers][:, numbers]
+    shared = _shared_covariance(estimate, pose)
 
     def add(sums: tuple[Array, ...], landmark: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         place_T, measured, variance, present = landmark
@@ -113,6 +113,16 @@ def rows(
         variance=jnp.ones_like(values),
         weight=jnp.where(exists & agree, 1.0, 0.0),
     )
+
+
+def _shared_covariance(estimate: RelativeEstimate, pose: "_Pose") -> Float[Array, "8 8"]:
+    """Covariance of what the rows are of: place of the landmarks' frame, attitude error and bearing."""
+    layout, P = estimate.layout, estimate.covariance
+    position, attitude, bias = (layout[name] for name in _PARTS)
+    offset = layout["body_offset"]
+    rows = jnp.concatenate([P[position] + product(pose.R_NT, P[offset]), P[attitude], P[bias]])
+    columns = [rows[:, position] + product(rows[:, offset], pose.R_NT.T), rows[:, attitude], rows[:, bias]]
+    return jnp.concatenate(columns, axis=1)
 
 
 @pytree
@@ -179,11 +189,11 @@ def _without_common_error(
     information: Float[Array, "8 8"], evidence: Float[Array, " 8"], variance: Scalar
 ) -> tuple[Float[Array, "8 8"], Float[Array, " 8"]]:
     """The same without what a common error of the bearing in this picture, of that variance, does not let be known."""
+    # Multiplied by the variance, which may be 0.
     columns = information[:, 6:]
-    a, b, c = information[6, 6] + 1.0 / variance, information[6, 7], information[7, 7] + 1.0 / variance
-    determinant = a * c - b * b
-    inverse = jnp.stack([jnp.stack([c, -b]), jnp.stack([-b, a])]) / determinant
-    gain = product(columns, inverse)
+    a, b, c = 1.0 + variance * columns[6, 0], variance * columns[6, 1], 1.0 + variance * columns[7, 1]
+    inverse = jnp.stack([jnp.stack([c, -b]), jnp.stack([-b, a])]) / (a * c - b * b)
+    gain = variance * product(columns, inverse)
     return information - product(gain, columns.T), evidence - jnp.sum(gain * evidence[6:][None, :], axis=1)
 
 
@@ -246,7 +256,9 @@ def _with_first_pose(
     there = jnp.all(off * off < _PLACE_GATE**2 * (variance + before), axis=0)
     # Of two poses that explain a picture about as well, another picture decides.
     alone = ~poses.exists[1] | (poses.cost[1] - poses.cost[0] > _AMBIGUOUS)
-    take = wanted & poses.exists[0] & poses.enough & explains & alone & there
+    # A pivot that is none leaves a variance of zero.
+    determined = jnp.all(jnp.diagonal(poses.covariance[0]) > 0.0, axis=0)
+    take = wanted & poses.exists[0] & poses.enough & determined & explains & alone & there
     is_better = take & (jnp.sum(variance, axis=0) < jnp.sum(before, axis=0))
     q_TN = quaternion.multiply(quaternion.conjugate(poses.q_KT[0]), view.q_KN)
     reference = estimate.target

@@ -365,6 +365,25 @@ def corrected(
     )
 
 
+def reset_to_prior(
+    tuning: OrbitFilterTuning, estimate: RelativeEstimate, names: Collection[str], where: Bool[Array, ""]
+) -> RelativeEstimate:
+    """Estimate whose slow states of these names are as at hand-over, and of which nothing else knows, if `where`."""
+    layout, variances = estimate.layout, {}
+    for state in _declared():
+        if state.name in names:
+            variances[state.name] = jnp.where(where, state.prior_variance(tuning, estimate.r_TS_N), 0.0)
+    kept = 1.0 - layout.vector(
+        **{name: jnp.where(where, 1.0, jnp.zeros_like(each)) for name, each in variances.items()}
+    )
+    slow = {
+        name: jnp.where(where, jnp.zeros_like(value), value) if name in variances else value
+        for name, value in estimate.slow.items()
+    }
+    covariance = estimate.covariance * (kept[:, None] * kept[None, :]) + jnp.diag(layout.vector(**variances))
+    return replace(estimate, slow=slow, covariance=covariance)
+
+
 def process_variances(
     tuning: OrbitFilterTuning, estimate: RelativeEstimate, names: Sequence[str], dt: float | Scalar
 ) -> dict[str, Array]:

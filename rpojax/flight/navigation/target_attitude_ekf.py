@@ -90,9 +90,18 @@ def predict(
     change_q, change_rate = runge_kutta.increment("rk4", derivative, (q_TN, rate), None, dt)
     by_rate = product(inverse, cross_matrix(apply(inertia, rate)) - product(cross_matrix(rate), inertia))
     by_ratio = _effect_of_ratios(inertia, inverse, quaternion.rotate(q_TN, outward_N), pull, rate)
-    transition = (_turned(rate, dt), _shown_by_rate(rate, dt))
-    P = _mixed(P, layout, transition, jnp.eye(3, dtype=P.dtype) + dt * by_rate, dt * by_ratio)
-    known = reference.known
+    known, identity = reference.known, jnp.eye(3, dtype=P.dtype)
+    # What is not known does not become less known by turning on.
+    turned, shown, by_rate, by_ratio = (
+        jnp.where(known, each, otherwise)
+        for each, otherwise in (
+            (_turned(rate, dt), identity),
+            (_shown_by_rate(rate, dt), 0.0),
+            (identity + dt * by_rate, identity),
+            (dt * by_ratio, 0.0),
+        )
+    )
+    P = _mixed(P, layout, (turned, shown), by_rate, by_ratio)
     q_TN = jnp.where(known, quaternion.normalize(q_TN + change_q), reference.q_TN)
     rate = jnp.where(known, rate + change_rate, rate)
     none = jnp.zeros_like(slow["attitude"])
@@ -169,12 +178,21 @@ def _mixed(
 
 
 def given_up(
-    reference: TargetAttitude, used: Bool[Array, ""], contradicted: Bool[Array, ""], dt: Scalar
+    reference: TargetAttitude,
+    variance: Float[Array, "3"],
+    used: Bool[Array, ""],
+    contradicted: Bool[Array, ""],
+    dt: float,
 ) -> tuple[TargetAttitude, Bool[Array, ""]]:
-    """Reference `dt` [s] after the tick before, which is given up where landmarks contradict it, and whether it was."""
+    """Reference `dt` [s] after the tick before, and whether the attitude was given up.
+
+    That is where landmarks contradict it, and where its error, of that `variance` (3,), is too large for the filter to
+    be linear: from the next pictures a first pose is surer.
+    """
     change = jnp.where(contradicted & reference.known, dt, 0.0) - jnp.where(used, dt, 0.0)
     unexplained = jnp.maximum(reference.unexplained_s + change, 0.0)
-    lost = reference.known & (unexplained >= _LOST_AFTER)
+    doubtful = jnp.max(variance, axis=0) > _LARGEST_SIGMA**2
+    lost = reference.known & ((unexplained >= _LOST_AFTER) | doubtful)
     known = reference.known & ~lost
     return replace(reference, known=known, unexplained_s=jnp.where(lost, 0.0, unexplained)), lost
 
@@ -182,3 +200,5 @@ def given_up(
 _LOST_AFTER = 10.0
 """Time for which landmarks contradict the attitude longer than they agree, until it is looked for anew [s]. A wrong one
 is in agreement with chance landmarks every now and then."""
+_LARGEST_SIGMA = 0.2
+"""Largest 1 sigma of a component of the attitude error that a linear update is for [rad]."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final
 from pydantic import Field
 
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor, SensedScene
-from rpojax.value_types import NonNegative, Positive, Vector
+from rpojax.value_types import Positive, Vector
 
 if TYPE_CHECKING:
     import jax
@@ -27,8 +27,8 @@ _Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 class LandmarkCamera(AdditionalSensor):
     """What the camera shows of landmarks of the target, where `camera.landmarks` names some."""
 
-    noise_px: NonNegative = 0.7
-    shaded_noise_px: NonNegative = 1.2
+    noise_px: Positive = 0.7
+    shaded_noise_px: Positive = 1.2
     miss_probability: _Probability = 0.1
     shaded_miss_probability: _Probability = 0.5
     outlier_probability: _Probability = 0.02
