@@ -25,6 +25,8 @@ INERTIA = np.array([[3.2, 0.2, -0.1], [0.2, 4.1, 0.3], [-0.1, 0.3, 2.4]])
 RATIOS = np.array([0.1, -0.15])
 RATE = np.radians(1.0) * unit(np.array([0.5, -0.7, 0.6]))
 ATTITUDE = np.array([0.4, -0.7, 0.5, 0.3]) / np.linalg.norm([0.4, -0.7, 0.5, 0.3])
+SURE = jnp.full(3, 1e-4)
+"""Variance of an attitude error."""
 PLACE = np.array([5.0e6, 3.0e6, 3.7e6])
 """Of the target from the Earth [m]."""
 
@@ -190,23 +192,33 @@ def test_forward_and_back_is_the_same_estimate() -> None:
 def test_an_attitude_is_given_up_after_ten_seconds_more_of_contradiction(
     agreed_s: int, contradicted_s: int, lost: bool
 ) -> None:
-    reference, yes, no, dt = known().reference, jnp.asarray(True), jnp.asarray(False), jnp.asarray(1.0)
+    reference, yes, no = known().reference, jnp.asarray(True), jnp.asarray(False)
     was_lost = no
     # Pictures without landmarks do not count.
     sequence = [(no, yes)] * 8 + [(yes, no)] * agreed_s + [(no, no)] * 20 + [(no, yes)] * contradicted_s
     for used, contradicted in sequence:
         assert not bool(was_lost)
-        reference, was_lost = target_attitude_ekf.given_up(reference, used, contradicted, dt)
+        reference, was_lost = target_attitude_ekf.given_up(reference, SURE, used, contradicted, 1.0)
     assert bool(was_lost) is lost
     assert bool(reference.known) is not lost
     if lost:  # and another one gets its own ten seconds
-        again, was_lost = target_attitude_ekf.given_up(replace(reference, known=yes), no, yes, dt)
+        again, was_lost = target_attitude_ekf.given_up(replace(reference, known=yes), SURE, no, yes, 1.0)
         assert bool(again.known) and not bool(was_lost)
 
 
 def test_an_attitude_that_is_not_known_cannot_be_lost() -> None:
-    reference, dt = replace(known().reference, known=jnp.asarray(False)), jnp.asarray(11.0)
-    assert not bool(target_attitude_ekf.given_up(reference, jnp.asarray(False), jnp.asarray(True), dt)[1])
+    reference = replace(known().reference, known=jnp.asarray(False))
+    assert not bool(target_attitude_ekf.given_up(reference, SURE, jnp.asarray(False), jnp.asarray(True), 11.0)[1])
+
+
+@pytest.mark.parametrize(("sigma", "lost"), [(0.19, False), (0.21, True)])
+def test_an_attitude_too_uncertain_for_a_linear_filter_is_given_up(sigma: float, lost: bool) -> None:
+    variance = jnp.array([1e-4, sigma**2, 1e-4])
+    after, was_lost = target_attitude_ekf.given_up(
+        known().reference, variance, jnp.asarray(True), jnp.asarray(False), 1.0
+    )
+    assert bool(was_lost) is lost
+    assert bool(after.known) is not lost
 
 
 def test_larger_ratios_are_larger_moments_about_their_axes() -> None:
