@@ -5,7 +5,7 @@ import sys
 
 from rpojax.metrics import metric_catalogue
 from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, METRICS, UNITS
-from rpojax.simulation.channels import CHANNELS, LANDMARK_CHANNELS
+from rpojax.simulation.channels import CHANNELS, ISOLATION_CHANNELS, LANDMARK_CHANNELS, PLUME_CHANNELS
 from rpojax.simulation.metrics import recorded_metrics
 
 
@@ -20,7 +20,9 @@ def test_every_metric_can_be_evaluated_in_at_least_one_way() -> None:
 
 
 def test_metrics_of_records_are_made_of_channels() -> None:
-    assert set(recorded_metrics.REQUIRED_CHANNELS) <= {*CHANNELS, *LANDMARK_CHANNELS}
+    assert set(recorded_metrics.REQUIRED_CHANNELS) <= set(CHANNELS)
+    of_some = {*LANDMARK_CHANNELS, *PLUME_CHANNELS, *ISOLATION_CHANNELS}
+    assert set(recorded_metrics.OPTIONAL_CHANNELS) <= of_some - set(CHANNELS)
 
 
 def test_the_catalogue_is_free_of_jax() -> None:

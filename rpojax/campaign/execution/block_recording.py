@@ -39,7 +39,7 @@ RECORDED_CHANNELS = frozenset(
     {
         *recorded_metrics.REQUIRED_CHANNELS,
         *recorded_metrics.MISSION_CHANNELS,
-        *recorded_metrics.THRUSTER_CHANNELS,
+        *recorded_metrics.OPTIONAL_CHANNELS,
         failure_signs.LENS_CHANNEL,
         *drift_starts.REQUIRED_CHANNELS,
         *judgement.REQUIRED_CHANNELS,

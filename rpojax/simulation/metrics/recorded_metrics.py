@@ -27,18 +27,19 @@ MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "phase_entered_by", "abort_
 """Channels of scenarios with phases that metrics and outcomes read."""
 
 
-THRUSTER_CHANNELS: Final = ("plume_impulse_n_s", "isolated_thrusters", "isolation_delay_s")
-"""Channels of scenarios with plumes on the target, or isolation valves, that metrics read."""
-
-
 def _of_records() -> list[Metric]:
     return [metric for metric in METRICS.values() if metric.source == "records"]
 
 
-REQUIRED_CHANNELS: Final = tuple(
-    sorted({"mode"} | {name for metric in _of_records() for name in metric.inputs} - _DERIVED - set(THRUSTER_CHANNELS))
-)
+def _inputs(are_of_all: bool) -> set[str]:
+    """Channels that metrics of all scenarios read, or those of some."""
+    return {name for each in _of_records() if (each.needs is None) is are_of_all for name in each.inputs} - _DERIVED
+
+
+REQUIRED_CHANNELS: Final = tuple(sorted({"mode"} | _inputs(are_of_all=True)))
 """Channels of all scenarios that the metrics read."""
+OPTIONAL_CHANNELS: Final = tuple(sorted(_inputs(are_of_all=False) - set(REQUIRED_CHANNELS)))
+"""Those of scenarios with what some metrics need: plumes on the target, isolation valves, landmarks."""
 
 
 def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, Floats]:

@@ -93,7 +93,8 @@ def is_found(tangents: np.ndarray) -> np.ndarray:
 
 def is_visible(camera_T: np.ndarray) -> np.ndarray:
     """Whether the camera is in front of a face with each corner: the cube is convex."""
-    return np.asarray(np.any(2.0 * np.asarray(cube().positions) * camera_T > 0.5, axis=1))
+    outside = 2.0 * np.asarray(cube().positions) * camera_T > 0.5
+    return outside.any(axis=1)
 
 
 def is_lit(sun_T: np.ndarray) -> np.ndarray:
