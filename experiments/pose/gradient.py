@@ -53,7 +53,8 @@ def main() -> int:
     evaluator = RolloutEvaluator(file, values, len(KEYS), [METRIC], len(shifts) * options.runs)
     runs = evaluator.evaluate(np.repeat(shifts, options.runs, axis=0), np.tile(keys, (len(shifts), 1)))
     metrics, events = (each.reshape(len(shifts), options.runs) for each in (runs.metrics[:, 0], runs.events))
-    return int(not all([_holds(found, key, metrics, events, number) for number, key in enumerate(KEYS)]))
+    held = [_holds(found, key, metrics, events, number) for number, key in enumerate(KEYS)]
+    return int(not all(held))
 
 
 def _holds(found: Gradient, key: str, metrics: np.ndarray, events: np.ndarray, number: int) -> bool:
