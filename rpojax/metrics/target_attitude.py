@@ -7,30 +7,35 @@ from rpojax.metrics.metric_definition import Metric, WeightedValue
 _WINDOW = "while the filter knows the attitude, from 1000 s (or a third of a shorter run) to the end"
 
 
+def _rms_error(name: str, unit: str, title: str, meaning: str, error: str) -> Metric:
+    return Metric(
+        name,
+        unit,
+        title=title,
+        meaning=f"RMS {meaning} {_WINDOW}.",
+        inputs=(error, "target_attitude_known"),
+        value=lambda xp, each, known: WeightedValue(xp.where(known[..., None], each, 0.0), known),
+        reduction="rms",
+        window="late",
+        has_derivative=True,
+        needs="landmarks",
+    )
+
+
 METRICS: Final = (
-    Metric(
+    _rms_error(
         "target_attitude_error_deg",
         "deg",
-        title="Attitude error of the target",
-        meaning=f"RMS angle between the estimated and the true attitude of the target {_WINDOW}.",
-        inputs=("target_attitude_error_T_deg", "target_attitude_known"),
-        value=lambda xp, error, known: WeightedValue(xp.where(known[..., None], error, 0.0), known),
-        reduction="rms",
-        window="late",
-        has_derivative=True,
-        needs="landmarks",
+        "Attitude error of the target",
+        "angle between the estimated and the true attitude of the target",
+        "target_attitude_error_T_deg",
     ),
-    Metric(
+    _rms_error(
         "target_rate_error_deg_s",
         "deg/s",
-        title="Rate error of the target",
-        meaning=f"RMS error of the estimated rate of the target {_WINDOW}.",
-        inputs=("target_rate_error_T_deg_s", "target_attitude_known"),
-        value=lambda xp, error, known: WeightedValue(xp.where(known[..., None], error, 0.0), known),
-        reduction="rms",
-        window="late",
-        has_derivative=True,
-        needs="landmarks",
+        "Rate error of the target",
+        "error of the estimated rate of the target",
+        "target_rate_error_T_deg_s",
     ),
     Metric(
         "nees_pose_mean",
