@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from rpojax.batching.vmap_last_axis import vmap
 from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.short_scan import short_scan
@@ -294,7 +293,7 @@ def _least_squares(view: _View, attitudes: Float[Array, "4 k"], positions: Float
 
 
 def _to_matrices(attitudes: Float[Array, "4 k"]) -> Float[Array, "3 3 k"]:
-    return vmap(quaternion.to_matrix, -1, -1)(attitudes)
+    return jax.vmap(quaternion.to_matrix, -1, -1)(attitudes)
 
 
 def _after_turn(turns: Float[Array, "3 k"], attitudes: Float[Array, "4 k"]) -> Float[Array, "4 k"]:
@@ -303,7 +302,7 @@ def _after_turn(turns: Float[Array, "3 k"], attitudes: Float[Array, "4 k"]) -> F
     def of_one(turn: Float[Array, "3"], attitude: Float[Array, "4"]) -> Float[Array, "4"]:
         return quaternion.normalize(quaternion.multiply(quaternion.exp(turn), attitude))
 
-    return vmap(of_one, -1, -1)(turns, attitudes)
+    return jax.vmap(of_one, -1, -1)(turns, attitudes)
 
 
 def _are_same(a: Float[Array, "4 ..."], b: Float[Array, "4 ..."], angle: float) -> Array:
