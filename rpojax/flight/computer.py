@@ -56,8 +56,6 @@ Scalar = Float[Array, ""]
 
 LANDMARKS: Final = "landmarks"
 """Name of the sensor that shows the attitude of the target."""
-BODY_STATES: Final = ("attitude", "rate", "inertia_ratio", "body_offset")
-"""Slow states of the filter that tell of the body of the target."""
 
 
 def initial(
@@ -217,7 +215,8 @@ def _with_target_attitude(
     # A wrong attitude has moved the target, too.
     added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, lost)
     relative = replace(relative, target=reference, covariance=relative.covariance + jnp.diag(added))
-    relative = relative_filter_state.reset_to_prior(params.navigation, relative, BODY_STATES, lost)
+    of_body = [state.name for state in relative_filter_state.states_with([LANDMARKS], ())]
+    relative = relative_filter_state.reset_to_prior(params.navigation, relative, of_body, lost)
     relative = retrodiction.to_exposure(relative, exposure)
     relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)
     return replace(orbit, relative=retrodiction.from_exposure(relative, exposure))

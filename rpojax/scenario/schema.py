@@ -21,6 +21,7 @@ from rpojax.scenario.phases.phase_sections import (
     PhaseSection,
 )
 from rpojax.scenario.sections import (
+    NO_LANDMARKS,
     AtmosphereSection,
     AttitudeControlSection,
     AttitudeFilterSection,
@@ -119,8 +120,6 @@ class RequirementSection(OptionalKeys):
         return not self.window.suffix and self.outcome is None
 
 
-NO_LANDMARKS: Final = "none"
-"""Value of `camera.landmarks` of a camera that finds none."""
 MAX_THRUSTERS: Final = 24
 """Most thrusters of a reaction control system."""
 MAX_SERVICERS: Final = 8

@@ -1,6 +1,6 @@
 """Schema of the sections of a scenario: orbit, spacecraft, sensors, flight software; one strict model each."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -189,13 +189,17 @@ class WheelsSection(section_of(ReactionWheels)):
     """Reaction wheels of the servicer."""
 
 
+NO_LANDMARKS: Final = "none"
+"""Value of `camera.landmarks` of a camera that finds none."""
+
+
 class CameraSection(
     section_of(Camera, MeasurementDelay, name="camera", first=("model", "landmarks", "width_px", "height_px"))
 ):
     """Camera, and errors of the geometric bounding-box model."""
 
     model: Literal["geometric", "statistical", "rendered"]
-    landmarks: str = "none"
+    landmarks: str = NO_LANDMARKS
     width_px: Annotated[int, Field(ge=16, le=4096)]
     height_px: Annotated[int, Field(ge=16, le=4096)]
 

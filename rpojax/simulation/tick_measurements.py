@@ -1,6 +1,5 @@
 """Measurements of one tick by all sensors, and propagation of the correlated sensor errors."""
 
-import dataclasses
 from typing import Any, Final
 
 import jax.numpy as jnp
@@ -193,10 +192,10 @@ def _measure_additional(
     scene = SensedScene(truth=state.truth, sky=sky, time=time)
     if params.surface is not None:
         cone = sight_cone(params.flight.navigation, flight.orbit, flight.attitude.q_BN)
-        scene = dataclasses.replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
+        scene = replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
     if params.landmarks is not None:
         seen_through = params.seen_through(flight.lens)
-        scene = dataclasses.replace(
+        scene = replace(
             scene, landmarks=camera_models.landmarks_in_view(scenario, seen_through, state.truth, sky, health)
         )
     return {

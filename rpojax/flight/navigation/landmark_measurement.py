@@ -16,7 +16,7 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, product
-from rpojax.flight.navigation import perspective_n_point, target_attitude_ekf
+from rpojax.flight.navigation import perspective_n_point, relative_filter_state, target_attitude_ekf
 from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
@@ -61,6 +61,11 @@ class LandmarkView:
     present: Array
     q_KN: Array
     attitude_variance: Array
+
+    @property
+    def seen(self) -> Array:
+        """Number of landmarks () that were found, int32."""
+        return jnp.sum(self.present, axis=0, dtype=jnp.int32)
 
 
 def picture(beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[str, Array]) -> LandmarkView:
@@ -216,7 +221,7 @@ def _factorised(information: Float[Array, "8 8"], evidence: Float[Array, " 8"]) 
 
 def contradicts(view: LandmarkView, used: Bool[Array, ""]) -> Bool[Array, ""]:
     """Whether a picture shows enough landmarks for a pose, and none of it was `used`."""
-    return ~used & (jnp.sum(view.present, axis=0, dtype=jnp.int32) >= _FEWEST)
+    return ~used & (view.seen >= _FEWEST)
 
 
 def acquired(
@@ -224,11 +229,10 @@ def acquired(
 ) -> RelativeEstimate:
     """Estimate with a first pose where the attitude is not known and enough landmarks are seen."""
     assert estimate.target is not None
-    seen = jnp.sum(view.present, axis=0, dtype=jnp.int32)
-    wanted = ~estimate.target.known & (seen >= _FEWEST)
+    wanted = ~estimate.target.known & (view.seen >= _FEWEST)
 
     def found(estimate: RelativeEstimate) -> RelativeEstimate:
-        return _with_first_pose(tuning, target, estimate, view, wanted, seen)
+        return _with_first_pose(tuning, target, estimate, view, wanted)
 
     return jax.lax.cond(any_of_batch(wanted), found, lambda estimate: estimate, estimate)
 
@@ -239,7 +243,6 @@ def _with_first_pose(
     estimate: RelativeEstimate,
     view: LandmarkView,
     wanted: Bool[Array, ""],
-    seen: Array,
 ) -> RelativeEstimate:
     """Estimate with the best pose where it is `wanted`, explains the picture and puts the target where it is."""
     assert estimate.target is not None
@@ -248,7 +251,7 @@ def _with_first_pose(
         view.tangents - estimate.slow["bearing_bias"][None, :],
         jnp.where(view.present, 1.0 / view.variance, 0.0),
     )
-    explains = poses.cost[0] < _FIT * (2.0 * seen.astype(view.variance.dtype) - 6.0)
+    explains = poses.cost[0] < _FIT * (2.0 * view.seen.astype(view.variance.dtype) - 6.0)
     errors = _PoseErrors.of(estimate, view, poses)
     place = apply(quaternion.to_matrix(quaternion.conjugate(view.q_KN)), poses.r_TK_K[0])
     variance, before = jnp.diagonal(errors.covariance)[3:], jnp.diagonal(estimate.position_covariance)
@@ -268,13 +271,11 @@ def _with_first_pose(
         known=reference.known | take,
         unexplained_s=jnp.where(take, 0.0, reference.unexplained_s),
     )
-    slow = {**estimate.slow}
-    for name in ("attitude", "rate"):
-        slow[name] = jnp.where(take, 0.0, slow[name])
-    with_attitude = replace(estimate, covariance=_with_attitude(tuning, estimate, errors))
+    anew = relative_filter_state.reset_to_prior(tuning, estimate, ("attitude", "rate"), take)
+    with_attitude = replace(anew, covariance=_with_attitude(anew, errors))
     at_place = replace(with_attitude, r_TS_N=place, covariance=_with_place(with_attitude, errors))
-    moved = select(take, select(is_better, at_place, with_attitude), estimate)
-    return replace(moved, target=reference, slow=slow)
+    moved = select(take, select(is_better, at_place, with_attitude), anew)
+    return replace(moved, target=reference)
 
 
 @pytree
@@ -315,14 +316,12 @@ class _PoseErrors:
         return cls(covariance=alone + shared + view.attitude_variance * white, with_state=with_state)
 
 
-def _with_attitude(tuning: OrbitFilterTuning, estimate: RelativeEstimate, errors: _PoseErrors) -> Float[Array, "n n"]:
-    """Covariance with the attitude error of a pose, and a rate of which nothing is known."""
+def _with_attitude(estimate: RelativeEstimate, errors: _PoseErrors) -> Float[Array, "n n"]:
+    """Covariance with the attitude error of a pose, for an estimate whose rate nothing else knows."""
     layout, P = estimate.layout, estimate.covariance
     attitude, rate = layout["attitude"], layout["rate"]
-    rows = errors.with_state[:3].at[:, attitude].set(errors.covariance[:3, :3])
-    P = P.at[attitude].set(rows).at[:, attitude].set(rows.T)
-    P = P.at[rate].set(0.0).at[:, rate].set(0.0)
-    return P.at[rate, rate].set(tuning.tumble_sigma**2 * jnp.eye(3, dtype=P.dtype))
+    rows = errors.with_state[:3].at[:, attitude].set(errors.covariance[:3, :3]).at[:, rate].set(0.0)
+    return P.at[attitude].set(rows).at[:, attitude].set(rows.T)
 
 
 def _with_place(estimate: RelativeEstimate, errors: _PoseErrors) -> Float[Array, "n n"]:

@@ -8,6 +8,7 @@ import numpy as np
 from rpojax.report.campaign_results import CampaignResults, design_phrase, runs_are_independent
 from rpojax.report.labels import format_number
 from rpojax.scenario.numbers.key_units import unit_symbol
+from rpojax.scenario.sections import NO_LANDMARKS
 
 _EARTH_RADIUS_M: Final = 6378137.0
 _MODELS: Final = {
@@ -90,7 +91,7 @@ def _camera(scenario: Mapping[str, Any]) -> str:
     if camera.get("model") == "geometric" and {"miss_probability", "outlier_probability"} <= camera.keys():
         shares = (100.0 * float(camera[name]) for name in ("miss_probability", "outlier_probability"))
         parts.append("{:.3g} % missed and {:.3g} % false".format(*shares))
-    if camera.get("landmarks", "none") != "none":
+    if camera.get("landmarks", NO_LANDMARKS) != NO_LANDMARKS:
         parts.append("landmarks of the target by an error model")
     if reach_m := (scenario.get("lamp") or {}).get("reach_m"):
         parts.append(f"a lamp to {reach_m:g} m")

@@ -4,7 +4,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.schema import NO_LANDMARKS, ScenarioFile
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.scenario.trained import target_landmarks
 from rpojax.sensors.additional.landmark_camera import MOST
 

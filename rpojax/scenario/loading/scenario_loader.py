@@ -23,7 +23,8 @@ from rpojax.scenario.loading.table_merging import apply_override, merge
 from rpojax.scenario.plugins import plugin_file, plugin_registry
 from rpojax.scenario.plugins.custom_metrics import MetricFunction
 from rpojax.scenario.plugins.plugin import Plugin
-from rpojax.scenario.schema import NO_LANDMARKS, ScenarioFile
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.scenario.team.team_checks import check_team
 from rpojax.scenario.trained import trained_files
 from rpojax.scenario.trained.coverage_surface import SURFACES

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.schema import NO_LANDMARKS
+from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.scenario.trained.trained_files import PACKAGED
 from rpojax.untrusted.file_reading import is_regular
 from rpojax.vision.surface import landmark_file

@@ -60,8 +60,6 @@ class AdditionalSensor(Section, ABC):
     """A measurement that the filter used means that the target is where the servicer looks for it, as a box does."""
     meets_surface: ClassVar[bool] = False
     """It measures the surface of the target."""
-    sees_landmarks: ClassVar[bool] = False
-    """It finds the landmarks of the target in the pictures of the camera."""
     row_count: ClassVar[int] = 0
     """Rows of a measurement in the filter, 0 for a sensor that it does not believe."""
 

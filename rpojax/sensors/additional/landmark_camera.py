@@ -41,7 +41,6 @@ class LandmarkCamera(AdditionalSensor):
     beliefs: ClassVar[tuple[str, ...]] = ("believed_noise_factor",)
     row_count: ClassVar[int] = 8
     shows_direction: ClassVar[bool] = True
-    sees_landmarks: ClassVar[bool] = True
 
     @staticmethod
     def measure(
