@@ -120,6 +120,7 @@ def navigate(
     view_of = _views(params, attitude, exposures, time)
     rows = _believed_rows(params, measurements, view_of)
     box = filtered_box(params, replace(memory, lens=frame), variance, measurements.box, sun_N)
+    box = _beside_landmarks(software, memory, measurements, box)
     (orbit, gate, innovation), own = stages.call_with_memory(
         "orbit_update",
         own,
@@ -155,6 +156,17 @@ def navigate(
     evidence = _health_evidence(memory, after, innovation, adaptation, box.interval, time)
     health = navigation_health.update(params.health, params.navigation, memory.health, evidence)
     return replace(after, health=health), innovation
+
+
+def _beside_landmarks(
+    software: FlightSoftware, memory: FlightMemory, measurements: Measurements, box: BoxMeasurement
+) -> BoxMeasurement:
+    """The box, left out where the same picture shows the pose: its errors are those of the landmarks, but larger."""
+    target = memory.orbit.relative.target
+    if target is None or LANDMARKS not in (each.name for each in software.filter.sensors):
+        return box
+    shown = target.known & landmark_measurement.shows_pose(measurements.additional)
+    return replace(box, present=box.present & ~shown, expected=box.expected & ~shown)
 
 
 ViewOf = Callable[[str, RelativeEstimate], SensorView]

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.flight.control import periodic_lqr_gain
 from rpojax.flight.guidance.references.approach import Approach
+from rpojax.flight.guidance.references.arc import Arc
 from rpojax.flight.guidance.references.fly_around import FlyAround
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
@@ -29,6 +30,7 @@ REFERENCES: Final[dict[str, type]] = {
     "relative_orbit": RelativeOrbit,
     "transfer": Transfer,
     "fly_around": FlyAround,
+    "arc": Arc,
     "approach": Approach,
     "retreat": Retreat,
 }
@@ -40,6 +42,8 @@ _NO_CONDITION: Final[dict[str, Any]] = {
     "arrival_for_s": 0.0,
     "range_sigma_m": math.inf,
     "range_sigma_for_s": 0.0,
+    "attitude_sigma_deg": math.inf,
+    "attitude_sigma_for_s": 0.0,
     "ground_go_s": 0.0,
 }
 """Values of the conditions of `until` that always hold."""
@@ -50,7 +54,7 @@ _NEAR_CIRCLE: Final = 0.02
 _STATION: Final = "station"
 """Phase of a scenario without phases: holding the formation's desired position."""
 
-_WAITING: Final = ("hold", "approach", "retreat")
+_WAITING: Final = ("hold", "arc", "approach", "retreat")
 """Kinds of references that depend on the place alone, so that a servicer can stop on the way."""
 
 
@@ -97,6 +101,7 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
                 has_corridor=phase.corridor is not None,
                 stops_in_the_dark=phase.reference.kind in _WAITING and not phase.passively_safe,
                 translates=phase.control == "continuous",
+                in_target_frame=phase.frame == "target",
             )
             for phase in file.phases or [station]
         ),

@@ -16,6 +16,7 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
+from rpojax.flight.computer import LANDMARKS
 from rpojax.flight.control import thruster_isolation
 from rpojax.flight.guidance import lens_choice
 from rpojax.flight.mission import team_mission_state
@@ -190,6 +191,16 @@ def _is_accepted(sensor: str) -> Callable[[ObservedTick], Array]:
     return lambda tick: tick.telemetry.innovation.sensors[sensor].accepted
 
 
+def _box_accepted(tick: ObservedTick) -> Array:
+    """Whether the filter used the box, or left a true one out because it used landmarks of the same picture."""
+    sensors, frame = tick.telemetry.innovation.sensors, tick.telemetry.frame
+    accepted = sensors["box"].accepted
+    if LANDMARKS in sensors:
+        left_out = frame.box.present & ~frame.outlier & ~sensors["box"].rejected
+        accepted |= left_out & sensors[LANDMARKS].accepted
+    return accepted
+
+
 def _hill_sigma(tick: ObservedTick, P_N: Matrix) -> Vector:
     """1-sigma along the Hill axes."""
     PR = jnp.sum(P_N[None, :, :] * tick.R_HN[:, None, :], axis=2)
@@ -341,7 +352,7 @@ _NAVIGATION: Final[ChannelFunctions] = {
 }
 _CAMERA: Final[ChannelFunctions] = {
     "box_present": lambda tick: tick.telemetry.frame.box.present,
-    "box_accepted": _is_accepted("box"),
+    "box_accepted": _box_accepted,
     "box_outlier": lambda tick: tick.telemetry.frame.box.present & tick.telemetry.frame.outlier,
     "box_truncated": lambda tick: tick.telemetry.frame.box.present & tick.telemetry.frame.box.truncated,
     "observable": lambda tick: tick.telemetry.frame.observable,

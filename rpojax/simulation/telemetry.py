@@ -3,13 +3,18 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.frames import hill_frame
 from rpojax.core.numerics import double_single
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.pytree import pytree
+from rpojax.flight.computer import LANDMARKS
 from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory, Measurements
+from rpojax.flight.guidance import target_frame
+from rpojax.flight.guidance.target_frame import TargetFrame
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics.plant_state import Truth
+from rpojax.scenario.params import Params
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.tick import Loop, Tick
 
@@ -59,9 +64,17 @@ def telemetry_of(loop: Loop, tick: Tick) -> Telemetry:
 
 
 def _desired_position(loop: Loop, tick: Tick) -> Array:
-    """Position of the present phase's reference (3,), for the true orbit of the target."""
-    orbit = yamanaka_ankersen.target_orbit(tick.state.truth.r_TN_N, tick.state.truth.v_TN_N)
-    return phase_goal.desired_state(loop.software, tick.flight.mission, orbit, tick.time)[:3]
+    """Position in H of the present phase's reference (3,), for the true orbit and attitude of the target."""
+    truth = tick.state.truth
+    frame = true_target_frame(loop.params, truth) if any(loop.software.mission.in_target_frame) else None
+    orbit = yamanaka_ankersen.target_orbit(truth.r_TN_N, truth.v_TN_N)
+    return phase_goal.desired_state(loop.software, tick.flight.mission, orbit, frame, tick.time)[:3]
+
+
+def true_target_frame(params: Params, truth: Truth) -> TargetFrame:
+    """Frame of the target of a scenario whose camera finds landmarks."""
+    origin_T, axes = params.additional_sensors[LANDMARKS]["body_offset"], hill_frame(truth.r_TN_N, truth.v_TN_N)
+    return target_frame.of_target(truth.q_TN, truth.omega_TN_T, params.plant.target.inertia, origin_T, *axes)
 
 
 def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, "6"]]:

@@ -48,15 +48,13 @@ def layout(wrench: np.ndarray, flow: np.ndarray, minimum_on_time: np.ndarray) ->
     In NumPy, as it is made once, when a scenario becomes parameters.
     """
     force, torque = (np.linalg.norm(each, axis=0).max() for each in (wrench[:3], wrench[3:]))
-    # In a direction between the axes there is this share of the least at least.
-    authority = axis_authority(wrench)[:, :3].min() / np.sqrt(3.0)
     return ThrusterLayout(
         wrench=jax.device_put(wrench),
         cost=jax.device_put(flow / flow.max()),
         greatest_flow=jax.device_put(flow.max()),
         scale=jax.device_put(np.repeat([force, torque], 3)),
         minimum_on_time=jax.device_put(minimum_on_time),
-        authority=jax.device_put(authority),
+        authority=jax.device_put(force_authority(wrench)),
     )
 
 
@@ -70,6 +68,12 @@ def wrench_matrix(force: np.ndarray, direction: np.ndarray, position: np.ndarray
     """
     force_B = force[:, None] * (direction / np.sqrt(np.sum(direction * direction, axis=1))[:, None])
     return np.concatenate([force_B, np.cross(position, force_B)], axis=1).T
+
+
+def force_authority(wrench: np.ndarray) -> float:
+    """Force that thrusters with a `wrench_matrix` (6, n) give in any direction without torque [N]."""
+    # In a direction between the axes there is this share of the least at least.
+    return float(axis_authority(wrench)[:, :3].min() / np.sqrt(3.0))
 
 
 def axis_authority(wrench: np.ndarray) -> np.ndarray:

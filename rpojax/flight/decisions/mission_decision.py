@@ -15,6 +15,7 @@ from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
 from rpojax.flight.guidance import other_pointing as attitudes
+from rpojax.flight.guidance import target_frame
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.mission import drift_clearance, mission_state, team_mission_state
@@ -98,10 +99,15 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar)
         horizon=soon,
     )
     none = jnp.zeros_like(predicted.state_H[:3, None])
-    clearance, by_estimate = drift_clearance.least_clearance(drift, none, none[:1], _SAMPLES_BEFORE_ABORT)
+    near = _NEAR_BEFORE_ABORT if any(settings.translates) else 0
+    clearance, by_estimate = drift_clearance.least_clearance(drift, none, none[:1], _SAMPLES_BEFORE_ABORT, near)
     # As for its burns: on a passively safe orbit to know more is better than to leave it by an uncertain estimate.
     is_passive = is_passively_safe(settings, state)
     least = jnp.where(is_passive, by_estimate[0, 0], clearance[0, 0])
+    state_T, place = None, predicted.state_H[:3]
+    if predicted.target_frame is not None and any(settings.in_target_frame):
+        state_T = target_frame.from_hill(predicted.target_frame, predicted.state_H)
+        place = jnp.where(constant_of_phase(state.phase, settings.in_target_frame), state_T[:3], place)
     situation = Situation(
         time=time,
         state_H=predicted.state_H,
@@ -109,7 +115,10 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar)
         burn_state_H=predicted.burn_state_H,
         burn_orbit=predicted.burn_orbit,
         burn_pending=(memory.plan.cutoff > memory.plan.ignition) & (memory.plan.cutoff > time),
-        end_H=phase_goal.end_position(software, state, predicted.orbit, time),
+        place=place,
+        end=phase_goal.end_position(software, state, predicted.orbit, time),
+        state_T=state_T,
+        attitude_sigma=memory.orbit.relative.attitude_sigma,
         range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
         seen=memory.pointing.acquisition.acquired,
         lost=_is_lost(params, memory),
@@ -125,6 +134,10 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar)
 _SAMPLES_BEFORE_ABORT = 6
 """Times in the two minutes in which an abort cannot act yet: one in 20 s, in which a servicer at 0.1 m/s goes 2 m, as
 far as the packaged `mission.abort_margin_m`."""
+
+
+_NEAR_BEFORE_ABORT = 2
+"""Times in the first and the last of these intervals of a servicer that comes within metres of its zone."""
 
 
 def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:

@@ -8,7 +8,8 @@ from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.guidance import line_of_sight_uncertainty
+from rpojax.flight.guidance import line_of_sight_uncertainty, target_frame
+from rpojax.flight.guidance.target_frame import TargetFrame
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 Scalar = Float[Array, ""]
@@ -29,6 +30,7 @@ class Prediction:
         range_ratio_sigma: () 1-sigma of the range over the range [-]
         covariance_H: (6, 6) of the state now
         burn_covariance_H: (6, 6) of that at the burn
+        target_frame: of the target that turns, now; None where the filter does not know its attitude
     """
 
     orbit: TargetOrbit
@@ -39,6 +41,7 @@ class Prediction:
     range_ratio_sigma: Array
     covariance_H: Array
     burn_covariance_H: Array
+    target_frame: TargetFrame | None = None
 
 
 def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar | None = None) -> Prediction:
@@ -65,6 +68,7 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar
         range_ratio_sigma=line_of_sight_uncertainty.relative_range_sigma(estimate),
         covariance_H=covariance_H,
         burn_covariance_H=_mapped(moved[:, :6], covariance_H),
+        target_frame=target_frame.by_estimate(relative, R_HN, omega_HN_N),
     )
 
 

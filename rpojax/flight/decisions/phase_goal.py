@@ -11,10 +11,12 @@ from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.decisions.motion_prediction import Prediction
 from rpojax.flight.flight_software import FlightSoftware
+from rpojax.flight.guidance import target_frame
 from rpojax.flight.guidance.references import impulsive_tracking, reference_motion
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
+from rpojax.flight.guidance.target_frame import TargetFrame
 from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import of_phase
@@ -83,8 +85,13 @@ def with_station(software: FlightSoftware, position: Vector) -> FlightSoftware:
     return dataclasses.replace(software, params=replace(params, formation=formation))
 
 
-def desired_state(software: FlightSoftware, state: MissionState, orbit: TargetOrbit, time: Scalar) -> Float[Array, "6"]:
-    """Relative state (6,) of the present phase's reference at `time` [m, m/s], with the target at `orbit`."""
+def desired_state(
+    software: FlightSoftware, state: MissionState, orbit: TargetOrbit, frame: TargetFrame | None, time: Scalar
+) -> Float[Array, "6"]:
+    """Relative state in H (6,) of the present phase's reference at `time` [m, m/s], with the target at `orbit`.
+
+    `frame` is that of the target then, in which some phases have theirs; None where it is not known.
+    """
     elapsed = time - state.starts_at
     states = [
         software.stages.call(
@@ -97,11 +104,17 @@ def desired_state(software: FlightSoftware, state: MissionState, orbit: TargetOr
         )
         for name, reference in references(software, state.entry)
     ]
+    settings = software.mission
+    if frame is not None and any(settings.in_target_frame):
+        states = [
+            target_frame.to_hill(frame, each) if turns else each
+            for each, turns in zip(states, settings.in_target_frame, strict=True)
+        ]
     return of_phase(state.phase, states)
 
 
 def end_position(software: FlightSoftware, state: MissionState, orbit: TargetOrbit, time: Scalar) -> Vector:
-    """Position [m] at which the present phase's reference ends, or that at `time` [s] of one without an end.
+    """Position [m] in the phase's frame at which its reference ends, or that at `time` [s] of one without an end.
 
     A phase that no condition ends has that of its entry.
     """
@@ -126,7 +139,7 @@ def goal_at_burn(
 
     def place(_: None, dt: Scalar) -> tuple[None, tuple[TargetOrbit, Vector]]:
         then = advanced(orbit, dt)
-        return None, (then, desired_state(software, state, then, burn_time + dt)[:3])
+        return None, (then, desired_state(software, state, then, predicted.target_frame, burn_time + dt)[:3])
 
     # A scan: three copies of all references would take three times as long to compile.
     times = jnp.stack([-period, jnp.zeros_like(period), period])

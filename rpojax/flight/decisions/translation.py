@@ -14,6 +14,7 @@ from rpojax.flight.decisions import burn_conditions, phase_goal
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.flight_software import FlightSoftware
+from rpojax.flight.guidance import line_of_sight_uncertainty, target_frame
 from rpojax.flight.mission.phase_table import constant_of_phase, of_phase
 
 Scalar = Float[Array, ""]
@@ -35,8 +36,7 @@ def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector,
     assert thrusters is not None
     assert memory.rcs is not None
     has_aborted = memory.mission.phase == settings.aborted
-    sees = ~burn_conditions.is_lost(software.params, memory)
-    followed_N = jnp.where(sees, _following(software, memory, time), 0.0)
+    followed_N = jnp.where(_may_follow(software, memory), _following(software, memory, time), 0.0)
     plan = memory.plan
     duration = jnp.maximum(plan.cutoff - plan.ignition, software.tick_s)
     overlap = jnp.minimum(time + software.tick_s, plan.cutoff) - jnp.maximum(time, plan.ignition)
@@ -57,13 +57,32 @@ def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector,
     return replace(memory, rcs=rcs)
 
 
+def _may_follow(software: FlightSoftware, memory: FlightMemory) -> Bool[Array, ""]:
+    """Whether the estimate is good enough to follow the reference of the present phase by it.
+
+    To a target that turns there is no rest: a servicer in its frame goes on by what it knows of position and attitude
+    while it cannot be seen, as with the Sun in the lens.
+    """
+    params, relative = software.params, memory.orbit.relative
+    sees = ~burn_conditions.is_lost(params, memory)
+    if relative.target is None or not any(software.mission.in_target_frame):
+        return sees
+    is_expected_unseen = memory.pointing.acquisition.unseen_time <= params.pointing.search_after
+    ratio = line_of_sight_uncertainty.relative_range_sigma(memory.orbit)
+    bridges = is_expected_unseen & (ratio < params.formation.range_uncertainty_limit)
+    turns = constant_of_phase(memory.mission.phase, software.mission.in_target_frame)
+    return jnp.where(turns, relative.target.known & (sees | bridges), sees)
+
+
 def _following(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> Vector:
     """Velocity change of a tick in N [m/s] that follows the reference of the present phase."""
     predicted, state = predict_to_burn(software.params, memory.orbit), memory.mission
     tick = jnp.full_like(time, software.tick_s)
     later = yamanaka_ankersen.advanced(predicted.orbit, tick)
-    desired = phase_goal.desired_state(software, state, predicted.orbit, time)
-    next_desired = phase_goal.desired_state(software, state, later, time + tick)
+    now = predicted.target_frame
+    then = None if now is None else target_frame.ahead(now, predicted.orbit, later, software.tick_s)
+    desired = phase_goal.desired_state(software, state, predicted.orbit, now, time)
+    next_desired = phase_goal.desired_state(software, state, later, then, time + tick)
     constants = yamanaka_ankersen.constants_of_motion(predicted.orbit, desired)
     free = yamanaka_ankersen.free_motion(later, tick, constants)
     gain = of_phase(state.phase, [each[0] for each in memory.phase_gains])

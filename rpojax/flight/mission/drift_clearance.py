@@ -62,7 +62,7 @@ _SAMPLES = 28
 0.2 m at p95 on a circular orbit, by 0.9 m at e = 0.7; `mission.abort_margin_m` adds 2 m."""
 
 
-_NEAR_SAMPLES = 14
+NEAR_SAMPLES = 14
 """Times within the first and the last interval of these, for drifts that begin metres from their zone [-]: 15 s apart,
 in which a burn of 0.1 m/s leads 1.5 m away. The parabola over intervals of 200 s knows nothing of such a start."""
 
@@ -72,7 +72,7 @@ def least_clearance(
     directions_H: Float[Array, "3 d"],
     sizes: Float[Array, "d k"],
     samples: int = _SAMPLES,
-    near: bool = False,
+    near: int = 0,
 ) -> tuple[Float[Array, "d k"], Float[Array, "d k"]]:
     """Least distance from the target over that of the keep-out ellipsoid in the same direction.
 
@@ -83,7 +83,7 @@ def least_clearance(
         directions_H: (3, d) directions of burns, of any length
         sizes: (d, k) factors on each direction [m/s]
         samples: number of times of the first span after its start, evenly spaced in eccentric anomaly
-        near: whether the drift begins metres from the zone: more times in the first and the last of these intervals,
+        near: for a drift that begins metres from the zone, number of times in the first and the last of these intervals,
             and the passages that lie on a line are those from the second one on
     """
     # A zone of no size, of which every point is clear, has no direction.
@@ -131,11 +131,11 @@ def least_clearance(
     return gradient_safe.sqrt(jnp.min(least[:-1], axis=0)), gradient_safe.sqrt(least[-1])
 
 
-def _parts_of_span(drift: Drift, samples: int, near: bool) -> list[Array]:
+def _parts_of_span(drift: Drift, samples: int, near: int) -> list[Array]:
     """Times of the first span [s] in parts evenly spaced in eccentric anomaly, each from the end of the last one on."""
     edge, parts = 1.0 / samples, [(0.0, 1.0, samples)]
     if near:
-        parts = [(0.0, edge, _NEAR_SAMPLES), (edge, 1.0 - edge, samples - 2), (1.0 - edge, 1.0, _NEAR_SAMPLES)]
+        parts = [(0.0, edge, near), (edge, 1.0 - edge, samples - 2), (1.0 - edge, 1.0, near)]
     return [
         yamanaka_ankersen.times_of_even_eccentric_anomalies(
             drift.orbit, drift.first_span, jnp.linspace(begin, end, number + 1, dtype=drift.state_H.dtype)

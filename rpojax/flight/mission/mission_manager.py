@@ -32,7 +32,10 @@ class Situation:
         burn_state_H: (6,) relative state predicted to then [m, m/s]
         burn_orbit: of the target then
         burn_pending: () bool, whether a decided burn is still to be finished
-        end_H: (3,) end of the reference of the present phase [m]
+        place: (3,) estimated position in the frame of the present phase [m]
+        end: (3,) end of its reference there [m]
+        state_T: (6,) relative state in the target's frame [m, m/s], None where no phase is in it
+        attitude_sigma: () 1-sigma of the attitude of the target about its least known axis [rad], infinite if unknown
         range_sigma: () 1-sigma of the range [m]
         seen: () bool, whether the target is acquired
         lost: () bool, whether it has been out of sight for too long
@@ -48,7 +51,10 @@ class Situation:
     burn_state_H: Array
     burn_orbit: TargetOrbit
     burn_pending: Array
-    end_H: Array
+    place: Array
+    end: Array
+    state_T: Array | None
+    attitude_sigma: Array
     range_sigma: Array
     seen: Array
     lost: Array
@@ -67,11 +73,14 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
     arrived_at = _since(_is_inside(until, situation), state.arrived_at, situation.time)
     known_at = _since(situation.range_sigma < until.range_sigma, state.known_at, situation.time)
     elapsed = situation.time - state.entered_at
+    attitude_known = situation.attitude_sigma < until.attitude_sigma
+    attitude_known_at = _since(attitude_known, state.attitude_known_at, situation.time)
+    now = replace(state, arrived_at=arrived_at, known_at=known_at, attitude_known_at=attitude_known_at)
     ended = (
         running
         & idle
         & constant_of_phase(row, [phase.ends for phase in settings.phases])
-        & (unmet_conditions(until, replace(state, arrived_at=arrived_at, known_at=known_at), situation.time) == 0)
+        & (unmet_conditions(until, now, situation.time) == 0)
     )
     timed_out = running & idle & ~ended & (elapsed >= of_phase(row, [phase.timeout for phase in phases]))
     after_timeout, aborts_on_timeout = _timeout_rows(settings, row)
@@ -88,22 +97,31 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
     phase = jnp.where(aborts | (state.phase == settings.aborted), settings.aborted, phase).astype(jnp.int32)
     begins = phase != state.phase
     by = jnp.where(aborts, int(Transition.ABORT), by)
+    starts_at, entry = _entry(settings, phase, situation)
     return MissionState(
         phase=phase,
         held_phase=jnp.where(running & (phase == settings.hold), state.phase, state.held_phase),
         entered_at=jnp.where(begins, situation.time, state.entered_at),
         entered_by=jnp.where(begins, by, state.entered_by).astype(jnp.int32),
-        starts_at=jnp.where(begins, situation.burn_time, state.starts_at),
-        entry=select(
-            begins, PhaseEntry(relative_state=situation.burn_state_H, orbit=situation.burn_orbit), state.entry
-        ),
+        starts_at=jnp.where(begins, starts_at, state.starts_at),
+        entry=select(begins, entry, state.entry),
         arrived_at=jnp.where(begins, jnp.inf, arrived_at),
         known_at=jnp.where(begins, jnp.inf, known_at),
+        attitude_known_at=jnp.where(begins, jnp.inf, attitude_known_at),
         has_seen_target=state.has_seen_target | situation.seen,
         abort_reason=jnp.where(aborts, reason, state.abort_reason).astype(jnp.int32),
         abort_burns=state.abort_burns,
         team=state.team,
     )
+
+
+def _entry(settings: MissionSettings, phase: Int[Array, ""], situation: Situation) -> tuple[Scalar, PhaseEntry]:
+    """When the reference of a phase that begins now starts [s], and from where: with its first burn, or at once."""
+    time, state = situation.burn_time, situation.burn_state_H
+    if situation.state_T is not None:
+        turns = constant_of_phase(phase, settings.in_target_frame)
+        time, state = select(turns, (situation.time, situation.state_T), (time, state))
+    return time, PhaseEntry(relative_state=state, orbit=situation.burn_orbit)
 
 
 def unmet_conditions(until: Until, state: MissionState, time: Scalar) -> Int[Array, ""]:
@@ -117,21 +135,25 @@ def unmet_conditions(until: Until, state: MissionState, time: Scalar) -> Int[Arr
         (Condition.ARRIVAL, anywhere | (time - state.arrived_at >= until.arrival_for)),
         (Condition.RANGE_SIGMA, jnp.isinf(until.range_sigma) | (time - state.known_at >= until.range_sigma_for)),
         (Condition.GROUND_GO, time >= until.ground_go),
+        (
+            Condition.ATTITUDE_SIGMA,
+            jnp.isinf(until.attitude_sigma) | (time - state.attitude_known_at >= until.attitude_sigma_for),
+        ),
     )
     return sum((jnp.where(met, 0, int(condition)) for condition, met in holds), jnp.zeros((), dtype=jnp.int32))
 
 
-def leaves_corridor(corridor: Corridor, rho_H: Vector) -> Flag:
-    """True for a position [m] outside of a corridor."""
+def leaves_corridor(corridor: Corridor, place: Vector) -> Flag:
+    """True for a position [m], in the axes of the corridor, outside of it."""
     axis = gradient_safe.normalize(corridor.axis)
-    ahead = jnp.sum(axis * rho_H, axis=0)
-    aside = gradient_safe.norm(rho_H - ahead * axis)
+    ahead = jnp.sum(axis * place, axis=0)
+    aside = gradient_safe.norm(place - ahead * axis)
     return (ahead < 0.0) | (aside > corridor.width + ahead * jnp.tan(corridor.half_angle))
 
 
 def _is_inside(until: Until, situation: Situation) -> Flag:
     """True in the arrival box."""
-    return jnp.all(jnp.abs(situation.state_H[:3] - situation.end_H) <= until.arrival_box, axis=0)
+    return jnp.all(jnp.abs(situation.place - situation.end) <= until.arrival_box, axis=0)
 
 
 def _since(holds: Flag, since: Scalar, time: Scalar) -> Scalar:
@@ -168,8 +190,9 @@ def _abort_reason(
         if phase.has_corridor:
             corridor = tuning.phases[phase.name].corridor
             assert corridor is not None
-            outside |= (state.phase == number) & leaves_corridor(corridor, situation.state_H[:3])
+            outside |= (state.phase == number) & leaves_corridor(corridor, situation.place)
     watched = forced & state.has_seen_target
+    turns = running & constant_of_phase(row, [phase.in_target_frame for phase in settings.phases])
     reason = jnp.zeros((), dtype=jnp.int32)
     for applies, code in reversed(
         (
@@ -180,6 +203,7 @@ def _abort_reason(
             (situation.lost & watched, AbortReason.TARGET_LOST),
             (~situation.confident & watched, AbortReason.CONFIDENCE_LOST),
             (~situation.thruster_works & watched, AbortReason.THRUSTER_FAILED),
+            (turns & jnp.isinf(situation.attitude_sigma), AbortReason.ATTITUDE_LOST),
         )
     ):
         reason = jnp.where(applies, int(code), reason)

@@ -23,6 +23,7 @@ class AbortReason(enum.IntEnum):
     TARGET_LOST = 5
     CONFIDENCE_LOST = 6
     THRUSTER_FAILED = 7
+    ATTITUDE_LOST = 8
 
     @property
     def text(self) -> str:
@@ -54,6 +55,7 @@ class Condition(enum.IntFlag):
     ARRIVAL = 2
     RANGE_SIGMA = 4
     GROUND_GO = 8
+    ATTITUDE_SIGMA = 16
 
 
 @pytree
@@ -66,9 +68,10 @@ class MissionState:
         entered_at: () when the phase began [s]
         entered_by: () int32, a `Transition`
         starts_at: () when its reference starts: at the middle of its first burn [s]
-        entry: relative state and orbit of the target then, predicted when the phase began
+        entry: relative state in the frame of the phase, and orbit of the target then, predicted when the phase began
         arrived_at: () since when the servicer has been in the arrival box [s], infinite outside
         known_at: () since when the range has been known well enough [s], infinite if it is not
+        attitude_known_at: () since when the attitude of the target has been [s], as `known_at`
         has_seen_target: () bool, whether the target was ever seen
         abort_reason: () int32, an `AbortReason`
         abort_burns: burns since an abort
@@ -83,6 +86,7 @@ class MissionState:
     entry: PhaseEntry
     arrived_at: Array
     known_at: Array
+    attitude_known_at: Array
     has_seen_target: Array
     abort_reason: Array
     abort_burns: AbortBurns
@@ -106,6 +110,7 @@ def initial(entry: PhaseEntry, lead: Float[Array, ""], begins_at: Float[Array, "
         entry=entry,
         arrived_at=zero + jnp.inf,
         known_at=zero + jnp.inf,
+        attitude_known_at=zero + jnp.inf,
         has_seen_target=jnp.zeros((), dtype=bool),
         abort_reason=none,
         abort_burns=abort_burn.none(),

@@ -21,11 +21,18 @@ class Until:
 
     time: Array = number("time since the phase began", unit="s", above=0.0, default=None)
     arrival_box: Array = number(
-        "half sides of a box around the end of the reference, H", unit="m", length=3, above=0.0, default=None
+        "half sides of a box around the end of the reference, in the axes of its frame", unit="m", length=3, above=0.0, default=None
     )
     arrival_for: Array = number("time in that box", unit="s", at_least=0.0, default=None)
     range_sigma: Array = number("standard deviation of the estimated range", unit="m", above=0.0, default=None)
     range_sigma_for: Array = number("time below it", unit="s", at_least=0.0, default=None)
+    attitude_sigma: Array = number(
+        "standard deviation of the estimated attitude of the target about its least known axis",
+        unit="deg",
+        above=0.0,
+        default=None,
+    )
+    attitude_sigma_for: Array = number("time below it", unit="s", at_least=0.0, default=None)
     ground_go: Array = number("time of the go from the ground since the start", unit="s", at_least=0.0, default=None)
 
 
@@ -33,7 +40,7 @@ class Until:
 class Corridor:
     """Approach corridor: a cone that opens away from the target."""
 
-    axis: Array = number("direction from the target, H; any length", form=Direction)
+    axis: Array = number("direction from the target, in the axes of the phase's frame; any length", form=Direction)
     half_angle: Array = number("half angle of the cone", unit="deg", above=0.0, below=180.0)
     width: Array = number("radius of the corridor at the target", unit="m", at_least=0.0)
 

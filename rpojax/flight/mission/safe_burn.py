@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace
-from rpojax.flight.mission.drift_clearance import Drift, least_clearance
+from rpojax.flight.mission.drift_clearance import NEAR_SAMPLES, Drift, least_clearance
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -97,7 +97,7 @@ def _near_clearance(
     is_velocity = jnp.arange(6) >= 3
     added = jnp.diag(jnp.where(is_velocity, executed * executed, 0.0))
     uncertain = replace(drift, covariance_H=drift.covariance_H + added)
-    found = least_clearance(uncertain, direction_H, size[:, None], near=True)
+    found = least_clearance(uncertain, direction_H, size[:, None], near=NEAR_SAMPLES)
     return found[0][:, 0], found[1][:, 0]
 
 

@@ -30,6 +30,7 @@ class PhaseSettings:
         stops_in_the_dark: whether it stops before the target gets dark, as its reference waits for it
         gain_tables: number of tables of gains, each for `burns_per_orbit` burns; the places of one table lie between
             those of another
+        in_target_frame: whether reference, corridor and arrival box are in the frame of the target, which turns
         translates: whether thrusters of the reaction control system follow its reference all the time, without turns
     """
 
@@ -45,6 +46,7 @@ class PhaseSettings:
     stops_in_the_dark: bool
     gain_tables: int = 1
     translates: bool = False
+    in_target_frame: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,11 @@ class MissionSettings:
         """Whether a row uses the reaction control system; the built-in phases do where a phase does."""
         own = [phase.translates for phase in self.phases]
         return (*own, *(any(own) for _ in self.built_in))
+
+    @property
+    def in_target_frame(self) -> tuple[bool, ...]:
+        """Whether a row has its reference in the frame of the target; the built-in phases have not."""
+        return (*(phase.in_target_frame for phase in self.phases), *(False for _ in self.built_in))
 
     @property
     def hold(self) -> int:

@@ -30,7 +30,7 @@ ROWS = 8
 _PARTS = ("position", "attitude", "bearing_bias")
 _SHARE = 0.5
 """Share of the landmarks of a picture that have to be where the filter expects them: the joint gate."""
-_FEWEST = 6
+FEWEST = 6
 """Landmarks from which a first pose is believed."""
 _SLACK = 1e-9
 """Information that is added to each part, as a share of its own, so that a direction without any has a pivot."""
@@ -82,6 +82,11 @@ def picture(beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[st
         q_KN=quaternion.multiply(quaternion.normalize(view.vehicle.camera_mounting), view.q_BN),
         attitude_variance=view.tuning.attitude_sigma**2,
     )
+
+
+def shows_pose(measured: Mapping[str, Array]) -> Bool[Array, ""]:
+    """Whether a picture shows enough landmarks for a pose."""
+    return jnp.sum(jnp.isfinite(measured["landmarks_right_tangent"]), axis=0, dtype=jnp.int32) >= FEWEST
 
 
 def rows(
@@ -221,7 +226,7 @@ def _factorised(information: Float[Array, "8 8"], evidence: Float[Array, " 8"]) 
 
 def contradicts(view: LandmarkView, used: Bool[Array, ""]) -> Bool[Array, ""]:
     """Whether a picture shows enough landmarks for a pose, and none of it was `used`."""
-    return ~used & (view.seen >= _FEWEST)
+    return ~used & (view.seen >= FEWEST)
 
 
 def acquired(
@@ -229,7 +234,7 @@ def acquired(
 ) -> RelativeEstimate:
     """Estimate with a first pose where the attitude is not known and enough landmarks are seen."""
     assert estimate.target is not None
-    wanted = ~estimate.target.known & (view.seen >= _FEWEST)
+    wanted = ~estimate.target.known & (view.seen >= FEWEST)
 
     def found(estimate: RelativeEstimate) -> RelativeEstimate:
         return _with_first_pose(tuning, target, estimate, view, wanted)

@@ -306,6 +306,15 @@ class RelativeEstimate:
         return self.covariance[: MOTION.size, : MOTION.size]
 
     @property
+    def attitude_sigma(self) -> Scalar:
+        """1-sigma of the attitude of the target about its least known axis [rad], infinite where it is not known."""
+        if self.target is None:
+            return jnp.full_like(self.covariance[0, 0], jnp.inf)
+        place = self.layout["attitude"]
+        variance = jnp.max(jnp.diagonal(self.covariance)[place], axis=0)
+        return jnp.where(self.target.known, jnp.sqrt(variance), jnp.inf)
+
+    @property
     def position_covariance(self) -> Float[Array, "3 3"]:
         """Covariance of the position [m^2]."""
         place = MOTION["position"]

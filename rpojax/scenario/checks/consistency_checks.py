@@ -6,6 +6,7 @@ from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.lamp_checks import check_lamp
 from rpojax.scenario.checks.landmark_checks import check_landmarks
+from rpojax.scenario.checks.target_frame_checks import check_target_frame
 from rpojax.scenario.checks.listed_design_checks import check_design
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.ranging_checks import check_ranging
@@ -69,6 +70,7 @@ def check_consistency(file: ScenarioFile) -> None:
     check_phases(file)
     check_ranging(file)
     check_landmarks(file)
+    check_target_frame(file)
     check_delays(file)
     check_lamp(file)
     check_wide_lens(file)

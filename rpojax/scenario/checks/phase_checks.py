@@ -1,6 +1,7 @@
 """Checks of the phases of a mission: names, periods, ends, and references within the limits of the phase."""
 
 import math
+from typing import Final
 
 import jax
 import jax.numpy as jnp
@@ -46,7 +47,10 @@ def check_phases(file: ScenarioFile) -> None:
     _check_periods(file)
     place: np.ndarray | None = np.array(file.initial.relative_position_m)
     _check_start(file, place)
+    frame = file.phases[0].frame
     for phase in file.phases:
+        # Where the frame changes, nobody knows before flight where the phase begins.
+        place, frame = (place if phase.frame == frame else None), phase.frame
         _check_end(file, phase)
         _check_speeds(phase)
         _check_keep_out(file, phase, place)
@@ -110,7 +114,7 @@ def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
     given = phase.until.model_dump() if phase.until else {}
     if phase.until is not None and not given:
         raise ScenarioError(f"{key}.until", "no condition", "at least one, such as time_s")
-    for name, needs in (("arrival_for_s", "arrival_box_m"), ("range_sigma_for_s", "range_sigma_m")):
+    for name, needs in _LASTING:
         if name in given and needs not in given:
             raise ScenarioError(f"{key}.until.{name}", given[name], f"it only beside {needs}")
     is_last = phase is file.phases[-1]
@@ -122,13 +126,21 @@ def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
             raise ScenarioError(f"{key}.{name}", value, f"an end within the run: duration_s = {file.duration_s:g}")
     if phase.timeout_s is None:
         return
-    for name in ("time_s", "arrival_for_s", "range_sigma_for_s"):
+    for name in ("time_s", *(lasting for lasting, _ in _LASTING)):
         if phase.timeout_s < given.get(name, 0.0):
             expected = f"at least until.{name} = {given[name]:g}, before which the phase cannot end otherwise"
             raise ScenarioError(f"{key}.timeout_s", phase.timeout_s, expected)
     if not given and not is_last and phase.on_timeout != "next":
         expected = "next, or until, as other phases follow and nothing else leads to them"
         raise ScenarioError(f"{key}.on_timeout", phase.on_timeout, expected)
+
+
+_LASTING: Final = (
+    ("arrival_for_s", "arrival_box_m"),
+    ("range_sigma_for_s", "range_sigma_m"),
+    ("attitude_sigma_for_s", "attitude_sigma_deg"),
+)
+"""Times for which conditions hold, and the conditions."""
 
 
 def _check_speeds(phase: PhaseSection) -> None:
@@ -154,6 +166,9 @@ def _check_keep_out(file: ScenarioFile, phase: PhaseSection, start: np.ndarray |
         raise ScenarioError(f"phases.{phase.name}.keep_out_m", list(phase.keep_out_m), expected)
     margin = file.mission.abort_margin_m
     semi_axes = np.array(phase.keep_out_m or 3 * [file.limits.keep_out_m]) + margin
+    if phase.frame == "target":
+        # The ellipsoid is in H: each of its axes may be anywhere in the turning frame.
+        semi_axes = np.full(3, semi_axes.max())
     places = _places(file, phase, start)
     key = f"phases.{phase.name}.reference"
     if len(places) and (clearance := np.min(np.linalg.norm(places / np.maximum(semi_axes, 1e-9), axis=1))) < 1.0:
@@ -179,6 +194,9 @@ def _places(file: ScenarioFile, phase: PhaseSection, start: np.ndarray | None) -
     """Places (n, 3) [m] of a reference that are known before flight."""
     match phase.reference:
         case kinds.HoldSection(position_m=place):
+            return np.array([place])
+        case kinds.ArcSection(position_m=place):
+            # No nearer on the way than at its ends.
             return np.array([place])
         case kinds.TransferSection() as transfer:
             return np.array([transfer.position_m]) if start is None else transfer_impulses(file, transfer, start).way
@@ -229,7 +247,7 @@ def _places_of_orbit(reference: RelativeOrbit, orbit: TargetOrbit) -> Float[Arra
 def _end_m(phase: PhaseSection) -> np.ndarray | None:
     """Position at which the next phase begins, None where it is not known before flight."""
     match phase.reference:
-        case kinds.HoldSection(position_m=end) | kinds.TransferSection(position_m=end):
+        case kinds.HoldSection(position_m=end) | kinds.TransferSection(position_m=end) | kinds.ArcSection(position_m=end):
             return np.array(end)
         case kinds.ApproachSection(end_position_m=end):
             return np.array(end)

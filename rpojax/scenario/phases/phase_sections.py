@@ -19,11 +19,11 @@ class UntilSection(section_of(Until, optional=True)):
 
 
 class CorridorSection(section_of(Corridor)):
-    """Approach corridor: a cone that opens away from the target along an axis in H."""
+    """Approach corridor: a cone that opens away from the target along an axis in the phase's frame."""
 
 
 _FIRST = (
-    "name", "reference", "pointing", "control", "position_", "velocity_", "delta_v_", "until", "timeout",
+    "name", "reference", "frame", "pointing", "control", "position_", "velocity_", "delta_v_", "until", "timeout",
 )  # fmt: skip
 
 
@@ -32,6 +32,7 @@ class PhaseSection(section_of(Phase, first=(*_FIRST, "on_timeout", "keep_out_m")
 
     name: PhaseName
     reference: ReferenceSection
+    frame: Literal["hill", "target"] = "hill"
     pointing: Literal["target", "sun_safe", "velocity"] = "target"
     control: Literal["burns", "continuous"] = "burns"
     control_period_s: Positive | None = None

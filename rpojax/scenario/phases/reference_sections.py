@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rpojax.flight.guidance.references.approach import Approach
+from rpojax.flight.guidance.references.arc import Arc
 from rpojax.flight.guidance.references.fly_around import FlyAround
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
@@ -14,7 +15,7 @@ from rpojax.scenario.numbers.number_sections import section_of
 
 
 class HoldSection(section_of(Hold, first=("kind",))):
-    """Fixed position in H."""
+    """Fixed position in the frame of the phase."""
 
     kind: Literal["hold"]
 
@@ -43,6 +44,12 @@ class ApproachSection(section_of(Approach, first=("kind",))):
     kind: Literal["approach"]
 
 
+class ArcSection(section_of(Arc, first=("kind",))):
+    """Arc about the target to a position, which is then held."""
+
+    kind: Literal["arc"]
+
+
 class RetreatSection(section_of(Retreat, first=("kind",))):
     """Straight line away from the target."""
 
@@ -50,6 +57,12 @@ class RetreatSection(section_of(Retreat, first=("kind",))):
 
 
 ReferenceSection = Annotated[
-    HoldSection | RelativeOrbitSection | TransferSection | FlyAroundSection | ApproachSection | RetreatSection,
+    HoldSection
+    | RelativeOrbitSection
+    | TransferSection
+    | FlyAroundSection
+    | ArcSection
+    | ApproachSection
+    | RetreatSection,
     Field(discriminator="kind"),
 ]

@@ -1,5 +1,6 @@
 """All warnings about the mission of one servicer before it is simulated."""
 
+from rpojax.scenario.checks.target_frame_checks import target_frame_warnings
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained.coverage_surface import surface_warnings
 from rpojax.scenario.warnings.control_authority import control_warnings
@@ -30,6 +31,7 @@ def mission_warnings(file: ScenarioFile) -> list[str]:
         *keep_out_warnings(file, reach),
         *control_warnings(file, reach),
         *phase_warnings(file, reach),
+        *target_frame_warnings(file, reach),
         *belief_warnings(file, reach),
         *leap_second_warnings(file),
         *surface_warnings(file.model_dump()),

@@ -6,7 +6,7 @@ from typing import Any, Final
 from jaxtyping import Array, Float
 
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
-from rpojax.flight.guidance.references import approach, fly_around, hold, relative_orbit, retreat, transfer
+from rpojax.flight.guidance.references import approach, arc, fly_around, hold, relative_orbit, retreat, transfer
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 
 _MODULES: Final[dict[type, ModuleType]] = {
@@ -16,18 +16,22 @@ _MODULES: Final[dict[type, ModuleType]] = {
     fly_around.FlyAround: fly_around,
     approach.Approach: approach,
     retreat.Retreat: retreat,
+    arc.Arc: arc,
 }
 
 
 def reference_state(
     *, reference: Any, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Float[Array, ""]
 ) -> Float[Array, "6"]:
-    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then."""
+    """Desired relative state [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then.
+
+    It is in the frame of its phase, as the entry: H, or the target's own.
+    """
     return _MODULES[type(reference)].state(reference, entry, orbit, elapsed)
 
 
 def end_position(reference: Any, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Float[Array, ""]) -> Float[Array, "3"]:
-    """Position in H [m] at which a reference ends; that at the asked time for one without an end."""
+    """Position [m] in the frame of its phase at which a reference ends; that at the asked time for one without an end."""
     module = _MODULES[type(reference)]
     if hasattr(module, "end_position"):
         return module.end_position(reference, entry)

@@ -1,0 +1,103 @@
+"""Checks of phases in the frame of a target that turns: it is known, it can be followed, and its port can be seen."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rpojax.errors import ScenarioError
+from rpojax.flight.navigation.landmark_measurement import FEWEST
+from rpojax.scenario.phases.phase_sections import PhaseSection
+from rpojax.scenario.checks.thruster_checks import thruster_authority
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.sections import NO_LANDMARKS
+from rpojax.scenario.trained import target_landmarks
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.vision.surface.landmarks import Landmarks, are_free
+
+_KINDS: Final = ("hold", "arc", "approach", "retreat", "fly_around")
+"""References that do not need the orbit."""
+AUTHORITY_RATIO: Final = 2.0
+"""Thrust that is needed over the centripetal one, at least [-]: the rest is for errors, and for slowing down."""
+
+
+def check_target_frame(file: ScenarioFile) -> None:
+    """Refuses phases in the target's frame that cannot follow it.
+
+    Raises:
+        ScenarioError: naming the key, what was found and what was expected.
+    """
+    if not file.phases:
+        return
+    for before, phase in zip([None, *file.phases[:-1]], file.phases, strict=True):
+        if phase.frame == "target":
+            _check_follows(file, before, phase)
+
+
+def _check_follows(file: ScenarioFile, before: PhaseSection | None, phase: PhaseSection) -> None:
+    key = f"phases.{phase.name}"
+    if file.camera.landmarks == NO_LANDMARKS:
+        expected = "'hill', or camera.landmarks, which show how the target turns"
+        raise ScenarioError(f"{key}.frame", phase.frame, expected)
+    if phase.control != "continuous":
+        raise ScenarioError(f"{key}.control", phase.control, "'continuous': burns between turns follow no turning place")
+    if phase.reference.kind not in _KINDS:
+        expected = f"one of {', '.join(_KINDS)} in the frame of the target"
+        raise ScenarioError(f"{key}.reference.kind", phase.reference.kind, expected)
+    if before is None:
+        raise ScenarioError(f"{key}.frame", phase.frame, "'hill' in the first phase, before the target's attitude is known")
+    until = before.until.model_dump() if before.until else {}
+    if before.frame == "hill" and "attitude_sigma_deg" not in until:
+        expected = f"attitude_sigma_deg, as {phase.name} follows the target's attitude"
+        raise ScenarioError(f"phases.{before.name}.until", ", ".join(until) or "nothing", expected)
+    _check_port(file, phase)
+
+
+def _check_port(file: ScenarioFile, phase: PhaseSection) -> None:
+    """Refuses landmarks without a port, and an end of the way from which too few of them can be seen."""
+    landmarks = target_landmarks.landmarks_for_camera(file.model_dump())
+    assert landmarks is not None
+    if landmarks.port_axis is None:
+        expected = f"landmarks with a port (rpojax landmarks --port-position), as phase {phase.name} flies before it"
+        raise ScenarioError("camera.landmarks", file.camera.landmarks, expected)
+    for key in ("position_m", "end_position_m"):
+        place = phase.reference.model_dump().get(key)
+        if place is None:
+            continue
+        seen = _landmarks_seen(file, np.asarray(place), landmarks)
+        if seen < FEWEST:
+            found = f"{list(place)}, from where {seen} landmarks are within the frame"
+            raise ScenarioError(f"phases.{phase.name}.reference.{key}", found, f"a place that sees at least {FEWEST}")
+
+
+def _landmarks_seen(file: ScenarioFile, place: np.ndarray, landmarks: Landmarks) -> int:
+    """Landmarks that a camera at a place [m] sees which points at the centre of mass, however it rolls."""
+    lines = place - np.asarray(landmarks.positions)
+    fields = [file.camera.field_of_view_deg]
+    if file.wide_lens is not None and np.linalg.norm(place) < file.wide_lens.switch_range_m:
+        fields = [file.wide_lens.field_of_view_deg]
+    cosine = lines @ place / (np.linalg.norm(lines, axis=1) * np.linalg.norm(place))
+    within = cosine > math.cos(math.radians(0.5 * fields[0]))
+    return int(np.sum(np.asarray(are_free(landmarks.visible, lines)) & within))
+
+
+def target_frame_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
+    """Places of the turning frame that take more than half of the thrust to stay at."""
+    found: list[str] = []
+    if not any(phase.frame == "target" for phase in file.phases) or not file.thrusters:
+        return found
+    thrust = thruster_authority(file) / reach.high("servicer.mass_kg")
+    rate = math.radians(max(abs(each) for each in reach.ends("target.tumble_rate_deg_s")))
+    for before, phase in zip([None, *file.phases[:-1]], file.phases, strict=True):
+        if phase.frame != "target":
+            continue
+        tables = [each.reference.model_dump() for each in (before, phase) if each is not None]
+        radii = [math.hypot(*each[key]) for each in tables for key in ("position_m", "end_position_m") if key in each]
+        needed = rate**2 * max(radii, default=0.0)
+        if thrust < AUTHORITY_RATIO * needed:
+            found.append(
+                f"phases.{phase.name}.frame: {max(radii):g} m from a target that turns at {math.degrees(rate):.3g} deg/s "
+                f"the servicer is pulled outwards by {1e3 * needed:.3g} mm/s^2, expected at most "
+                f"{1e3 * thrust / AUTHORITY_RATIO:.3g} mm/s^2, half of what its thrusters give in any direction"
+            )
+    return found
