@@ -17,6 +17,7 @@ from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plume_impingement import Facets, Plume
+from rpojax.physics.hull_distance import HullFaces
 from rpojax.physics.rcs_thrusters import IsolationValves, RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
@@ -56,6 +57,7 @@ class PlantParams:
     Attributes:
         thrusters: of the reaction control system by name, empty without one
         facets: of the target, None unless plumes push it
+        hull_faces: of the target, None unless a phase is in its frame
     """
 
     servicer: Body
@@ -72,6 +74,7 @@ class PlantParams:
     isolation: IsolationValves
     thrusters: dict[str, RcsThruster] = field(default_factory=dict)
     facets: Facets | None = None
+    hull_faces: HullFaces | None = None
 
 
 @pytree

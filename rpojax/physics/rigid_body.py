@@ -14,10 +14,16 @@ Matrix = Float[Array, "3 3"]
 
 @pytree
 class Body:
-    """Mass properties."""
+    """Mass properties and size."""
 
     mass: Array = number("mass at the start", unit="kg", above=0.0)
     inertia: Array = number("inertia about the centre of mass, wheels locked, B", unit="kg_m2", form=Inertia)
+    radius: Array = number(
+        "radius of a sphere about the centre of mass that holds the body. Used for the distance of the hulls",
+        unit="m",
+        at_least=0.0,
+        default=0.4,
+    )
 
 
 def inverse_3x3(matrix: Matrix) -> Matrix:

@@ -22,6 +22,7 @@ _CONDITIONS: Final[Mapping[Need, _Condition]] = {
         lambda file: file.effects.faults and file.isolates_thrusters,
     ),
     "landmarks": _Condition("camera.landmarks", lambda file: file.landmarks is not None),
+    "port": _Condition('a last phase with frame = "target"', lambda file: file.ends_at_port),
     "coverage": _Condition("coverage.enabled = true", lambda file: file.coverage.enabled),
 }
 

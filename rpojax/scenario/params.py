@@ -32,6 +32,8 @@ from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import plume_impingement
+from rpojax.physics import hull_distance
+from rpojax.physics.hull_distance import HullFaces
 from rpojax.physics.plant_state import PlantParams
 from rpojax.physics.plume_impingement import Facets
 from rpojax.physics.radio_link import RadioLink
@@ -136,6 +138,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         gravity=jax.tree.map(array, EARTH_GRAVITY),
         thrusters=thrusters,
         facets=_facets(tables),
+        hull_faces=_hull_faces(tables),
         **_records(PlantParams, tables),
     )
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
@@ -276,6 +279,13 @@ def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_p
 def _believed_wide_lens(tables: Mapping[str, Any], width_px: int, height_px: int) -> BelievedWideLens:
     field_of_view = section_record(WideLens, tables["wide_lens"]).field_of_view
     return record_of(BelievedWideLens, tables, "wide_lens", focal_px=_focal_px(field_of_view, width_px, height_px))
+
+
+def _hull_faces(tables: Mapping[str, Any]) -> HullFaces | None:
+    """Faces of the target's hull, None where no phase is in the frame of the target."""
+    if all(phase.get("frame") != "target" for phase in tables["phases"] or []):
+        return None
+    return hull_distance.faces_of(np.asarray(tables["target"]["hull_m"], dtype=np.float64))
 
 
 def _believed_target(tables: Mapping[str, Any], landmarks: Landmarks) -> BelievedTarget:

@@ -243,6 +243,11 @@ class ScenarioFile(Summarised, AdditionalSensors):
         return not self.phases or any(phase.control == "burns" for phase in self.phases)
 
     @property
+    def ends_at_port(self) -> bool:
+        """Whether the last phase is in the frame of the target, before its docking port."""
+        return bool(self.phases) and self.phases[-1].frame == "target"
+
+    @property
     def isolates_thrusters(self) -> bool:
         """Whether flight software shuts off thrusters that are open without a command."""
         return self.isolation.enabled and self.chamber_pressure.enabled and bool(self.thrusters)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion, vectors
-from rpojax.core.frames import hill_frame
+from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.mahalanobis_distance import squared_mahalanobis_and_log_determinant
 from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.quaternion import rotate
@@ -18,7 +18,7 @@ from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import LANDMARKS
 from rpojax.flight.control import thruster_isolation
-from rpojax.flight.guidance import lens_choice
+from rpojax.flight.guidance import lens_choice, target_frame
 from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
@@ -26,12 +26,13 @@ from rpojax.flight.mission.phase_table import of_phase
 from rpojax.flight.navigation import target_attitude_ekf
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.target_attitude_ekf import TargetAttitude
+from rpojax.physics import hull_distance
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import reaction_control, tick_measurements
 from rpojax.simulation.camera_models import boresight_N
-from rpojax.simulation.telemetry import Telemetry, orbit_errors
+from rpojax.simulation.telemetry import Telemetry, orbit_errors, true_target_frame
 
 Channels = dict[str, Array]
 """Channels by name."""
@@ -117,6 +118,28 @@ class ObservedTick:
         numbers = jnp.array([*relative.layout.places("attitude"), *relative.layout.places("rate")])
         return relative.covariance[numbers][:, numbers]
 
+    @property
+    def port(self) -> tuple[Vector, Vector]:
+        """Place of the docking port from the origin of the target's mesh [m], and unit vector out of it, in T."""
+        landmarks = self.params.landmarks
+        assert landmarks is not None
+        assert landmarks.port_position is not None
+        assert landmarks.port_axis is not None
+        return landmarks.port_position, landmarks.port_axis
+
+    @cached_property
+    def at_port(self) -> tuple[Vector, Vector]:
+        """Place of the servicer from the docking port, and its velocity in the target's frame, in P [m, m/s]."""
+        position_T, axis = self.port
+        rho_H, rho_dot_H = inertial_to_hill(self.truth.r_ST_N, self.truth.v_ST_N, *self.hill_frame)
+        frame = true_target_frame(self.params, self.truth)
+        state_T = target_frame.from_hill(frame, jnp.concatenate([rho_H, rho_dot_H]))
+        # The first axis of P is across the axis and the one of T that is farthest from it.
+        other = jnp.where(jnp.abs(axis) <= jnp.min(jnp.abs(axis), axis=0), 1.0, 0.0)
+        x = gradient_safe.normalize(vectors.cross(other, axis))
+        R_PT = jnp.stack([x, vectors.cross(axis, x), axis])
+        return apply(R_PT, state_T[:3] - position_T), apply(R_PT, state_T[3:])
+
     @cached_property
     def boresight_and_line(self) -> tuple[Vector, Vector]:
         """Unit vectors in N along the boresight and to the target."""
@@ -146,6 +169,8 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
         functions |= PLUME_CHANNELS
     if telemetry.flight.orbit.relative.target is not None:
         functions |= LANDMARK_CHANNELS
+    if scenario.mission.ends_in_target_frame:
+        functions |= PORT_CHANNELS
     if scenario.effects.faults and scenario.isolation:
         functions |= ISOLATION_CHANNELS
     if scenario.mission.is_managed:
@@ -256,6 +281,21 @@ def _estimated_attitude(tick: ObservedTick) -> Float[Array, "4"]:
     """Estimated attitude of the target, NaN before it was found."""
     q_TN = target_attitude_ekf.attitude(tick.target_reference, tick.telemetry.flight.orbit.relative.slow)
     return jnp.where(tick.target_reference.known, q_TN, jnp.nan)
+
+
+def _port_angle(tick: ObservedTick) -> Scalar:
+    """Angle between the boresight and the axis of the port, into it [deg]."""
+    ahead_T, axis_T = rotate(tick.truth.q_TN, tick.boresight_and_line[0]), -tick.port[1]
+    sine, cosine = gradient_safe.norm(vectors.cross(ahead_T, axis_T)), jnp.sum(ahead_T * axis_T, axis=0)
+    return jnp.rad2deg(trigonometric_series.arctan2(sine, cosine))
+
+
+def _hull_distance(tick: ObservedTick) -> Scalar:
+    """Distance of the target's convex hull from a sphere about the servicer [m]."""
+    plant = tick.params.plant
+    assert plant.hull_faces is not None
+    place_T = rotate(tick.truth.q_TN, tick.truth.r_ST_N)
+    return hull_distance.distance_from_hull(plant.target.true_hull, plant.hull_faces, place_T) - plant.servicer.radius
 
 
 def _is_wide(tick: ObservedTick) -> Array:
@@ -411,6 +451,13 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     ),
 }
 """Attitude of the target, in scenarios whose camera finds landmarks; errors are small turns in T, true by estimate."""
+PORT_CHANNELS: Final[ChannelFunctions] = {
+    "port_place_P": lambda tick: tick.at_port[0],
+    "port_velocity_P": lambda tick: tick.at_port[1],
+    "port_angle_deg": _port_angle,
+    "hull_distance_m": _hull_distance,
+}
+"""True place before the docking port, in missions that end there: P has its origin in the port and z along its axis."""
 ISOLATION_CHANNELS: Final[ChannelFunctions] = {
     "isolated_thrusters": lambda tick: jnp.sum(_isolated(tick).astype(jnp.int8), axis=0, dtype=jnp.int8),
     "isolation_delay_s": _isolation_delay,

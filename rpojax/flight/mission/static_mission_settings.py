@@ -94,6 +94,11 @@ class MissionSettings:
         return (*(phase.in_target_frame for phase in self.phases), *(False for _ in self.built_in))
 
     @property
+    def ends_in_target_frame(self) -> bool:
+        """Whether the last phase is in the frame of the target."""
+        return self.phases[-1].in_target_frame
+
+    @property
     def hold(self) -> int:
         """Row of the built-in phase that holds the present place."""
         return len(self.phases)

@@ -26,6 +26,7 @@ from rpojax.simulation.channels import (
     LANDMARK_CHANNELS,
     MISSION_CHANNELS,
     PLUME_CHANNELS,
+    PORT_CHANNELS,
     POSE_CHANNELS,
     ChannelFunctions,
     ObservedTick,
@@ -67,6 +68,9 @@ def _approach_axis(tick: ObservedTick) -> Array:
 _OF_MISSIONS: Final[ChannelFunctions] = {
     **MISSION_CHANNELS,
     "is_arrival": _is_arrival,
+    "is_in_last_phase": lambda tick: (
+        tick.telemetry.flight.mission.phase == tick.scenario.mission.hold - 1
+    ),
     "approach_axis_H": _approach_axis,
 }
 
@@ -133,6 +137,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         **(_OF_MISSIONS if scenario.mission.is_managed else {}),
         **(PLUME_CHANNELS if scenario.effects.plume else {}),
         **(LANDMARK_CHANNELS if telemetry.flight.orbit.relative.target is not None else {}),
+        **(PORT_CHANNELS if scenario.mission.ends_in_target_frame else {}),
         **(ISOLATION_CHANNELS if scenario.effects.faults and scenario.isolation else {}),
     }
     for metric in metrics:

@@ -1,0 +1,71 @@
+"""Metrics of a capture: where the servicer is before the docking port of the target, truly, in the last phase."""
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any, Final
+
+from rpojax.metrics.metric_definition import Metric, Quantity, WeightedValue
+
+_LEAST_SQUARE: Final = 1e-18
+"""Keeps the derivative of a distance defined where there is none [m^2]."""
+
+
+def _length(xp: ModuleType, *components: Quantity) -> Quantity:
+    return xp.sqrt(xp.maximum(sum(each * each for each in components), _LEAST_SQUARE))
+
+
+def _in_last_phase(
+    name: str, unit: str, title: str, meaning: str, channel: str, value: Callable[[ModuleType, Any], Any]
+) -> Metric:
+    return Metric(
+        name,
+        unit,
+        title=title,
+        meaning=f"{meaning}, largest in the last phase.",
+        inputs=(channel, "is_in_last_phase"),
+        value=lambda xp, each, is_last: WeightedValue(value(xp, each), is_last),
+        reduction="max",
+        has_derivative=True,
+        needs="port",
+    )
+
+
+METRICS: Final = (
+    _in_last_phase(
+        "capture_lateral_m",
+        "m",
+        "Lateral offset at the port",
+        "True distance of the servicer's centre of mass from the axis of the docking port",
+        "port_place_P",
+        lambda xp, place: _length(xp, place[..., 0], place[..., 1]),
+    ),
+    _in_last_phase(
+        "capture_angle_deg",
+        "deg",
+        "Angle at the port",
+        "True angle between the camera's boresight and the axis of the docking port, into it",
+        "port_angle_deg",
+        lambda _, angle: angle,
+    ),
+    _in_last_phase(
+        "capture_speed_m_s",
+        "m/s",
+        "Speed at the port",
+        "True speed of the servicer in the frame of the target, which turns",
+        "port_velocity_P",
+        lambda xp, velocity: _length(xp, velocity[..., 0], velocity[..., 1], velocity[..., 2]),
+    ),
+    Metric(
+        "hull_distance_min_m",
+        "m",
+        title="Distance of the hulls",
+        meaning="Smallest true distance between the convex hull of the target and a sphere of `servicer.radius_m` about "
+        "the servicer's centre of mass, negative where they overlap.",
+        inputs=("hull_distance_m",),
+        reduction="min",
+        low_is_bad=True,
+        has_derivative=True,
+        needs="port",
+    ),
+)
+"""Metrics of missions whose last phase is in the frame of the target."""
