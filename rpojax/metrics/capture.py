@@ -1,4 +1,4 @@
-"""Metrics of a capture: where the servicer is before the docking port of the target, truly, in the last phase."""
+"""Metrics of a capture: where the servicer truly is before the docking port of the target as the last phase begins."""
 
 from collections.abc import Callable
 from types import ModuleType
@@ -14,16 +14,16 @@ def _length(xp: ModuleType, *components: Quantity) -> Quantity:
     return xp.sqrt(xp.maximum(sum(each * each for each in components), _LEAST_SQUARE))
 
 
-def _in_last_phase(
+def _at_capture(
     name: str, unit: str, title: str, meaning: str, channel: str, value: Callable[[ModuleType, Any], Any]
 ) -> Metric:
     return Metric(
         name,
         unit,
         title=title,
-        meaning=f"{meaning}, largest in the last phase.",
-        inputs=(channel, "is_in_last_phase"),
-        value=lambda xp, each, is_last: WeightedValue(value(xp, each), is_last),
+        meaning=f"{meaning}, as the last phase begins.",
+        inputs=(channel, "is_arrival"),
+        value=lambda xp, each, is_arrival: WeightedValue(value(xp, each), is_arrival),
         reduction="max",
         has_derivative=True,
         needs="port",
@@ -31,7 +31,7 @@ def _in_last_phase(
 
 
 METRICS: Final = (
-    _in_last_phase(
+    _at_capture(
         "capture_lateral_m",
         "m",
         "Lateral offset at the port",
@@ -39,7 +39,7 @@ METRICS: Final = (
         "port_place_P",
         lambda xp, place: _length(xp, place[..., 0], place[..., 1]),
     ),
-    _in_last_phase(
+    _at_capture(
         "capture_angle_deg",
         "deg",
         "Angle at the port",
@@ -47,7 +47,7 @@ METRICS: Final = (
         "port_angle_deg",
         lambda _, angle: angle,
     ),
-    _in_last_phase(
+    _at_capture(
         "capture_speed_m_s",
         "m/s",
         "Speed at the port",

@@ -19,7 +19,7 @@ from rpojax.scenario.schema import ScenarioFile
 Records = Mapping[str, np.ndarray]
 Values = Mapping[str, np.ndarray]
 
-_DERIVED: Final = {"desired_position_H", "is_settled", "is_arrival", "is_in_last_phase", "approach_axis_H"}
+_DERIVED: Final = {"desired_position_H", "is_settled", "is_arrival", "approach_axis_H"}
 """Inputs of metrics that are no channels."""
 
 
@@ -120,16 +120,15 @@ def _quantities(file: ScenarioFile, records: Records, varied: Values) -> Records
 
 
 def _arrival(file: ScenarioFile, records: Records, varied: Values, desired: Floats) -> dict[str, np.ndarray]:
-    """Flags (runs, ticks) of the last phase and of its begin, and axis (runs, ticks, 3) of the approach to it."""
+    """Flags (runs, ticks) of ticks at which the last phase begins, and axis (runs, ticks, 3) of the approach to it."""
     last = file.phases[-1]
     in_last = records["phase"] == len(file.phases) - 1
     arrival = in_last.copy()
     arrival[:, 1:] &= ~in_last[:, :-1]
-    flags = {"is_arrival": arrival, "is_in_last_phase": in_last}
     if last.corridor is None:
-        return {**flags, "approach_axis_H": desired}
+        return {"is_arrival": arrival, "approach_axis_H": desired}
     axis = values_of_runs(varied, f"phases.{last.name}.corridor.axis", np.asarray(last.corridor.axis))
-    return {**flags, "approach_axis_H": np.broadcast_to(axis[:, None], desired.shape)}
+    return {"is_arrival": arrival, "approach_axis_H": np.broadcast_to(axis[:, None], desired.shape)}
 
 
 def outside_sigmas(records: Records) -> NDArray[np.bool_]:

@@ -68,9 +68,6 @@ def _approach_axis(tick: ObservedTick) -> Array:
 _OF_MISSIONS: Final[ChannelFunctions] = {
     **MISSION_CHANNELS,
     "is_arrival": _is_arrival,
-    "is_in_last_phase": lambda tick: (
-        tick.telemetry.flight.mission.phase == tick.scenario.mission.hold - 1
-    ),
     "approach_axis_H": _approach_axis,
 }
 
