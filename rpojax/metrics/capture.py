@@ -59,8 +59,8 @@ METRICS: Final = (
         "hull_distance_min_m",
         "m",
         title="Distance of the hulls",
-        meaning="Smallest true distance between the convex hull of the target and a sphere of `servicer.radius_m` about "
-        "the servicer's centre of mass, negative where they overlap.",
+        meaning="Smallest true distance between the convex hull of the target and a sphere of `servicer.radius_m` "
+        "about the servicer's centre of mass, negative where they overlap.",
         inputs=("hull_distance_m",),
         reduction="min",
         low_is_bad=True,

@@ -16,8 +16,8 @@ from rpojax.core.quaternion import rotate
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
-from rpojax.physics.plume_impingement import Facets, Plume
 from rpojax.physics.hull_distance import HullFaces
+from rpojax.physics.plume_impingement import Facets, Plume
 from rpojax.physics.rcs_thrusters import IsolationValves, RcsThruster
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body

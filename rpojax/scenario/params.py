@@ -31,8 +31,7 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
-from rpojax.physics import plume_impingement
-from rpojax.physics import hull_distance
+from rpojax.physics import hull_distance, plume_impingement
 from rpojax.physics.hull_distance import HullFaces
 from rpojax.physics.plant_state import PlantParams
 from rpojax.physics.plume_impingement import Facets

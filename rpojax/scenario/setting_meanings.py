@@ -137,8 +137,8 @@ MEANINGS: Final[dict[str, str]] = {
     "tuning.metrics": "weights of the logarithms of further metrics, by name",
     "phases.name": "of the phase",
     "phases.reference.kind": "kind of the reference trajectory",
-    "phases.frame": "axes of reference, corridor and arrival box: the `hill` frame, or that of the `target`, which turns with "
-    "it; places there are from the origin of its mesh, from which landmarks show the centre of mass",
+    "phases.frame": "axes of reference, corridor and arrival box: the `hill` frame, or that of the `target`, which "
+    "turns with it; places there are from the origin of its mesh, from which landmarks show the centre of mass",
     "phases.pointing": "where the camera points; burns are planned with `target` alone",
     "phases.control": "`burns` between turns by the one thruster, or `continuous` control by `[[thrusters]]`",
     "thrusters.name": "of the thruster; flight software and `fault.thruster` have them in the order of their names",

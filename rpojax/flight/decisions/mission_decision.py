@@ -18,6 +18,7 @@ from rpojax.flight.guidance import other_pointing as attitudes
 from rpojax.flight.guidance import target_frame
 from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.guidance.target_frame import TargetFrame
 from rpojax.flight.mission import drift_clearance, mission_state, team_mission_state
 from rpojax.flight.mission.drift_clearance import Drift
 from rpojax.flight.mission.mission_manager import Situation
@@ -104,9 +105,10 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar)
     # As for its burns: on a passively safe orbit to know more is better than to leave it by an uncertain estimate.
     is_passive = is_passively_safe(settings, state)
     least = jnp.where(is_passive, by_estimate[0, 0], clearance[0, 0])
-    state_T, place = None, predicted.state_H[:3]
+    state_T, place, can_follow = None, predicted.state_H[:3], jnp.ones((), dtype=bool)
     if predicted.target_frame is not None and any(settings.in_target_frame):
         state_T = target_frame.from_hill(predicted.target_frame, predicted.state_H)
+        can_follow = _can_follow(params, memory, predicted.target_frame)
         place = jnp.where(constant_of_phase(state.phase, settings.in_target_frame), state_T[:3], place)
     situation = Situation(
         time=time,
@@ -119,6 +121,7 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar)
         end=phase_goal.end_position(software, state, predicted.orbit, time),
         state_T=state_T,
         attitude_sigma=memory.orbit.relative.attitude_sigma,
+        can_follow=can_follow,
         range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
         seen=memory.pointing.acquisition.acquired,
         lost=_is_lost(params, memory),
@@ -129,6 +132,13 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar)
     return software.stages.call(
         "mission_manager", memory.own, settings=settings, tuning=tuning, state=state, situation=situation
     )
+
+
+def _can_follow(params: FlightParams, memory: FlightMemory, frame: TargetFrame) -> Flag:
+    """Whether the thrusters could follow the turning target at the present range."""
+    assert params.thrusters is not None
+    distance = gradient_safe.norm(memory.orbit.relative.r_TS_N)
+    return target_frame.can_be_followed(frame, params.thrusters.authority, params.vehicle.mass, distance)
 
 
 _SAMPLES_BEFORE_ABORT = 6

@@ -3,8 +3,10 @@
 Its axes are those of T, and its origin is that of the target's mesh, from which the filter knows the centre of mass.
 """
 
+from typing import Final
+
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
 from rpojax.core.numerics.small_systems import inverse_positive_definite
@@ -17,6 +19,10 @@ from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 State = Float[Array, "6"]
+Scalar = Float[Array, ""]
+
+AUTHORITY_RATIO: Final = 2.0
+"""Thrust that is needed over the centripetal one, at least [-]: the rest is for errors, and for slowing down."""
 
 
 @pytree
@@ -86,6 +92,12 @@ def ahead(frame: TargetFrame, orbit: TargetOrbit, later: TargetOrbit, dt: float)
         R_TH=product(turned, later_axes),
         omega_TN_T=frame.omega_TN_T + dt * frame.acceleration_T,
     )
+
+
+def can_be_followed(frame: TargetFrame, authority: Scalar, mass: Scalar, distance: Scalar) -> Bool[Array, ""]:
+    """Whether thrusters of a force [N] in any direction keep a mass [kg] at a distance [m] in the turning frame."""
+    square = jnp.sum(frame.omega_TN_T * frame.omega_TN_T, axis=0)
+    return AUTHORITY_RATIO * square * distance * mass <= authority
 
 
 def to_hill(frame: TargetFrame, state: State) -> State:

@@ -83,8 +83,8 @@ def least_clearance(
         directions_H: (3, d) directions of burns, of any length
         sizes: (d, k) factors on each direction [m/s]
         samples: number of times of the first span after its start, evenly spaced in eccentric anomaly
-        near: for a drift that begins metres from the zone, number of times in the first and the last of these intervals,
-            and the passages that lie on a line are those from the second one on
+        near: 0, or for a drift that begins metres from the zone, number of times in the first and the last of these
+            intervals; the passages that lie on a line are then those from the second one on
     """
     # A zone of no size, of which every point is clear, has no direction.
     drift = replace(drift, semi_axes=jnp.maximum(drift.semi_axes, LEAST_SEMI_AXIS))

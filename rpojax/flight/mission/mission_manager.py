@@ -36,6 +36,7 @@ class Situation:
         end: (3,) end of its reference there [m]
         state_T: (6,) relative state in the target's frame [m, m/s], None where no phase is in it
         attitude_sigma: () 1-sigma of the attitude of the target about its least known axis [rad], infinite if unknown
+        can_follow: () bool, whether the thrusters could follow the turning target at the present range
         range_sigma: () 1-sigma of the range [m]
         seen: () bool, whether the target is acquired
         lost: () bool, whether it has been out of sight for too long
@@ -55,6 +56,7 @@ class Situation:
     end: Array
     state_T: Array | None
     attitude_sigma: Array
+    can_follow: Array
     range_sigma: Array
     seen: Array
     lost: Array
@@ -74,6 +76,7 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
     known_at = _since(situation.range_sigma < until.range_sigma, state.known_at, situation.time)
     elapsed = situation.time - state.entered_at
     attitude_known = situation.attitude_sigma < until.attitude_sigma
+    attitude_known &= situation.can_follow | ~constant_of_phase(row, settings.before_target_frame)
     attitude_known_at = _since(attitude_known, state.attitude_known_at, situation.time)
     now = replace(state, arrived_at=arrived_at, known_at=known_at, attitude_known_at=attitude_known_at)
     ended = (

@@ -21,13 +21,18 @@ class Until:
 
     time: Array = number("time since the phase began", unit="s", above=0.0, default=None)
     arrival_box: Array = number(
-        "half sides of a box around the end of the reference, in the axes of its frame", unit="m", length=3, above=0.0, default=None
+        "half sides of a box around the end of the reference, in the axes of its frame",
+        unit="m",
+        length=3,
+        above=0.0,
+        default=None,
     )
     arrival_for: Array = number("time in that box", unit="s", at_least=0.0, default=None)
     range_sigma: Array = number("standard deviation of the estimated range", unit="m", above=0.0, default=None)
     range_sigma_for: Array = number("time below it", unit="s", at_least=0.0, default=None)
     attitude_sigma: Array = number(
-        "standard deviation of the estimated attitude of the target about its least known axis",
+        "standard deviation of the estimated attitude of the target about its least known axis; before a phase in the "
+        "frame of the target it also has to turn so slowly that the thrusters can follow",
         unit="deg",
         above=0.0,
         default=None,

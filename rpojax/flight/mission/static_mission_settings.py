@@ -94,6 +94,12 @@ class MissionSettings:
         return (*(phase.in_target_frame for phase in self.phases), *(False for _ in self.built_in))
 
     @property
+    def before_target_frame(self) -> tuple[bool, ...]:
+        """Whether a phase leads into the frame of the target."""
+        turns = [phase.in_target_frame for phase in self.phases]
+        return tuple(then and not now for now, then in zip(turns, [*turns[1:], False], strict=True))
+
+    @property
     def ends_in_target_frame(self) -> bool:
         """Whether the last phase is in the frame of the target."""
         return self.phases[-1].in_target_frame

@@ -6,12 +6,12 @@ from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.lamp_checks import check_lamp
 from rpojax.scenario.checks.landmark_checks import check_landmarks
-from rpojax.scenario.checks.target_frame_checks import check_target_frame
 from rpojax.scenario.checks.listed_design_checks import check_design
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.ranging_checks import check_ranging
 from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.target_checks import check_target
+from rpojax.scenario.checks.target_frame_checks import check_target_frame
 from rpojax.scenario.checks.thruster_checks import check_thrusters
 from rpojax.scenario.checks.wide_lens_checks import check_wide_lens
 from rpojax.scenario.measurement_delays import check_delays

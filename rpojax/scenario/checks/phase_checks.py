@@ -247,7 +247,9 @@ def _places_of_orbit(reference: RelativeOrbit, orbit: TargetOrbit) -> Float[Arra
 def _end_m(phase: PhaseSection) -> np.ndarray | None:
     """Position at which the next phase begins, None where it is not known before flight."""
     match phase.reference:
-        case kinds.HoldSection(position_m=end) | kinds.TransferSection(position_m=end) | kinds.ArcSection(position_m=end):
+        case (
+            kinds.HoldSection(position_m=end) | kinds.TransferSection(position_m=end) | kinds.ArcSection(position_m=end)
+        ):
             return np.array(end)
         case kinds.ApproachSection(end_position_m=end):
             return np.array(end)

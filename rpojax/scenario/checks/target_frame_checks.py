@@ -6,9 +6,10 @@ from typing import Final
 import numpy as np
 
 from rpojax.errors import ScenarioError
+from rpojax.flight.guidance.target_frame import AUTHORITY_RATIO
 from rpojax.flight.navigation.landmark_measurement import FEWEST
-from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.checks.thruster_checks import thruster_authority
+from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.scenario.trained import target_landmarks
@@ -17,8 +18,6 @@ from rpojax.vision.surface.landmarks import Landmarks, are_free
 
 _KINDS: Final = ("hold", "arc", "approach", "retreat", "fly_around")
 """References that do not need the orbit."""
-AUTHORITY_RATIO: Final = 2.0
-"""Thrust that is needed over the centripetal one, at least [-]: the rest is for errors, and for slowing down."""
 
 
 def check_target_frame(file: ScenarioFile) -> None:
@@ -40,12 +39,16 @@ def _check_follows(file: ScenarioFile, before: PhaseSection | None, phase: Phase
         expected = "'hill', or camera.landmarks, which show how the target turns"
         raise ScenarioError(f"{key}.frame", phase.frame, expected)
     if phase.control != "continuous":
-        raise ScenarioError(f"{key}.control", phase.control, "'continuous': burns between turns follow no turning place")
+        raise ScenarioError(
+            f"{key}.control", phase.control, "'continuous': burns between turns follow no turning place"
+        )
     if phase.reference.kind not in _KINDS:
         expected = f"one of {', '.join(_KINDS)} in the frame of the target"
         raise ScenarioError(f"{key}.reference.kind", phase.reference.kind, expected)
     if before is None:
-        raise ScenarioError(f"{key}.frame", phase.frame, "'hill' in the first phase, before the target's attitude is known")
+        raise ScenarioError(
+            f"{key}.frame", phase.frame, "'hill' in the first phase, before the target's attitude is known"
+        )
     until = before.until.model_dump() if before.until else {}
     if before.frame == "hill" and "attitude_sigma_deg" not in until:
         expected = f"attitude_sigma_deg, as {phase.name} follows the target's attitude"
@@ -96,8 +99,9 @@ def target_frame_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str
         needed = rate**2 * max(radii, default=0.0)
         if thrust < AUTHORITY_RATIO * needed:
             found.append(
-                f"phases.{phase.name}.frame: {max(radii):g} m from a target that turns at {math.degrees(rate):.3g} deg/s "
-                f"the servicer is pulled outwards by {1e3 * needed:.3g} mm/s^2, expected at most "
-                f"{1e3 * thrust / AUTHORITY_RATIO:.3g} mm/s^2, half of what its thrusters give in any direction"
+                f"phases.{phase.name}.frame: {max(radii):g} m from a target that turns at "
+                f"{math.degrees(rate):.3g} deg/s the servicer is pulled outwards by {1e3 * needed:.3g} mm/s^2, "
+                f"expected at most "
+                f"{1e3 * thrust / AUTHORITY_RATIO:.3g} mm/s^2, a share of what its thrusters give in any direction"
             )
     return found

@@ -55,7 +55,9 @@ def check_thrusters(file: ScenarioFile) -> None:
 def thruster_authority(file: ScenarioFile) -> float:
     """Force [N] that the thrusters give in any direction without torque."""
     force = np.array([each.force_n for each in file.thrusters])
-    direction, position = (np.array([getattr(each, key) for each in file.thrusters]) for key in ("direction", "position_m"))
+    direction, position = (
+        np.array([getattr(each, key) for each in file.thrusters]) for key in ("direction", "position_m")
+    )
     return thruster_allocation.force_authority(thruster_allocation.wrench_matrix(force, direction, position))
 
 

@@ -61,7 +61,7 @@ def end_position(reference: Arc, entry: PhaseEntry) -> Vector:
 
 
 def _slowed(elapsed: Scalar, duration: Scalar) -> tuple[Scalar, Scalar]:
-    """Time that a rate acts for if it falls from 1 to 0 in a duration [s] and all that it turned is undone; its rate."""
+    """Time for which a rate acts that falls to 0 in a duration [s], where all that it turned is undone; its slope."""
     place = jnp.clip(elapsed / duration, 0.0, 1.0)
     rest = 1.0 - place
     return place * rest**3 * duration, rest**2 * (1.0 - 4.0 * place)

@@ -31,7 +31,7 @@ def reference_state(
 
 
 def end_position(reference: Any, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Float[Array, ""]) -> Float[Array, "3"]:
-    """Position [m] in the frame of its phase at which a reference ends; that at the asked time for one without an end."""
+    """Position [m], in the frame of its phase, at which a reference ends; that at the asked time if it has no end."""
     module = _MODULES[type(reference)]
     if hasattr(module, "end_position"):
         return module.end_position(reference, entry)
