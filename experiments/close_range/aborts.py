@@ -1,8 +1,8 @@
 """Aborts at random instants of the last hundred metres: does the drift after them keep clear for a day?
 
-python experiments/close_range/aborts.py --out DIR [--runs 200] [--seed 0] [--set KEY=VALUE ...]
+python experiments/close_range/aborts.py --out DIR [--scenario NAME] [--runs 200] [--seed 0] [--set KEY=VALUE ...]
 
-Every run of `final_approach` is told to abort at an instant between its begin and its end, once with all thrusters and
+Every run is told to abort at an instant between its begin and its end, once with all thrusters and
 once with one of them off from that instant on, and goes on for at least twenty minutes. A run keeps clear if the true
 servicer stays outside of the keep-out sphere until its end, and in the free drift of a day after it. The exit status is
 1 if fewer than 99 % do in either table.
@@ -30,6 +30,7 @@ def main() -> int:
     """Simulates both campaigns and prints what their runs show."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", required=True, type=Path)
+    parser.add_argument("--scenario", default="final_approach")
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--set", nargs="*", default=[], dest="changes")
@@ -37,15 +38,15 @@ def main() -> int:
     rpojax.prepare_process()
     holds = True
     for name, fails in (("all_thrusters", False), ("one_off", True)):
-        file = _with_aborts(options.changes, options.runs, options.seed, fails)
+        file = _with_aborts(rpojax.load(options.scenario, options.changes), options.runs, options.seed, fails)
         campaign = rpojax.run_campaign(file, runs=options.runs, out=options.out / name, seed=options.seed)
         holds &= _prints(name, file, campaign)
     return int(not holds)
 
 
-def _with_aborts(changes: list[str], runs: int, seed: int, fails: bool) -> ScenarioFile:
-    """`final_approach` with a random instant of the abort for every run, and a thruster that `fails` then."""
-    tables: dict[str, Any] = rpojax.load("final_approach", changes).model_dump(mode="json")
+def _with_aborts(file: ScenarioFile, runs: int, seed: int, fails: bool) -> ScenarioFile:
+    """A scenario with a random instant of the abort for every run, and a thruster that `fails` then."""
+    tables: dict[str, Any] = file.model_dump(mode="json")
     random = np.random.default_rng(seed)
     instants = random.uniform(0.0, tables["duration_s"], runs).tolist()
     thrusters = random.integers(0, len(tables["thrusters"]), runs).tolist()
