@@ -4,8 +4,8 @@
     python -m experiments.pose.basilisk_tumble [--duration 600] [--rate 1.0]
 
 The target of `pose_inspection` turns without torque about an axis between those of inertia. Basilisk integrates
-modified Rodrigues parameters and the rate with steps of 0.01 s. Printed is the largest angle between the attitudes, and the
-largest difference of the rates over the rate; the exit status is 1 if either is above 1e-9.
+modified Rodrigues parameters and the rate with steps of 0.01 s. Printed are the largest angle between the attitudes
+and the largest difference of the rates over the rate; the exit status is 1 if either is above 1e-9.
 """
 
 import argparse

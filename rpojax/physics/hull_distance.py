@@ -44,8 +44,8 @@ def distance_from_hull(vertices: Float[Array, "n 3"], faces: HullFaces, point: V
     start, end = vertices[faces.edges[:, 0]], vertices[faces.edges[:, 1]]
     along = end - start
     square = jnp.sum(along * along, axis=1)
-    share = jnp.clip(jnp.sum((point - start) * along, axis=1) / square, 0.0, 1.0)
-    from_edges = point - (start + share[:, None] * along)
+    share = jnp.clip(jnp.sum((point[None] - start) * along, axis=1) / square, 0.0, 1.0)
+    from_edges = point[None] - (start + share[:, None] * along)
     directions = jnp.concatenate([_crosses(b - a, c - a), from_edges])
     # A direction of no length is that of a point on an edge, whose distance is 0.
     lengths = gradient_safe.sqrt(jnp.sum(directions * directions, axis=1))

@@ -37,6 +37,8 @@ def scenario_digest(file: ScenarioFile) -> str:
     for phase in content.get("phases", ()):
         if phase["control"] == "burns":
             del phase["control"]
+        if phase["frame"] == "hill":
+            del phase["frame"]
     _remove_defaults(file, content)
     # Before this key existed, the pressure was measured where equipment could fail.
     if (measured := file.chamber_pressure.enabled) != file.effects.faults:

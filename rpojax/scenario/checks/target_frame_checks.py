@@ -6,14 +6,11 @@ from typing import Final
 import numpy as np
 
 from rpojax.errors import ScenarioError
-from rpojax.flight.guidance.target_frame import AUTHORITY_RATIO
 from rpojax.flight.navigation.landmark_measurement import FEWEST
-from rpojax.scenario.checks.thruster_checks import thruster_authority
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.scenario.trained import target_landmarks
-from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.vision.surface.landmarks import Landmarks, are_free
 
 _KINDS: Final = ("hold", "arc", "approach", "retreat", "fly_around")
@@ -82,26 +79,3 @@ def _landmarks_seen(file: ScenarioFile, place: np.ndarray, landmarks: Landmarks)
     cosine = lines @ place / (np.linalg.norm(lines, axis=1) * np.linalg.norm(place))
     within = cosine > math.cos(math.radians(0.5 * fields[0]))
     return int(np.sum(np.asarray(are_free(landmarks.visible, lines)) & within))
-
-
-def target_frame_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
-    """Places of the turning frame that take more than half of the thrust to stay at."""
-    found: list[str] = []
-    if not any(phase.frame == "target" for phase in file.phases) or not file.thrusters:
-        return found
-    thrust = thruster_authority(file) / reach.high("servicer.mass_kg")
-    rate = math.radians(max(abs(each) for each in reach.ends("target.tumble_rate_deg_s")))
-    for before, phase in zip([None, *file.phases[:-1]], file.phases, strict=True):
-        if phase.frame != "target":
-            continue
-        tables = [each.reference.model_dump() for each in (before, phase) if each is not None]
-        radii = [math.hypot(*each[key]) for each in tables for key in ("position_m", "end_position_m") if key in each]
-        needed = rate**2 * max(radii, default=0.0)
-        if thrust < AUTHORITY_RATIO * needed:
-            found.append(
-                f"phases.{phase.name}.frame: {max(radii):g} m from a target that turns at "
-                f"{math.degrees(rate):.3g} deg/s the servicer is pulled outwards by {1e3 * needed:.3g} mm/s^2, "
-                f"expected at most "
-                f"{1e3 * thrust / AUTHORITY_RATIO:.3g} mm/s^2, a share of what its thrusters give in any direction"
-            )
-    return found

@@ -52,15 +52,6 @@ def check_thrusters(file: ScenarioFile) -> None:
         _check_authority(file, _away_from_boresight(file), "plume.inhibit_angle_deg")
 
 
-def thruster_authority(file: ScenarioFile) -> float:
-    """Force [N] that the thrusters give in any direction without torque."""
-    force = np.array([each.force_n for each in file.thrusters])
-    direction, position = (
-        np.array([getattr(each, key) for each in file.thrusters]) for key in ("direction", "position_m")
-    )
-    return thruster_allocation.force_authority(thruster_allocation.wrench_matrix(force, direction, position))
-
-
 def _check_tank(file: ScenarioFile) -> None:
     """Refuses a tank so far out that without its propellant the rest has the inertia of no body."""
     full, propellant = file.servicer.mass_kg, file.limits.propellant_kg

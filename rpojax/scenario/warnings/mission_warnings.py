@@ -1,6 +1,5 @@
 """All warnings about the mission of one servicer before it is simulated."""
 
-from rpojax.scenario.checks.target_frame_checks import target_frame_warnings
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained.coverage_surface import surface_warnings
 from rpojax.scenario.warnings.control_authority import control_warnings
@@ -8,6 +7,7 @@ from rpojax.scenario.warnings.dispersed_reach import DispersedReach, bound_warni
 from rpojax.scenario.warnings.filter_beliefs import belief_warnings
 from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
 from rpojax.scenario.warnings.phase_warnings import phase_warnings
+from rpojax.scenario.warnings.target_frame_warnings import target_frame_warnings
 from rpojax.scenario.warnings.target_light import light_warnings
 from rpojax.scenario.warnings.target_size import (
     other_target_warnings,

@@ -1,5 +1,6 @@
 """Transitions of the mission manager: conditions, timeouts, commands and aborts."""
 
+import dataclasses
 from typing import Any
 
 import jax.numpy as jnp
@@ -25,6 +26,8 @@ ALWAYS = Until(
     range_sigma=jnp.float64(jnp.inf),
     range_sigma_for=jnp.float64(0.0),
     ground_go=jnp.float64(0.0),
+    attitude_sigma=jnp.float64(jnp.inf),
+    attitude_sigma_for=jnp.float64(0.0),
 )
 
 
@@ -95,7 +98,11 @@ def situation(time: float, **changes: Any) -> Situation:
         burn_state_H=jnp.asarray(PLACE) + 1.0,
         burn_orbit=orbit(0.4),
         burn_pending=jnp.asarray(False),
-        end_H=jnp.asarray(PLACE[:3]),
+        place=jnp.asarray(changes.get("state_H", PLACE))[:3],
+        end=jnp.asarray(PLACE[:3]),
+        state_T=None,
+        attitude_sigma=jnp.float64(jnp.inf),
+        can_follow=jnp.asarray(True),
         range_sigma=jnp.float64(1.0),
         seen=jnp.asarray(True),
         lost=jnp.asarray(False),
@@ -276,3 +283,44 @@ def test_unmet_conditions_are_those_that_are_given_and_do_not_hold(
     assert mission_manager.unmet_conditions(until, state, jnp.float64(time)) == expected
     # Before the first decision of a phase nothing is known of its conditions.
     assert mission_manager.unmet_conditions(ALWAYS, start(), jnp.float64(0.0)) == 0
+
+
+def into_the_target_frame() -> MissionSettings:
+    """The three phases, of which those after the first are in the frame of the target."""
+    first, *others = settings().phases
+    return dataclasses.replace(
+        settings(), phases=(first, *(dataclasses.replace(each, in_target_frame=True) for each in others))
+    )
+
+
+STATE_T = jnp.array([1.0, 2.0, 8.0, 0.1, 0.0, 0.0])
+
+
+def turning(time: float, **changes: Any) -> Situation:
+    """Before a target whose attitude is known."""
+    return replace(situation(time, **({"attitude_sigma": 0.01} | changes)), state_T=STATE_T)
+
+
+def test_a_phase_in_the_target_frame_begins_at_once_with_the_state_there() -> None:
+    found = after(ALWAYS, turning(40.0), static=into_the_target_frame())
+    assert (found.phase, found.starts_at) == (1, 40.0)
+    np.testing.assert_array_equal(found.entry.relative_state, STATE_T)
+
+
+@pytest.mark.parametrize(
+    ("changes", "phase"), [({}, 1), ({"attitude_sigma": 0.03}, 0), ({"can_follow": False}, 0), ({"until": ALWAYS}, 2)]
+)
+def test_it_begins_once_the_attitude_is_known_and_the_thrusters_can_follow(changes: dict[str, Any], phase: int) -> None:
+    known = replace(ALWAYS, attitude_sigma=jnp.float64(0.02), attitude_sigma_for=jnp.float64(20.0))
+    until = changes.get("until", known)
+    changes = {name: value for name, value in changes.items() if name != "until"}
+    decisions = [turning(time, **changes) for time in (20.0, 40.0)]
+    assert after(until, *decisions, static=into_the_target_frame()).phase == phase
+
+
+def test_in_the_target_frame_an_unknown_attitude_is_a_reason_for_an_abort() -> None:
+    never, lost = replace(ALWAYS, time=jnp.float64(1e6)), turning(60.0, attitude_sigma=np.inf)
+    static = into_the_target_frame()
+    assert mission_manager.update(static, tuning(never), start(phase=0), lost).phase == 0
+    found = mission_manager.update(static, tuning(never), start(phase=1), lost)
+    assert (found.phase, found.abort_reason) == (ABORTED, AbortReason.ATTITUDE_LOST)

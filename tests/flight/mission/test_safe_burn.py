@@ -38,7 +38,7 @@ def free_motions(orbit: TargetOrbit, time: jax.Array, constants: jax.Array) -> j
 
 
 least_clearance = jax.jit(drift_clearance.least_clearance)
-near_clearance = jax.jit(partial(drift_clearance.least_clearance, near=True))
+near_clearance = jax.jit(partial(drift_clearance.least_clearance, near=drift_clearance.NEAR_SAMPLES))
 safe_delta_v = jax.jit(safe_burn.safe_delta_v)
 
 

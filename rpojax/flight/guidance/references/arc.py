@@ -44,7 +44,7 @@ def state(reference: Arc, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar
     # What it turns by at the entry, about a fixed axis.
     spin = cross(begin, velocity) / jnp.maximum(first, _LEAST_DISTANCE)
     rate = gradient_safe.norm(spin)
-    axis = gradient_safe.safe_div(spin, rate)
+    axis = gradient_safe.normalize(spin)
     turned, turning = _slowed(elapsed, reference.duration)
     c, s = cos_sin(rate * turned)
     direction = _rotated(axis, c, s, on_arc)
