@@ -54,6 +54,7 @@ def check_consistency(file: ScenarioFile) -> None:
         )
     _check_orbit(file.orbit)
     _check_vehicle(file)
+    check_target_frame(file)
     _check_burn_timing(file)
     distance = math.hypot(*file.formation.desired_position_m)
     if not file.phases and distance <= file.limits.keep_out_m:
@@ -70,7 +71,6 @@ def check_consistency(file: ScenarioFile) -> None:
     check_phases(file)
     check_ranging(file)
     check_landmarks(file)
-    check_target_frame(file)
     check_delays(file)
     check_lamp(file)
     check_wide_lens(file)
