@@ -27,6 +27,26 @@ def played_campaign(folder: Path, seconds: int = 300, failed: bool = False) -> S
     return campaign
 
 
+def add_landmarks(campaign: SyntheticCampaign) -> None:
+    """Scenario and landmarks of `capture`: attitude known from 100 s on, off by 2 deg about x, 3 landmarks."""
+    scenario = scenario_loader.load("capture").model_dump()
+    campaign.info["scenario"] = {**scenario, "requirements": []}
+    campaign.phase_names = [*(phase["name"] for phase in scenario["phases"]), "hold", "aborted"]
+    history = campaign.histories[0]
+    time, count = history["time_s"], len(history["time_s"])
+    true = Rotation.from_quat(np.roll(np.nan_to_num(history["q_TN"], nan=0.5), -1, axis=1)).as_matrix()
+    turn = Rotation.from_rotvec([math.radians(2.0), 0.0, 0.0]).as_matrix()
+    estimate = np.where(time[:, None] < 100.0, np.nan, _scalar_first(turn @ true))
+    tangents = np.where(np.arange(5) < 3, np.linspace(-0.05, 0.05, 5), np.nan)
+    history |= {
+        "phase": np.full(count, 4, np.int8),
+        "q_TN_estimate": estimate.astype(np.float32),
+        "landmarks_found": np.full(count, 3, np.int8),
+        "landmarks_right_tangent": np.broadcast_to(tangents, (count, 5)).astype(np.float32),
+        "landmarks_down_tangent": np.broadcast_to(-2.0 * tangents, (count, 5)).astype(np.float32),
+    }
+
+
 def hill_axes(time_s: np.ndarray) -> np.ndarray:
     """`R_HN` (n, 3, 3) of the circular orbit, which is inclined by 50 degrees."""
     angle, tilt = ORBIT_RATE * time_s, math.radians(50.0)

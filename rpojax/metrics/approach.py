@@ -34,7 +34,7 @@ METRICS: Final = (
         "m",
         title="Lateral error at arrival",
         meaning="True distance from the axis of the approach, through the target's centre of mass, as the last phase "
-        "begins: that of its corridor, or the direction of its reference.",
+        "begins: that of its corridor, or the direction of its reference without one and in the target's frame.",
         inputs=("rho_H", "approach_axis_H", "is_arrival"),
         value=_lateral,
         reduction="max",

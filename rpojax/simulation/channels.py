@@ -283,6 +283,12 @@ def _estimated_attitude(tick: ObservedTick) -> Float[Array, "4"]:
     return jnp.where(tick.target_reference.known, q_TN, jnp.nan)
 
 
+def _estimated_place(tick: ObservedTick) -> Vector:
+    """Estimated place of the servicer from the origin of the target's mesh in T [m], NaN before T was found."""
+    relative = tick.telemetry.flight.orbit.relative
+    return rotate(_estimated_attitude(tick), -relative.r_TS_N) - relative.slow["body_offset"]
+
+
 def _port_angle(tick: ObservedTick) -> Scalar:
     """Angle between the boresight and the axis of the port, into it [deg]."""
     ahead_T, axis_T = rotate(tick.truth.q_TN, tick.boresight_and_line[0]), -tick.port[1]
@@ -435,6 +441,7 @@ PLUME_CHANNELS: Final[ChannelFunctions] = {"plume_impulse_n_s": lambda tick: tic
 """Load of the thrusters' plumes on the target, in scenarios with it."""
 LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     "q_TN_estimate": _estimated_attitude,
+    "rho_estimate_T": _estimated_place,
     "target_attitude_error_T_deg": lambda tick: jnp.rad2deg(tick.pose_error[:3]),
     "target_rate_error_T_deg_s": lambda tick: jnp.rad2deg(tick.pose_error[3:]),
     "target_attitude_sigma_T_deg": lambda tick: jnp.rad2deg(gradient_safe.sqrt(jnp.diagonal(tick.pose_covariance)[:3])),

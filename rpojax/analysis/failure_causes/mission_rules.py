@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 
 from rpojax.analysis.failure_causes import navigation_rules
-from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number
+from rpojax.analysis.failure_causes.finding import Depth, Finding, median, number, percent
 from rpojax.analysis.failure_causes.present_values import change
 from rpojax.analysis.failure_causes.run_evidence import Flags, Numbers, RunEvidence
 from rpojax.flight.mission.mission_state import AbortReason, Condition
-from rpojax.scenario.phases.phase_sections import PhaseSection
+from rpojax.scenario.phases.phase_sections import CONDITION_KEYS, LASTING_KEYS, PhaseSection
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _CERTAIN: Final = 2.0
@@ -24,6 +24,8 @@ _ENDS: Final = {
     AbortReason.CONFIDENCE_LOST: "what navigation believes: no health test was recorded",
     AbortReason.THRUSTER_FAILED: "a second thruster, or a longer formation.thruster_retry_s",
     AbortReason.COMMAND: "a goal.phase that allows for it",
+    AbortReason.ATTITUDE_LOST: "a smaller until.attitude_sigma_deg before the target's frame is followed, or light and "
+    "lens that show landmarks up to the end of the way (landmarks.minimum_size_px, wide_lens, lamp)",
 }
 
 
@@ -104,12 +106,8 @@ def corridors(evidence: RunEvidence) -> Iterator[Finding]:
 
 def least_time_s(section: PhaseSection) -> float:
     """Least time that a phase takes by its conditions [s]."""
-    until = section.until
-    if until is None:
-        return 0.0
-    held = [until.arrival_for_s if until.arrival_box_m is not None else None]
-    held.append(until.range_sigma_for_s if until.range_sigma_m is not None else None)
-    return max([until.time_s or 0.0, *(float(each or 0.0) for each in held)])
+    until = section.until.model_dump() if section.until else {}
+    return max(float(until.get(name) or 0.0) for name in ("time_s", *LASTING_KEYS))
 
 
 def _way_s(evidence: RunEvidence, row: int) -> float:
@@ -128,9 +126,14 @@ def _approach_s(evidence: RunEvidence, row: int) -> float:
     speed, end = reference.get("max_speed_m_s"), reference.get("end_position_m")
     if reference.get("kind") != "approach" or not speed or end is None:
         return float(reference.get("duration_s") or reference.get("join_s") or 0.0)
-    before = evidence.file.phases[row - 1].reference.model_dump() if row else {}
-    start = before.get("position_m") or before.get("end_position_m") or evidence.file.initial.relative_position_m
-    return float(np.linalg.norm(np.subtract(start, end))) / float(speed)
+    before = evidence.file.phases[row - 1] if row else None
+    table = before.reference.model_dump() if before else {}
+    start = table.get("position_m") or table.get("end_position_m") or evidence.file.initial.relative_position_m
+    way = np.linalg.norm(np.subtract(start, end))
+    if (before.frame if before else "hill") != evidence.file.phases[row].frame:
+        # How the axes stand to each other is not known before flight: no way is shorter than the straight one inwards.
+        way = abs(np.linalg.norm(start) - np.linalg.norm(end))
+    return float(way) / float(speed)
 
 
 def short(evidence: RunEvidence) -> Finding:
@@ -186,7 +189,11 @@ def unmet(evidence: RunEvidence) -> Iterator[Finding]:
             return f"the phase {name} does not end in {number(median(stayed_s, chosen))} s: {wanted}"
 
         def mend(_: Flags, row: int = row, conditions: Condition = conditions) -> str:
-            keys = [f"phases.{file.phases[row].name}.until.{_KEYS[each]}" for each in Condition if each & conditions]
+            keys = [
+                f"phases.{file.phases[row].name}.until.{CONDITION_KEYS[each]}"
+                for each in Condition
+                if each & conditions
+            ]
             return f"{', '.join(keys)} that the runs can meet"
 
         yield Finding(
@@ -198,14 +205,6 @@ def unmet(evidence: RunEvidence) -> Iterator[Finding]:
             words,
             mend,
         )
-
-
-_KEYS: Final = {
-    Condition.TIME: "time_s",
-    Condition.ARRIVAL: "arrival_box_m",
-    Condition.RANGE_SIGMA: "range_sigma_m",
-    Condition.GROUND_GO: "ground_go_s",
-}
 
 
 def _wanted(evidence: RunEvidence, row: int, condition: Condition, chosen: Flags) -> str:
@@ -222,6 +221,10 @@ def _wanted(evidence: RunEvidence, row: int, condition: Condition, chosen: Flags
         box = " x ".join(number(float(each)) for each in until.arrival_box_m or ())
         error = _last(evidence.trace("formation_error_m"))
         return f"arrival_box_m = {box}, and the error is {number(median(error, chosen))} m at the end"
+    if condition == Condition.ATTITUDE_SIGMA:
+        known = median(evidence.metric("target_attitude_known_fraction"), chosen)
+        share = f", and it is known at all in {percent(known)} of the time" if np.isfinite(known) else ""
+        return f"attitude_sigma_deg = {number(float(until.attitude_sigma_deg or 0.0))} of the target's attitude{share}"
     return "no go from the ground"
 
 

@@ -41,6 +41,7 @@ RECORDED_CHANNELS = frozenset(
         *recorded_metrics.MISSION_CHANNELS,
         *recorded_metrics.OPTIONAL_CHANNELS,
         failure_signs.LENS_CHANNEL,
+        phase_records.PLACE_IN_TARGET_FRAME,
         *drift_starts.REQUIRED_CHANNELS,
         *judgement.REQUIRED_CHANNELS,
         *failure_signs.REQUIRED_CHANNELS,

@@ -23,7 +23,9 @@ _STATUS_UNITS = {"failed_at_s": "s"}
 _OF_USED: Final = "used."
 """Prefix of values read back from the runs, which have the keys of those drawn."""
 _OF_SERVICER: Final = "servicer_"
-_OF_RUN: Final = ("abort_reason", "goal_reached_at_s", "unmet_conditions", "corridor_ahead_m", "corridor_aside_m")
+_OF_RUN: Final = (
+    "abort_reason", "goal_reached_at_s", "unmet_conditions", "corridor_ahead_m", "corridor_aside_m", "arrival_place_P_m"
+)  # fmt: skip
 """Arrays of the phases that a run has once."""
 _QUATERNIONS: Final = ("attitude", "mounting")
 """Last words of keys of quaternions, real part first."""
@@ -105,7 +107,7 @@ def _dimensions(group: str, name: str, values: np.ndarray) -> tuple[str, ...]:
     shape = values.shape[len(first) :]
     if own == "traces":
         return (*first, "time")
-    if own == "phases":
+    if own == "phases" and name not in _OF_RUN:
         return (*first, *(("phase",) if _is_of_each_phase(name) else ("transition",))[: len(shape)])
     if shape == (4,) and name.rpartition(".")[2] in _QUATERNIONS:
         return (*first, "quaternion")

@@ -8,6 +8,7 @@ from rpojax.metrics import (
     approach,
     attitude,
     camera_boxes,
+    capture,
     filter_consistency,
     filter_likelihood,
     navigation_health,
@@ -23,6 +24,7 @@ from rpojax.metrics import (
 
 _GROUPS: Final = (
     ("Errors of position", (position_errors,)),
+    ("At the docking port", (capture,)),
     ("Attitude of the target", (target_attitude,)),
     ("Consistency of the filter", (filter_consistency, filter_likelihood)),
     ("Confidence of the navigation", (navigation_health,)),

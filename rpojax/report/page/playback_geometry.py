@@ -91,21 +91,28 @@ def body_side(tables: Mapping[str, Any]) -> float:
 
 
 def zones(tables: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Semi-axes of the keep-out zone [m] and the corridor of each phase, in order; of the whole run without phases."""
+    """Semi-axes of the keep-out zone [m] and the corridor of each phase, in order; of the whole run without phases.
+
+    The zone is in Hill axes; a corridor `turns` where its axis is in those of the target. The last entry is that of
+    the built-in phases, which have a sphere and no corridor.
+    """
     sphere = [float(tables["limits"]["keep_out_m"])] * 3
-    phases = tables.get("phases") or [{}]
-    return [
-        {"keep_out": list(phase.get("keep_out_m") or sphere), "corridor": _corridor(phase.get("corridor"))}
-        for phase in phases
-    ]
+    phases = [*(tables.get("phases") or []), {}]
+    return [{"keep_out": list(phase.get("keep_out_m") or sphere), "corridor": _corridor(phase)} for phase in phases]
 
 
-def _corridor(table: Mapping[str, Any] | None) -> dict[str, Any] | None:
+def _corridor(phase: Mapping[str, Any]) -> dict[str, Any] | None:
+    table = phase.get("corridor")
     if table is None:
         return None
     axis = np.asarray(table["axis"], dtype=np.float64)
     slope = math.tan(math.radians(table["half_angle_deg"]))
-    return {"axis": (axis / np.linalg.norm(axis)).tolist(), "slope": slope, "width": float(table["width_m"])}
+    return {
+        "axis": (axis / np.linalg.norm(axis)).tolist(),
+        "slope": slope,
+        "width": float(table["width_m"]),
+        "turns": phase.get("frame") == "target",
+    }
 
 
 def attitude_matrices(q: np.ndarray) -> np.ndarray:

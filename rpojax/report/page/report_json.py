@@ -23,6 +23,7 @@ from rpojax.report.sections import (
     failure_section,
     metrics_section,
     phase_section,
+    port_section,
     requirement_verdict_section,
     safety_section,
     sensitivity_section,
@@ -114,6 +115,7 @@ def report_content(
     sections: dict[str, tuple[str, Callable[[CampaignResults], Any]]] = {
         "team": ("The team", team_section.content),
         "mission": ("The mission", phase_section.content),
+        "port": ("The docking port", port_section.content),
         "rare_failures": ("Rare failures", rare_failures.content),
         "safety": ("Passive safety", safety_section.content),
         "coverage": ("Coverage", coverage_section.content),

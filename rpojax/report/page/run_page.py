@@ -221,9 +221,14 @@ def _playback_values(campaign: CampaignResults, played: Mapping[str, Any] | None
     """Whether there is a playback, whose cameras it shows, and how much longer the run was meant to be."""
     if played is None:
         return {"has_playback": False}
+    servicers = played["servicers"]
+    corridors = [zone["corridor"] for each in servicers for zone in each["zones"] or []]
     return {
         "has_playback": True,
-        "has_camera": all(each["camera"] is not None for each in played["servicers"]),
+        "has_landmarks": any("landmarks_px" in each["arrays"] for each in servicers),
+        "has_estimated_axes": any("q_HT_estimate" in each["arrays"] for each in servicers),
+        "has_turning_corridor": "q_HT" in played["scene"] and any(each and each["turns"] for each in corridors),
+        "has_camera": all(each["camera"] is not None for each in servicers),
         "servicer_names": campaign.servicer_names,
         "strip_stretch": played["duration_s"] / max(played["end_s"], played["tick_s"]),
     }

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.report.campaign_results import CampaignResults, nominal_keep_out_radii
 from rpojax.report.page import playback_geometry, run_series
 from rpojax.report.page.packed_arrays import Packed, pack_bytes, pack_floats, pack_rounded
+from rpojax.report.page.playback_geometry import Optics
 from rpojax.report.page.run_series import History
 from rpojax.report.page.run_timeline import MODE_WORDS
 from rpojax.report.page.shown_mesh import shown_mesh
@@ -16,8 +17,10 @@ from rpojax.report.page.shown_mesh import shown_mesh
 MAX_BYTES: Final = 2_000_000
 """Most bytes of the arrays in a page, which leaves as much for the rest of it."""
 _SERVICER_BYTES: Final = 95
-"""Bytes of an instant for each servicer, as base64."""
+"""Bytes of an instant for each servicer, as base64; of each landmark below."""
 _COMMON_BYTES: Final = 27
+_LANDMARK_BYTES: Final = 6
+_NO_LANDMARKS: Final = np.zeros((0, 0))
 _SHOWN_FRAMES: Final = 2.0
 """Boxes farther away than so many widths of the frame are off the picture, and would coarsen the others."""
 _LEAST_M_S: Final = 1e-7
@@ -67,7 +70,8 @@ def shown_ticks(histories: Sequence[History]) -> np.ndarray:
     alive = np.flatnonzero(finite)
     if not len(alive):
         return alive
-    most = MAX_BYTES // (_SERVICER_BYTES * len(histories) + _COMMON_BYTES)
+    landmarks = sum(history.get("landmarks_right_tangent", _NO_LANDMARKS).shape[1] for history in histories)
+    most = MAX_BYTES // (_SERVICER_BYTES * len(histories) + _LANDMARK_BYTES * landmarks + _COMMON_BYTES)
     stride = -(-len(alive) // most)
     return alive[(len(alive) - 1) % stride :: stride]
 
@@ -102,6 +106,15 @@ def attitudes_in_hill(R_HN: np.ndarray, q_BN: np.ndarray) -> np.ndarray:
     return q * np.where(np.concatenate([[0], np.cumsum(flips)]) % 2, -1.0, 1.0)[:, None]
 
 
+def _known_attitudes_in_hill(R_HN: np.ndarray, q_TN: np.ndarray) -> np.ndarray:
+    """Those of an estimate (n, 4), undefined before it was found."""
+    known = np.isfinite(q_TN).all(axis=1)
+    found = np.full(q_TN.shape, np.nan)
+    if known.any():
+        found[known] = attitudes_in_hill(R_HN[known], q_TN[known])
+    return found
+
+
 def _servicer(
     name: str, history: History, ticks: np.ndarray, R_HN: np.ndarray | None, tables: Mapping[str, Any] | None
 ) -> dict[str, Any]:
@@ -113,6 +126,9 @@ def _servicer(
             arrays[label.name] = pack_floats(values(history)[ticks])
     if R_HN is not None and "q_BN" in at:
         arrays["q_HB"] = pack_rounded(attitudes_in_hill(R_HN, at["q_BN"]))
+    if R_HN is not None and "q_TN_estimate" in at:
+        arrays["q_HT_estimate"] = pack_rounded(_known_attitudes_in_hill(R_HN, at["q_TN_estimate"]))
+        arrays |= {"landmarks": pack_bytes(at["landmarks_found"])} if "landmarks_found" in at else {}
     arrays |= {code: pack_bytes(at[code]) for code in ("mode", "phase") if code in at}
     if "rho_estimate_H" in at:
         arrays["estimate_offset_H"] = pack_rounded(at["rho_estimate_H"] - at["rho_H"])
@@ -124,8 +140,11 @@ def _servicer(
         return {**found, "arrays": arrays, "zones": None, "camera": None}
     lens = playback_geometry.optics(tables)
     arrays |= _boxes(at, lens.width_px)
+    focal_px = np.full(len(ticks), lens.focal_px)
     if "wide_lens" in at:
-        arrays["focal_px"] = pack_floats(playback_geometry.focal_lengths(tables, at["wide_lens"]))
+        focal_px = playback_geometry.focal_lengths(tables, at["wide_lens"])
+        arrays["focal_px"] = pack_floats(focal_px)
+    arrays |= _landmarks(at, lens, focal_px)
     return {
         **found,
         "arrays": arrays,
@@ -139,6 +158,16 @@ def _servicer(
             "R_KB": lens.R_KB.ravel().tolist(),
         },
     }
+
+
+def _landmarks(at: Mapping[str, np.ndarray], lens: Optics, focal_px: np.ndarray) -> dict[str, Packed]:
+    """Places of the landmarks that were found [px], right and down in pairs, undefined for the others."""
+    names = ("landmarks_right_tangent", "landmarks_down_tangent")
+    if not set(names) <= at.keys():
+        return {}
+    tangents = np.stack([np.asarray(at[name], dtype=np.float64) for name in names], axis=-1)
+    places = focal_px[:, None, None] * tangents + 0.5 * np.array([lens.width_px, lens.height_px])
+    return {"landmarks_px": pack_rounded(places.reshape(len(focal_px), -1))}
 
 
 def _flags(history: History, ticks: np.ndarray) -> np.ndarray:

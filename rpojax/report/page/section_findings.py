@@ -6,6 +6,7 @@ from typing import Any, Final
 from rpojax.analysis.statistics.tolerance_verdicts import VIOLATED, Verdict
 from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.report.page.headline import ended_runs, passive_safety_count
+from rpojax.report.sections import port_section
 from rpojax.report.sections.failure_section import outcomes_text
 from rpojax.report.sections.safety_section import without_drift_text, worst_value_texts
 
@@ -21,6 +22,7 @@ def section_findings(content: Mapping[str, Any], shown: Mapping[str, Any]) -> di
         "run": _run,
         "team": lambda found, _: _counted(len((found["team"] or {}).get("servicers", [])), "servicer"),
         "mission": _mission,
+        "port": lambda found, _: port_section.finding(found["port"]),
         "envelopes": lambda _, page: "Bands of all runs: " + ", ".join(_short(one.title) for one in page["envelopes"]),
         "distributions": _distributions,
         "metrics": lambda _, page: f"{_counted(len(page['metric_rows']), 'metric')}: statistics, intervals, meaning",

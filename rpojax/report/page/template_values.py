@@ -30,6 +30,7 @@ from rpojax.report.sections import (
     metrics_section,
     phase_section,
     phase_visits,
+    port_section,
     requirement_verdict_section,
     safety_section,
     sensitivity_section,
@@ -117,6 +118,10 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
     charts |= {f"convergence-{name}": chart for name, (_, chart) in convergence.items()}
     shares = notes.part("Shares of phases", phase_visits.share_chart, campaign)
     charts |= {} if shares is None else {"phase-shares": shares}
+    port, found = None, content["port"]
+    if found is not None:
+        port = notes.part("The docking port", lambda results: port_section.chart(results, found), campaign)
+    charts |= {} if port is None else {"port": port}
     charts |= {f"sensitivity-{entry['metric']}": sensitivity_section.chart(entry) for entry in content["sensitivity"]}
     traces = notes.derived("Single runs over time", lambda: trace_section.charts(campaign, content), [])
     charts |= {} if campaign.history_ids else {trace.name: trace.chart for trace in traces}
@@ -129,6 +134,7 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any], notes: No
         "undefined": [entry["metric"].title for entry in histograms if not entry["defined"]],
         "convergence": [(name, title) for name, (title, _) in convergence.items()],
         "explorer": explorer is not None,
+        "port": found if port is not None else None,
         "traces": [trace for trace in traces if trace.name in charts],
     }
     return PageCharts(charts, explorer, runs, template_values)

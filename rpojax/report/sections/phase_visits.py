@@ -13,20 +13,13 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.colours import BLUE, GREEN, ORANGE, PURPLE, SHADE, SKY_BLUE, VERMILLION, YELLOW
 from rpojax.report.figures.plotly_charts import MAX_POINTS, Chart, rounded_values, time_layout
 from rpojax.report.labels import ChannelLabel
-from rpojax.scenario.phases.phase_sections import NO_GOAL
+from rpojax.scenario.phases.phase_sections import CONDITION_KEYS, NO_GOAL
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 Numbers = NDArray[np.integer]
 Times = NDArray[np.floating]
 _SHARE: Final = ChannelLabel("phase_share", "Runs in each phase", "%")
 _COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, YELLOW)
-_KEYS: Final = {
-    Condition.TIME: "time_s",
-    Condition.ARRIVAL: "arrival_box_m",
-    Condition.RANGE_SIGMA: "range_sigma_m",
-    Condition.GROUND_GO: "ground_go_s",
-}
-"""Key of `until` of each condition."""
 _HOLD: Final = BUILT_IN_PHASES[0]
 
 
@@ -156,7 +149,7 @@ def _detail(visits: PhaseVisits, names: list[str], row: int, unmet: Condition, g
     if not visits.complete[row]:
         return "changed its phase more often than is recorded"
     phases = visits.phase[row][visits.phase[row] >= 0].tolist()
-    conditions = ", ".join(key for condition, key in _KEYS.items() if condition & unmet)
+    conditions = ", ".join(key for condition, key in CONDITION_KEYS.items() if condition & unmet)
     why = f": {conditions} not met" if conditions else ""
     if len(phases) > 1 and names[phases[-1]] == _HOLD:
         before, by = names[phases[-2]], visits.ended_by[row, len(phases) - 2]

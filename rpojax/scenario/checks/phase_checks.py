@@ -1,7 +1,6 @@
 """Checks of the phases of a mission: names, periods, ends, and references within the limits of the phase."""
 
 import math
-from typing import Final
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +15,7 @@ from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 from rpojax.flight.mission.static_mission_settings import BUILT_IN_PHASES
 from rpojax.scenario.numbers.section_records import section_record
 from rpojax.scenario.phases import reference_sections as kinds
-from rpojax.scenario.phases.phase_sections import NO_GOAL, CorridorSection, PhaseSection
+from rpojax.scenario.phases.phase_sections import LASTING_KEYS, NO_GOAL, CorridorSection, PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
@@ -114,7 +113,7 @@ def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
     given = phase.until.model_dump() if phase.until else {}
     if phase.until is not None and not given:
         raise ScenarioError(f"{key}.until", "no condition", "at least one, such as time_s")
-    for name, needs in _LASTING:
+    for name, needs in LASTING_KEYS.items():
         if name in given and needs not in given:
             raise ScenarioError(f"{key}.until.{name}", given[name], f"it only beside {needs}")
     is_last = phase is file.phases[-1]
@@ -126,21 +125,13 @@ def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
             raise ScenarioError(f"{key}.{name}", value, f"an end within the run: duration_s = {file.duration_s:g}")
     if phase.timeout_s is None:
         return
-    for name in ("time_s", *(lasting for lasting, _ in _LASTING)):
+    for name in ("time_s", *LASTING_KEYS):
         if phase.timeout_s < given.get(name, 0.0):
             expected = f"at least until.{name} = {given[name]:g}, before which the phase cannot end otherwise"
             raise ScenarioError(f"{key}.timeout_s", phase.timeout_s, expected)
     if not given and not is_last and phase.on_timeout != "next":
         expected = "next, or until, as other phases follow and nothing else leads to them"
         raise ScenarioError(f"{key}.on_timeout", phase.on_timeout, expected)
-
-
-_LASTING: Final = (
-    ("arrival_for_s", "arrival_box_m"),
-    ("range_sigma_for_s", "range_sigma_m"),
-    ("attitude_sigma_for_s", "attitude_sigma_deg"),
-)
-"""Times for which conditions hold, and the conditions."""
 
 
 def _check_speeds(phase: PhaseSection) -> None:

@@ -4,6 +4,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
+from rpojax.flight.mission.mission_state import Condition
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
 from rpojax.scenario.numbers.number_sections import section_of
 from rpojax.scenario.phases.reference_sections import ReferenceSection
@@ -16,6 +17,22 @@ PhaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 class UntilSection(section_of(Until, optional=True)):
     """Conditions that end a phase once all of those that are given hold."""
+
+
+CONDITION_KEYS: Final = {
+    Condition.TIME: "time_s",
+    Condition.ARRIVAL: "arrival_box_m",
+    Condition.RANGE_SIGMA: "range_sigma_m",
+    Condition.GROUND_GO: "ground_go_s",
+    Condition.ATTITUDE_SIGMA: "attitude_sigma_deg",
+}
+"""Key of `until` of each condition."""
+LASTING_KEYS: Final = {
+    "arrival_for_s": "arrival_box_m",
+    "range_sigma_for_s": "range_sigma_m",
+    "attitude_sigma_for_s": "attitude_sigma_deg",
+}
+"""Keys of the times for which conditions hold, and those of the conditions."""
 
 
 class CorridorSection(section_of(Corridor)):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from rpojax.scenario.phases import reference_sections as kinds
-from rpojax.scenario.phases.phase_sections import PhaseSection
+from rpojax.scenario.phases.phase_sections import LASTING_KEYS, PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
@@ -40,7 +40,7 @@ def _time_warnings(file: ScenarioFile) -> list[str]:
     begin = 0.0
     for phase, following in zip(file.phases, [*file.phases[1:], None], strict=True):
         times = phase.until.model_dump() if phase.until else {}
-        lasting = [times.get(name) or 0.0 for name in ("time_s", "arrival_for_s", "range_sigma_for_s")]
+        lasting = [times.get(name) or 0.0 for name in ("time_s", *LASTING_KEYS)]
         least = max(*lasting, (times.get("ground_go_s") or 0.0) - begin)
         if following is not None and phase.timeout_s and phase.on_timeout == "next":
             least = min(least, phase.timeout_s) if times else phase.timeout_s
@@ -53,7 +53,8 @@ def _time_warnings(file: ScenarioFile) -> list[str]:
 
 
 def _pointing_warnings(phase: PhaseSection) -> list[str]:
-    moves = not isinstance(phase.reference, kinds.HoldSection | kinds.RelativeOrbitSection)
+    rests = isinstance(phase.reference, kinds.HoldSection | kinds.RelativeOrbitSection)
+    moves = phase.frame == "target" or not rests
     if phase.pointing == "target" or not moves:
         return []
     return [

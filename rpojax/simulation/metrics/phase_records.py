@@ -17,6 +17,8 @@ from rpojax.simulation.metrics import mission_goal
 
 MAX_TRANSITIONS: Final = 32
 """Most beginnings of phases that are stored of a run: the first ones. A choice: their count is stored, too."""
+PLACE_IN_TARGET_FRAME: Final = "rho_estimate_T"
+"""Channel of the estimated place, in scenarios with phases in the frame of the target."""
 UNITS: Final = {
     "duration_s": "s",
     "delta_v_m_s": "m/s",
@@ -29,6 +31,7 @@ UNITS: Final = {
     "unmet_conditions": "-",
     "corridor_ahead_m": "m",
     "corridor_aside_m": "m",
+    "arrival_place_P_m": "m",
     "transition_count": "-",
     "transition_phase": "-",
     "transition_by": "-",
@@ -66,8 +69,9 @@ def evaluate(
     (runs, 32): number of the phase that begins, what began it and when, the start of the run included. Of the goal:
     when it was reached [s], NaN if never, and the conditions that did not hold at the end of the last phase of the
     scenario that the run was in, as bits of `Condition`. Of a corridor that was left: where the estimate was in the
-    tick of the abort, along the axis and beside it (runs,) [m], NaN for other runs. `varied` holds the values
-    (runs, ...) of the keys that vary from run to run.
+    tick of the abort, along the axis and beside it (runs,) [m], NaN for other runs. Of missions that end at a docking
+    port: the true place from it as the last phase begins, in P (runs, 3) [m], NaN for runs that never come there.
+    `varied` holds the values (runs, ...) of the keys that vary from run to run.
     """
     if not file.phases:
         return {}
@@ -102,7 +106,15 @@ def evaluate(
     }
     transitions = _transitions(phase, records["phase_entered_by"], running, tick_s)
     of_corridor = _corridor_left(file, records, varied)
-    return stored | {"abort_reason": reason} | of_goal | of_corridor | transitions
+    of_port = {"arrival_place_P_m": _arrival_place(file, records)} if file.ends_at_port else {}
+    return stored | {"abort_reason": reason} | of_goal | of_corridor | of_port | transitions
+
+
+def _arrival_place(file: ScenarioFile, records: Mapping[str, np.ndarray]) -> Floats:
+    """True place (runs, 3) of the servicer from the port in P [m] as the last phase begins first, NaN if never."""
+    there = (records["phase"] == len(file.phases) - 1) & records["running"]
+    place = records["port_place_P"][np.arange(len(there)), np.argmax(there, axis=1)].astype(float)
+    return np.where(there.any(axis=1)[:, None], place, np.nan)
 
 
 def _corridor_left(
@@ -114,16 +126,19 @@ def _corridor_left(
     tick = np.argmax(left, axis=1)
     before = records["phase"][runs, np.maximum(tick - 1, 0)]
     # The error is that of the target from the servicer.
-    estimate_H = (records["rho_H"][runs, tick] - records["relative_error_H"][runs, tick]).astype(float)
+    estimates = {"hill": (records["rho_H"][runs, tick] - records["relative_error_H"][runs, tick]).astype(float)}
+    if PLACE_IN_TARGET_FRAME in records:
+        estimates["target"] = records[PLACE_IN_TARGET_FRAME][runs, tick].astype(float)
     ahead, aside = np.full((2, len(runs)), np.nan)
     for number, phase in enumerate(file.phases):
         here = left.any(axis=1) & (before == number)
         if phase.corridor is not None and here.any():
             axes = values_of_runs(varied, f"phases.{phase.name}.corridor.axis", np.asarray(phase.corridor.axis))
-            unit = np.broadcast_to(axes / np.linalg.norm(axes, axis=-1, keepdims=True), estimate_H.shape)
-            along = np.sum(unit * estimate_H, axis=1)
+            place = estimates[phase.frame]
+            unit = np.broadcast_to(axes / np.linalg.norm(axes, axis=-1, keepdims=True), place.shape)
+            along = np.sum(unit * place, axis=1)
             ahead[here] = along[here]
-            aside[here] = np.linalg.norm(estimate_H - along[:, None] * unit, axis=1)[here]
+            aside[here] = np.linalg.norm(place - along[:, None] * unit, axis=1)[here]
     return {"corridor_ahead_m": ahead, "corridor_aside_m": aside}
 
 

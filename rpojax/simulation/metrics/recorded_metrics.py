@@ -125,7 +125,8 @@ def _arrival(file: ScenarioFile, records: Records, varied: Values, desired: Floa
     in_last = records["phase"] == len(file.phases) - 1
     arrival = in_last.copy()
     arrival[:, 1:] &= ~in_last[:, :-1]
-    if last.corridor is None:
+    if last.corridor is None or file.ends_at_port:
+        # In the axes of a target that turns the corridor has no lasting direction in H.
         return {"is_arrival": arrival, "approach_axis_H": desired}
     axis = values_of_runs(varied, f"phases.{last.name}.corridor.axis", np.asarray(last.corridor.axis))
     return {"is_arrival": arrival, "approach_axis_H": np.broadcast_to(axis[:, None], desired.shape)}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from planted_evidence import FAILED, RUNS, file_of, phases_of, planted
 
+from rpojax.analysis.failure_causes import mission_rules
 from rpojax.analysis.failure_causes.belief_mends import belief_mend
 from rpojax.analysis.failure_causes.present_values import with_present_values
 from rpojax.analysis.failure_causes.ranking import all_findings, causes
@@ -16,6 +17,7 @@ from rpojax.flight.mission.mission_state import AbortReason, Condition
 from rpojax.flight.navigation_health import TESTS
 from rpojax.physics.equipment_faults import KINDS
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.phases.phase_sections import CONDITION_KEYS
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 
 
@@ -259,6 +261,35 @@ def test_an_abort_names_its_phase_and_reason_once(reason: AbortReason) -> None:
     text = finding.evidence(FAILED)
     assert text.startswith(finding.title)
     assert [text.count(words) for words in (file.phases[1].name, reason.text)] == [1, 1]
+
+
+def test_every_reason_and_condition_has_words_of_its_own() -> None:
+    file = file_of("capture").model_copy(update={"duration_s": 9000.0})
+    mends = {}
+    for reason in set(AbortReason) - {AbortReason.NONE, AbortReason.CORRIDOR_LEFT}:
+        evidence = planted(file, "aborted", phases=phases_of(file, 3, abort_reason=reason))
+        (finding,) = [each for each in all_findings(evidence) if each.name == "abort"]
+        mends[reason] = finding.mend(FAILED)
+    assert all(mends.values()), mends
+    assert "until.attitude_sigma_deg" in mends[AbortReason.ATTITUDE_LOST]
+    for condition in Condition:
+        evidence = planted(file, "unfinished", phases=phases_of(file, 3, unmet=condition))
+        (finding,) = [each for each in all_findings(evidence) if each.name == "phase"]
+        assert f"phases.port_approach.until.{CONDITION_KEYS[condition]} that the runs can meet" in finding.mend(FAILED)
+    metrics = {"target_attitude_known_fraction": np.where(FAILED, 0.4, 1.0)}
+    found = replace(evidence, metrics={**evidence.metrics, **metrics})
+    (finding,) = [each for each in all_findings(found) if each.name == "phase"]
+    text = finding.evidence(FAILED)
+    assert "attitude_sigma_deg = 0.4 of the target's attitude, and it is known at all in 40 % of the time" in text
+
+
+def test_no_way_between_two_frames_is_shorter_than_the_one_inwards() -> None:
+    file = file_of("capture")
+    straight = [*file.phases[:1], *file.phases[3:4]]
+    evidence = planted(file.model_copy(update={"phases": straight}))
+    # From 20 m in H to 1.5 m in T, at 5 cm/s.
+    assert mission_rules._approach_s(evidence, 1) == pytest.approx((20.0 - 1.5) / 0.05)
+    assert mission_rules._approach_s(planted(file), 3) == pytest.approx((8.0 - 1.5) / 0.05)
 
 
 @pytest.mark.parametrize(

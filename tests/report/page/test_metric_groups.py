@@ -14,7 +14,7 @@ def test_every_metric_of_the_package_has_a_group_of_its_subject():
     groups = histogram_groups([entry(name) for name in METRICS], set())
     assert sum(len(group.entries) for group in groups) == len(METRICS)
     assert "Of plugins, and others" not in [group.title for group in groups]
-    assert len(groups) == 10
+    assert len(groups) == 11
 
 
 def test_those_with_a_requirement_come_first_and_those_of_plugins_last():

@@ -29,6 +29,10 @@ CASES = {
         ("vbar_approach", ["phases.approach.pointing=sun_safe"]),
         ("phases.approach.pointing", "sun_safe allows no burns"),
     ),
+    "a hold that turns and does not look": (
+        ("capture", ["phases.capture.pointing=sun_safe"]),
+        ("phases.capture.pointing", "sun_safe allows no burns"),
+    ),
 }
 
 

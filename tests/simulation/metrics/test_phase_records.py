@@ -129,7 +129,7 @@ def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: 
     # The last phase has no conditions: its begin is the goal.
     np.testing.assert_array_equal(found["goal_reached_at_s"], [20.0, nan, 25.0])
     np.testing.assert_array_equal(found["unmet_conditions"], [0, Condition.TIME | Condition.ARRIVAL, 0])
-    assert set(found) == set(phase_records.UNITS)
+    assert set(found) == set(phase_records.UNITS) - {"arrival_place_P_m"}
 
 
 def test_transitions_tell_phase_time_and_cause(file: ScenarioFile, records: Records) -> None:
@@ -165,6 +165,48 @@ def test_of_a_corridor_that_was_left_the_place_of_the_estimate_is_kept(
     ahead, aside = (41.0, 1.0) if axis[1] else (-0.6, np.hypot(41.0, 0.8))
     np.testing.assert_allclose(found["corridor_ahead_m"], [nan, ahead, nan], rtol=1e-6)
     np.testing.assert_allclose(found["corridor_aside_m"], [nan, aside, nan], rtol=1e-6)
+
+
+def in_target_frame(file: ScenarioFile) -> ScenarioFile:
+    """The last phase in the frame of the target, with a corridor along its z axis."""
+    corridor = CorridorSection(axis=[0.0, 0.0, 2.0], half_angle_deg=5.0, width_m=0.3)
+    stay = file.phases[1].model_copy(update={"corridor": corridor, "frame": "target"})
+    return file.model_copy(update={"phases": (file.phases[0], stay)})
+
+
+def test_a_corridor_in_the_target_frame_is_left_there(file: ScenarioFile, records: Records) -> None:
+    records["phase"][HELD, 30:60] = 1
+    records["abort_reason"] = np.where(records["phase"] == 3, AbortReason.CORRIDOR_LEFT, 0).astype(np.int8)
+    place_T = np.zeros((*records["phase"].shape, 3), np.float32)
+    place_T[HELD, 60] = [0.3, -0.4, 2.5]
+    more = {"rho_estimate_T": place_T, "port_place_P": place_T}
+    found = phase_records.evaluate(in_target_frame(file), records | more, {})
+    np.testing.assert_allclose(
+        [found["corridor_ahead_m"][HELD], found["corridor_aside_m"][HELD]], [2.5, 0.5], rtol=1e-6
+    )
+
+
+def test_the_place_before_the_port_is_that_as_the_last_phase_begins(file: ScenarioFile, records: Records) -> None:
+    place_P = np.random.default_rng(5).normal(size=(*records["phase"].shape, 3)).astype(np.float32)
+    records["phase"][FROZEN, 30:50] = 3
+    found = phase_records.evaluate(in_target_frame(file), records | {"port_place_P": place_P}, {})["arrival_place_P_m"]
+    np.testing.assert_array_equal(found[PLAIN], place_P[PLAIN, 40])
+    assert np.isnan(found[HELD]).all(), "it never came there"
+    np.testing.assert_array_equal(found[FROZEN], place_P[FROZEN, 50])
+
+
+def test_the_axis_of_an_approach_in_the_target_frame_is_that_of_its_reference(
+    file: ScenarioFile, records: Records
+) -> None:
+    records["rho_desired_H"] = np.broadcast_to(np.float32([0.0, -12.0, 0.0]), records["rho_H"].shape)
+    records["rho_H"][PLAIN, 40] = [3.0, -12.0, 4.0]
+    turning = in_target_frame(file)
+    records |= {"port_place_P": np.ones((*records["phase"].shape, 3), np.float32)}
+    records |= {name: np.ones(records["phase"].shape) for name in ("port_angle_deg", "hull_distance_m")}
+    records |= {"port_velocity_P": records["port_place_P"]}
+    found = recorded_metrics.evaluate(turning, records, {})
+    # By the corridor's axis as if it were in H it would be 12.4 m.
+    assert found["final_lateral_error_m"][PLAIN] == pytest.approx(5.0)
 
 
 def test_of_many_transitions_the_first_are_kept_and_all_counted(file: ScenarioFile, records: Records) -> None:

@@ -1,5 +1,6 @@
 // Charts as SVG from figures in plotly's format, of which this draws the part that the report uses: lines, bands, stacked
-// areas, bars, points, straight shapes with labels; linear, logarithmic and categorical axes; two plots side by side.
+// areas, bars, points, straight shapes with labels; linear, logarithmic and categorical axes, or two of one scale; two
+// plots side by side.
 const Charts = (() => {
   "use strict";
   const SVG = "http://www.w3.org/2000/svg";
@@ -299,7 +300,7 @@ const Charts = (() => {
     const { figure, view } = shown.get(place);
     const layout = layoutOf(figure, view);
     const width = Math.max(160, Math.round(forced || place.clientWidth || 600));
-    const height = place.classList.contains("tall") ? 300 : place.classList.contains("middle") ? 220 : place.classList.contains("strip") ? 150 : 150;
+    const height = place.classList.contains("tall") ? 300 : place.classList.contains("middle") ? 220 : place.classList.contains("square") ? Math.min(width, 440) : 150;
     const traces = stacked(figure.data);
     const old = place.querySelector("svg.plot");
     const root = document.createElementNS(SVG, "svg");
@@ -326,11 +327,19 @@ const Charts = (() => {
     const marked = (layout.shapes || []).filter((shape) => shape.yref !== "paper" && shape.name === "limit").map((shape) => shape.y0);
     const markedX = (layout.shapes || []).filter((shape) => shape.yref === "paper" && shape.name === "limit").map((shape) => shape.x0);
     const inView = view.range ? traces.map((trace) => within(trace, view.range)) : traces;
-    const y = scale(yAxis, [...extent(inView, "y"), ...marked], bottom, top, (bottom - top) / 42);
+    const upright = (axis) => scale(axis, [...extent(inView, "y"), ...marked], bottom, top, (bottom - top) / 42);
+    let y = upright(yAxis);
     const left = leftMargin(y, layout);
     const room = width - left - 10;
+    const xAxis = { ...layout.xaxis };
+    if (yAxis.scaleanchor === "x") {
+      // Both ranges are about zero; that of the longer side is extended, so that a unit is as long on both axes.
+      const ratio = room / (bottom - top);
+      xAxis.range = xAxis.range.map((end) => end * Math.max(1, ratio));
+      y = upright({ ...yAxis, range: yAxis.range.map((end) => end * Math.max(1, 1 / ratio)) });
+    }
     return axes.map((name, index) => {
-      const axis = name === "x" ? layout.xaxis : layout.xaxis2;
+      const axis = name === "x" ? xAxis : layout.xaxis2;
       const [from, to] = axis.domain || [0, 1];
       const box = { left: left + from * room, right: left + to * room, top, bottom };
       const own = traces.filter((trace) => (trace.xaxis || "x") === name);
@@ -388,7 +397,7 @@ const Charts = (() => {
       const [left, top] = across(event);
       const panel = panels.find(({ box }) => left >= box.left && left <= box.right && top >= box.top - 4 && top <= box.bottom + 4);
       if (!panel) return hide(cursor);
-      const lines = panel.x.names || panel.y.names || panel.traces[0].type === "bar" || panel.traces[0].mode === "markers"
+      const lines = layout.yaxis.scaleanchor || panel.x.names || panel.y.names || panel.traces[0].type === "bar" || panel.traces[0].mode === "markers"
         ? single(panel, left, top) : unified(panel, left, layout, cursor);
       return lines.length ? show(event, lines) : hide(cursor);
     });
@@ -423,6 +432,7 @@ const Charts = (() => {
   function hit(panel, left, top) {
     let best = null;
     for (const trace of panel.traces) {
+      if (trace.hoverinfo === "skip") continue;
       for (let index = 0; index < trace.x.length; index += 1) {
         if (wait(trace.x[index]) || wait(trace.y[index])) continue;
         const dx = trace.type === "bar" && trace.orientation === "h" ? 0 : panel.x.to(trace.x[index]) - left;

@@ -48,6 +48,12 @@ const Playback = (() => {
     ];
   }
 
+  // Angle between two of those in degrees.
+  function angleBetween(first, second) {
+    const trace = first.reduce((sum, column, k) => sum + column.reduce((part, value, row) => part + value * second[k][row], 0), 0);
+    return (180 / Math.PI) * Math.acos(Math.min(1, Math.max(-1, (trace - 1) / 2)));
+  }
+
   const turned = (columns, v) => [0, 1, 2].map((k) => columns[0][k] * v[0] + columns[1][k] * v[1] + columns[2][k] * v[2]);
 
   function read(data) {
@@ -77,13 +83,22 @@ const Playback = (() => {
         const camera = arrays.focal_px ? { ...one.camera, focal: row("focal_px")[0] } : one.camera;
         return {
           ...one, camera, flag, row, place: between(arrays.rho_H, now), body: arrays.q_HB ? axesOf(arrays.q_HB, now) : null,
+          believed: run.scene.q_HT ? estimate(arrays.q_HT_estimate, now) : null,
           phase: arrays.phase ? arrays.phase.numbers[now.frame] : null, mode: arrays.mode ? arrays.mode.numbers[now.frame] : null,
         };
       }),
     };
   }
 
+  // Axes of the target by a servicer's estimate; null without one, and before it is found.
+  function estimate(array, now) {
+    const found = array ? axesOf(array, now) : null;
+    return found && found.flat().every(Number.isFinite) ? found : null;
+  }
+
   const zoneOf = (one) => one.zones && one.zones[Math.min(one.phase || 0, one.zones.length - 1)];
+  // Axis of a corridor in Hill axes; null of one that turns with a target whose attitude was not kept.
+  const axisOf = (corridor, run, seen) => (corridor.turns ? run.scene.q_HT && turned(seen.target, corridor.axis) : corridor.axis) || null;
   const seconds = (time) => `${Number(time.toFixed(time % 1 ? 1 : 0))} s`;
 
   function boxWords(flag) {
@@ -109,6 +124,8 @@ const Playback = (() => {
     lines.push(["Light on the target", ...lightWords(state)]);
     lines.push(["Light for the camera", one.flag.observable ? "usable" : "not usable", one.flag.observable ? "good" : "open"]);
     lines.push(["Box", ...boxWords(one.flag)]);
+    if (known("landmarks")) lines.push(["Landmarks found", String(one.row("landmarks")[0]), ""]);
+    if (known("q_HT_estimate")) lines.push(["Attitude of the target", one.believed ? `known, off by ${Charts.number(angleBetween(one.believed, state.target), 3)}\u00b0` : "not known", one.believed ? "good" : "open"]);
     for (const [name, title, unit] of [
       ["formation_error_m", "Formation error", "m"], ["nav_relative_error_m", "Navigation error", "m"],
       ["pointing_error_deg", "Boresight off the target", "\u00b0"], ["delta_v_m_s", "Delta-v so far", "m/s"],
@@ -214,5 +231,5 @@ const Playback = (() => {
     });
   }
 
-  return { start, between, turned, zoneOf, boxWords, onMove: (paint) => listeners.push(paint) };
+  return { start, between, turned, zoneOf, axisOf, boxWords, onMove: (paint) => listeners.push(paint) };
 })();

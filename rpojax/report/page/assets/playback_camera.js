@@ -5,7 +5,7 @@
   const NEAREST_M = 0.1;
   // Of the shade, in the Earth's shadow and what sunlight adds to it, so that the outline can be made out.
   const [DARKEST, SCATTERED] = [0.05, 0.1];
-  const tones = { outline: "#e8edf3", accepted: "#2fd6a3", rejected: "#ff8a3d", false: "#ff6fae", expected: "#6cb8ff" };
+  const tones = { outline: "#e8edf3", accepted: "#2fd6a3", rejected: "#ff8a3d", false: "#ff6fae", expected: "#6cb8ff", landmark: "#ffe14d" };
   const places = { frame: document.getElementById("play-frame"), close: document.getElementById("play-close") };
   if (!places.frame) return;
 
@@ -49,6 +49,14 @@
       boxes.push({ box, tone: tones[kind], dash: [], text: Playback.boxWords(one.flag)[0], wide: 2 });
     }
     return boxes;
+  }
+
+  // Places in the frame of the landmarks that were found.
+  function landmarksOf(one) {
+    const numbers = one.row("landmarks_px") || [];
+    const found = [];
+    for (let i = 0; i < numbers.length; i += 2) if (Number.isFinite(numbers[i])) found.push([numbers[i], numbers[i + 1]]);
+    return found;
   }
 
   // Left, top, right and bottom of the projected target.
@@ -104,6 +112,13 @@
     pen.lineWidth = 1.5;
     pen.strokeRect(frameLeft, frameTop, one.camera.width * scale, one.camera.height * scale);
     boxesOf(one).forEach((each, index) => drawBox(pen, each, to, scale, close, index, width));
+    pen.strokeStyle = tones.landmark;
+    pen.lineWidth = 1.4;
+    for (const [x, y] of landmarksOf(one).map(to)) {
+      pen.beginPath();
+      pen.arc(x, y, close ? 4 : 2, 0, 2 * Math.PI);
+      pen.stroke();
+    }
     pen.fillStyle = "#aeb8c6";
     pen.textAlign = "center";
     pen.fillText(whereabouts(one, faces), width / 2, height - 12);

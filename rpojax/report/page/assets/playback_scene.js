@@ -15,13 +15,14 @@
 
   const plus = (a, b, factor = 1) => a.map((value, k) => value + factor * b[k]);
 
-  // Places of each servicer at frames of equal distance.
+  // Places and zones of each servicer at frames of equal distance.
   function waysOf(run) {
     const stride = Math.max(1, Math.ceil(run.time.count / WAY_POINTS));
-    return run.servicers.map(({ arrays }) => {
+    return run.servicers.map(({ arrays, zones }) => {
+      const at = (frame) => ({ frame, place: arrays.rho_H.row(frame), zone: Playback.zoneOf({ zones, phase: arrays.phase && arrays.phase.numbers[frame] }) });
       const way = [];
-      for (let frame = 0; frame < run.time.count; frame += stride) way.push({ frame, place: arrays.rho_H.row(frame) });
-      way.push({ frame: run.time.count - 1, place: arrays.rho_H.row(run.time.count - 1) });
+      for (let frame = 0; frame < run.time.count; frame += stride) way.push(at(frame));
+      way.push(at(run.time.count - 1));
       return way;
     });
   }
@@ -57,13 +58,16 @@
     const project = (p) => [width / 2 + scale * (dot(eye.right, p) - middle[0]), height / 2 - scale * (dot(eye.up, p) - middle[1]), dot(eye.forward, p)];
     const picture = { pen, project, eye, scale, named, width, height };
     Scene.drawAxes(pen, project, (0.32 * Math.min(width, height)) / scale, named);
-    for (const zone of zonesOf(run, seen)) drawZones(picture, zone);
+    for (const zone of zonesOf(run, seen)) drawZones(picture, zone, seen, run);
     drawWays(picture, run, seen, (depth) => depth < 0);
     const larger = { target: magnified(picture, run), servicer: 1 };
     const bodies = seen.servicers.map((one) => ({ depth: dot(eye.forward, one.place), draw: () => { larger.servicer = drawServicer(picture, one); } }));
     bodies.push({ depth: 0, draw: () => drawTarget(picture, run, seen, larger.target) });
     bodies.sort((a, b) => a.depth - b.depth).forEach((one) => one.draw());
     drawWays(picture, run, seen, (depth) => depth >= 0);
+    const believed = seen.servicers.filter((one) => one.believed);
+    if (believed.length) drawTargetAxes(picture, run, seen.target, larger.target, null);
+    for (const one of believed) drawTargetAxes(picture, run, one.believed, larger.target, one);
     for (const one of seen.servicers) {
       drawEstimate(picture, one);
       const desired = one.row("rho_desired_H") || one.desired;
@@ -81,11 +85,21 @@
     return [...new Map(found.map((zone) => [JSON.stringify(zone), zone])).values()];
   }
 
-  function drawZones({ pen, project, eye, scale, named }, { keep_out: radii, corridor }) {
+  // How far along a corridor the servicers come; of one that turns, how far from the target while it is in force.
+  function lengthOf({ axis, turns }) {
+    const same = (zone) => zone && zone.corridor && zone.corridor.turns && zone.corridor.axis.every((one, k) => one === axis[k]);
+    const reached = turns
+      ? ways.flat().filter(({ zone }) => same(zone)).map(({ place }) => Math.hypot(...place))
+      : ways.flat().map(({ place }) => dot(place, axis));
+    return 1.05 * Math.max(...reached, 1);
+  }
+
+  function drawZones({ pen, project, eye, scale, named }, { keep_out: radii, corridor }, seen, run) {
     if (Math.max(...radii) > 0) Scene.drawZone(pen, project, eye, radii, scale, named);
-    if (!corridor) return;
-    const { axis, slope, width } = corridor;
-    const length = 1.05 * Math.max(...ways.flat().map(({ place }) => dot(place, axis)), 1);
+    const axis = corridor && Playback.axisOf(corridor, run, seen);
+    if (!axis) return;
+    const { slope, width } = corridor;
+    const length = lengthOf(corridor);
     const aside = Math.abs(axis[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0];
     const first = plus(aside, axis, -dot(aside, axis)).map((one, _, all) => one / Math.hypot(...all));
     const second = [axis[1] * first[2] - axis[2] * first[1], axis[2] * first[0] - axis[0] * first[2], axis[0] * first[1] - axis[1] * first[0]];
@@ -146,6 +160,22 @@
     pen.lineWidth = 1.4;
     stroke(pen, [[a, b - 6], [a + 6, b], [a, b + 6], [a - 6, b], [a, b - 6]]);
     Scene.label(pen, "estimate", a + 9, b + 4);
+  }
+
+  // Axes of the target: the true ones thin, those by the estimate of a servicer dashed and longer.
+  function drawTargetAxes({ pen, project, named }, run, columns, larger, servicer) {
+    const length = (servicer ? 1.9 : 1.5) * larger * run.radius;
+    const middle = project([0, 0, 0]);
+    pen.lineWidth = servicer ? 2 : 1.4;
+    pen.setLineDash(servicer ? [6, 4] : []);
+    ["--alert", "--good", "--accent"].forEach((hue, k) => {
+      const tip = project(columns[k].map((value) => value * length));
+      pen.strokeStyle = named(hue);
+      pen.fillStyle = named(hue);
+      stroke(pen, [middle, tip]);
+      if (!servicer && Math.hypot(tip[0] - middle[0], tip[1] - middle[1]) > 14) pen.fillText(`${"xyz"[k]} of T`, tip[0] + 3, tip[1] - 3);
+    });
+    pen.setLineDash([]);
   }
 
   // Never so large that the target would fill its keep-out zone.

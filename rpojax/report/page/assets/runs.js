@@ -46,9 +46,9 @@ const Runs = (() => {
   }
 
   // The picked run in a chart: a line at its value, its course over time, or a ring about its point.
-  function overlay(place, group, { x, y, box }) {
+  function overlay(place, group, { x, y, box, traces: drawn }) {
     const chart = place.dataset.chart || "";
-    group.ownerSVGElement.classList.toggle("picks", /^(histogram|envelope)-/.test(chart) || place.id === "scatter-chart");
+    group.ownerSVGElement.classList.toggle("picks", /^(histogram-|envelope-|port$)/.test(chart) || place.id === "scatter-chart");
     if (picked === null) return;
     if (chart.startsWith("histogram-")) {
       const value = valueOf(chart.slice(10), picked);
@@ -68,6 +68,9 @@ const Runs = (() => {
         open = inside;
       });
       if (text) add(group, "path", { d: text });
+    } else if (chart === "port") {
+      const point = portPoints(x, y, drawn).find(({ run }) => run === picked);
+      if (point) add(group, "circle", { cx: point.at[0].toFixed(1), cy: point.at[1].toFixed(1), r: 7 });
     } else if (place.id === "scatter-chart") {
       const [metric, input] = [valueOf(place.dataset.metric, picked), place.inputs && place.inputs[rows.get(picked)]];
       if (metric === null || typeof input !== "number") return;
@@ -81,7 +84,16 @@ const Runs = (() => {
     if (chart.startsWith("histogram-")) return inBar(chart.slice(10), drawn[0], x.from(left));
     if (chart.startsWith("envelope-")) return nearest(chart.slice(9), x, y, left, top);
     if (place.id === "scatter-chart") return nearestPoint(drawn[0], x, y, left, top);
+    if (chart === "port") {
+      const far = ({ at: [across, down] }) => Math.hypot(across - left, down - top);
+      return portPoints(x, y, drawn).filter((one) => far(one) < 20).sort((a, b) => far(a) - far(b)).map(({ run }) => run);
+    }
     return [];
+  }
+
+  // Runs whose points are in the figure of the port, and where.
+  function portPoints(x, y, drawn) {
+    return drawn.filter(({ text }) => text).flatMap(({ text, x: across, y: up }) => text.map((run, index) => ({ run, at: [x.to(across[index]), y.to(up[index])] })));
   }
 
   function inBar(metric, bars, value) {

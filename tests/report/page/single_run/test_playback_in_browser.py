@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 from headless_browser import BROWSER, browse, console_lines, measure, print_page, view_options
-from played_run import played_campaign
+from played_run import add_landmarks, played_campaign
+from scipy.spatial.transform import Rotation
 
 from rpojax.report.page.html_report import write_report
 from rpojax.report.page.packed_arrays import unpack
@@ -69,10 +70,28 @@ _PROBE = """<script>setTimeout(async () => {
 }, 3000);</script>"""
 
 
-def moved(page: Path) -> tuple[dict, list[str]]:
+_TURNING = """<script>
+  const corridors = [];
+  Playback.onMove((run, seen) => {
+    const zone = Playback.zoneOf(seen.servicers[0]);
+    corridors.push({ time: seen.now.time, axis: Playback.axisOf(zone.corridor, run, seen) });
+  });
+  setTimeout(() => {
+    const slider = document.getElementById("play-slider");
+    slider.value = 140;
+    slider.dispatchEvent(new Event("input", { bubbles: true }));
+    const state = [...document.querySelectorAll("#play-state div")].map(({ children }) => children[1].textContent);
+    const place = document.body.appendChild(document.createElement("pre"));
+    place.id = "moved";
+    place.textContent = JSON.stringify({ corridor: corridors.at(-1), state });
+  }, 3000);
+</script>"""
+
+
+def moved(page: Path, probe: str = _PROBE) -> tuple[dict, list[str]]:
     """What the page shows at its start and after each way to move it, and its console messages."""
     probed = page.with_name("moved.html")
-    probed.write_text(page.read_text().replace("</body>", f"{_PROBE}</body>"))
+    probed.write_text(page.read_text().replace("</body>", f"{probe}</body>"))
     shown = browse(probed, *view_options(1440, 900), "--dump-dom")
     found = re.search(r'<pre id="moved">(.*?)</pre>', shown.stdout, re.DOTALL)
     assert found is not None, shown.stderr[-2000:]
@@ -102,6 +121,20 @@ def test_slider_keys_and_links_move_pictures_numbers_and_charts(tmp_path) -> Non
     assert found["playing"] == "Pause"
     assert float(found["paused"]["time"].removesuffix(" s")) > 168.0
     assert found["sought"]["time"] != found["paused"]["time"]
+
+
+def test_a_corridor_in_the_target_frame_turns_with_it(tmp_path) -> None:
+    campaign = played_campaign(tmp_path)
+    add_landmarks(campaign)
+    found, messages = moved(write_report(campaign), _TURNING)
+    assert messages == []
+    played = playback(campaign, 0)
+    assert played is not None
+    turn = Rotation.from_quat(unpack(played["scene"]["q_HT"])[140])
+    assert found["corridor"]["time"] == 140.0
+    assert found["corridor"]["axis"] == pytest.approx(turn.apply([0.0, 0.0, 1.0]), abs=1e-3)
+    assert abs(turn.as_matrix()[2, 2]) < 0.97, "it has turned by then"
+    assert {"3", "known, off by 2\N{DEGREE SIGN}"} <= set(found["state"])
 
 
 @pytest.mark.parametrize("width", [400, 1000, 1440, 2000])

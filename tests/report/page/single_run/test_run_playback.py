@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from played_run import MISALIGNMENT_DEG, SCALE, hill_axes, played_campaign
+from played_run import MISALIGNMENT_DEG, SCALE, add_landmarks, hill_axes, played_campaign
 from report_page_parser import page_text, rendered_page
 from scipy.spatial.transform import Rotation
 
@@ -89,6 +89,26 @@ def test_attitudes_turn_without_jumps_and_axes_are_those_of_the_orbit(tmp_path) 
     for step in (1, 5, 60):
         axes = playback_geometry.hill_axes(history["time_s"][::step], history["r_TN_N"][::step])
         np.testing.assert_allclose(axes, hill_axes(history["time_s"])[::step], atol=2e-6)
+
+
+def test_estimated_axes_and_found_landmarks_are_those_of_the_record(tmp_path) -> None:
+    campaign = played_campaign(tmp_path)
+    before = playback(campaign, 0)
+    assert before is not None
+    assert not {"q_HT_estimate", "landmarks", "landmarks_px"} & before["servicers"][0]["arrays"].keys()
+    add_landmarks(campaign)
+    found = playback(campaign, 0)
+    assert found is not None
+    arrays, camera = found["servicers"][0]["arrays"], found["servicers"][0]["camera"]
+    estimate, known = unpack(arrays["q_HT_estimate"]), campaign.histories[0]["time_s"] >= 100.0
+    np.testing.assert_array_equal(np.isfinite(estimate).all(axis=1), known)
+    off = Rotation.from_quat(estimate[known]).inv() * Rotation.from_quat(unpack(found["scene"]["q_HT"])[known])
+    np.testing.assert_allclose(off.as_rotvec(degrees=True), np.tile([2.0, 0.0, 0.0], (known.sum(), 1)), atol=0.02)
+    np.testing.assert_array_equal(unpack(arrays["landmarks"]), 3)
+    places = unpack(arrays["landmarks_px"])[0].reshape(5, 2)
+    assert np.isfinite(places).tolist() == [[True, True]] * 3 + [[False, False]] * 2
+    middle = 0.5 * np.array([camera["width"], camera["height"]])
+    np.testing.assert_allclose(places[0], middle + camera["focal"] * np.array([-0.05, 0.1]), atol=0.01)
 
 
 def test_light_is_that_of_the_sun_behind_or_beside_the_earth() -> None:
