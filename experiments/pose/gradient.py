@@ -1,4 +1,4 @@
-"""Derivatives of the attitude error of the target with respect to noises, against central differences.
+"""Derivatives of the error of the docking axis with respect to noises, against central differences.
 
     python -m experiments.pose.gradient [--runs 8] [--seed 0] [--horizon 300]
 
@@ -22,7 +22,7 @@ from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.simulation.noise import run_keys
 
-METRIC: Final = "target_attitude_error_deg"
+METRIC: Final = "docking_axis_error_deg"
 KEYS: Final = {"landmarks.noise_px": 1e-6, "navigation.tumble_walk_deg_s_sqrt_s": 1e-8}
 """Keys, and steps of the differences in their units."""
 TOLERANCE: Final = 1e-3

@@ -168,7 +168,7 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     if scenario.effects.plume:
         functions |= PLUME_CHANNELS
     if telemetry.flight.orbit.relative.target is not None:
-        functions |= LANDMARK_CHANNELS
+        functions |= landmark_channels(params)
     if scenario.mission.ends_in_target_frame:
         functions |= PORT_CHANNELS
     if scenario.effects.faults and scenario.isolation:
@@ -458,6 +458,18 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     ),
 }
 """Attitude of the target, in scenarios whose camera finds landmarks; errors are small turns in T, true by estimate."""
+AXIS_CHANNELS: Final[ChannelFunctions] = {
+    "docking_axis_error_T_deg": lambda tick: jnp.rad2deg(vectors.cross(tick.pose_error[:3], tick.port[1])),
+}
+"""How far the estimated axis of the docking port is from the true one, in scenarios whose landmarks have one."""
+
+
+def landmark_channels(params: Params) -> ChannelFunctions:
+    """Channels of a scenario whose camera finds landmarks."""
+    has_port = params.landmarks is not None and params.landmarks.port_axis is not None
+    return {**LANDMARK_CHANNELS, **(AXIS_CHANNELS if has_port else {})}
+
+
 PORT_CHANNELS: Final[ChannelFunctions] = {
     "port_place_P": lambda tick: tick.at_port[0],
     "port_velocity_P": lambda tick: tick.at_port[1],

@@ -28,7 +28,7 @@ def target_frame_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str
                 f"phases.{phase.name}.frame: {max(radii):g} m from a target that turns at "
                 f"{math.degrees(rate):.3g} deg/s the servicer is pulled outwards by {1e3 * needed:.3g} mm/s^2, "
                 f"expected at most "
-                f"{1e3 * thrust / AUTHORITY_RATIO:.3g} mm/s^2, a share of what its thrusters give in any direction"
+                f"{1e3 * thrust / AUTHORITY_RATIO:.3g} mm/s^2, half of what its thrusters give in any direction"
             )
     return found
 
