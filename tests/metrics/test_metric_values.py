@@ -49,6 +49,7 @@ RECORDS = {
     "box_innovation_sigmas": 2.0 * INNOVATION,
     "target_attitude_error_T_deg": ERROR,
     "target_rate_error_T_deg_s": 0.1 * ERROR,
+    "docking_axis_error_T_deg": 0.2 * ERROR,
     "target_attitude_known": flags("xx..xx"),
     "nees_pose": np.array([np.nan, 6.0, np.nan, np.nan, 5.0, 8.0]),
 }
@@ -85,6 +86,7 @@ EXPECTED = {
     # Known at the last two ticks of the late window alone.
     "target_attitude_error_deg": 3.0,
     "target_rate_error_deg_s": 0.3,
+    "docking_axis_error_deg": 0.6,
     "nees_pose_mean": 6.5,
     "target_attitude_known_fraction": 0.5,
     "delta_v_m_s": 0.5,

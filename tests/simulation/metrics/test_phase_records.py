@@ -195,6 +195,23 @@ def test_the_place_before_the_port_is_that_as_the_last_phase_begins(file: Scenar
     np.testing.assert_array_equal(found[FROZEN], place_P[FROZEN, 50])
 
 
+def test_a_capture_is_judged_as_the_last_phase_begins(file: ScenarioFile, records: Records) -> None:
+    shape = records["phase"].shape
+    records |= {"port_place_P": np.full((*shape, 3), 9.0), "port_velocity_P": np.full((*shape, 3), 9.0)}
+    records |= {"port_angle_deg": np.full(shape, 90.0), "hull_distance_m": np.full(shape, 5.0)}
+    records["port_place_P"][PLAIN, 40], records["port_velocity_P"][PLAIN, 40] = [0.03, -0.04, 1.2], [0.0, 0.003, 0.004]
+    records["port_angle_deg"][PLAIN, 40], records["hull_distance_m"][PLAIN, 20] = 1.5, 0.2
+    found = recorded_metrics.evaluate(in_target_frame(file), records, {})
+    expected = {
+        "capture_lateral_m": 0.05,
+        "capture_speed_m_s": 0.005,
+        "capture_angle_deg": 1.5,
+        "hull_distance_min_m": 0.2,
+    }
+    np.testing.assert_allclose([found[name][PLAIN] for name in expected], list(expected.values()), rtol=1e-6)
+    assert np.isnan(found["capture_lateral_m"][HELD]), "it never came there"
+
+
 def test_the_axis_of_an_approach_in_the_target_frame_is_that_of_its_reference(
     file: ScenarioFile, records: Records
 ) -> None:
