@@ -52,7 +52,7 @@ def aem(states: SpacecraftStates, created: datetime.datetime) -> str:
     angle: the conjugate of `q_BN` of this package. Neighbours in time have the same sign. Each time over which an
     attitude is known has a segment of its own.
     """
-    epochs, known = np.array(states.epochs), np.isfinite(states.q).all(axis=1)
+    epochs, known = np.array(states.epochs), ~np.isnan(states.q[:, 0])
     begins = np.flatnonzero(known & ~np.append(False, known[:-1]))
     ends = np.flatnonzero(known & ~np.append(known[1:], False)) + 1
     segments = [

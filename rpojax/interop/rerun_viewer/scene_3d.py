@@ -124,7 +124,7 @@ def _add_target_estimate(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[Vi
     estimate = run.values.get("q_TN_estimate")
     if estimate is None:
         return
-    known = np.isfinite(estimate).all(axis=1)
+    known = ~np.isnan(estimate[:, 0])
     q_TN = np.where(known[:, None], estimate, [1.0, 0.0, 0.0, 0.0])
     R_HT = run.values["R_HN"] @ attitude_matrices(q_TN).transpose(0, 2, 1)
     columns = (
