@@ -49,9 +49,21 @@ def aem(states: SpacecraftStates, created: datetime.datetime) -> str:
     """Attitude ephemeris message: quaternion from the inertial frame to the body, scalar last, at every tick.
 
     Its vector part is the axis of the rotation from the inertial axes to those of the body, times the sine of half its
-    angle: the conjugate of `q_BN` of this package. Neighbours in time have the same sign.
+    angle: the conjugate of `q_BN` of this package. Neighbours in time have the same sign. Each time over which an
+    attitude is known has a segment of its own.
     """
-    epochs = states.epochs
+    epochs, known = np.array(states.epochs), ~np.isnan(states.q[:, 0])
+    begins = np.flatnonzero(known & ~np.append(False, known[:-1]))
+    ends = np.flatnonzero(known & ~np.append(known[1:], False)) + 1
+    segments = [
+        _attitude_segment(states, epochs[begin:end].tolist(), states.q[begin:end])
+        for begin, end in zip(begins, ends, strict=True)
+    ]
+    return _text([*_header("AEM", "1.0", states, created), *(line for lines in segments for line in lines)])
+
+
+def _attitude_segment(states: SpacecraftStates, epochs: list[str], q: np.ndarray) -> list[str]:
+    """Lines of a segment with an attitude `q` (ticks, 4) at each epoch."""
     meta = {
         **_object(states),
         "CENTER_NAME": "EARTH",
@@ -64,9 +76,9 @@ def aem(states: SpacecraftStates, created: datetime.datetime) -> str:
         "ATTITUDE_TYPE": "QUATERNION",
         "QUATERNION_TYPE": "LAST",
     }
-    quaternions = ccsds_quaternions(states.q)
+    quaternions = ccsds_quaternions(q)
     rows = [f"{epoch} {_numbers(quaternion, 15)}" for epoch, quaternion in zip(epochs, quaternions, strict=True)]
-    return _text([*_header("AEM", "1.0", states, created), *_block("META", meta), *_inside("DATA", rows)])
+    return [*_block("META", meta), *_inside("DATA", rows)]
 
 
 def opm(states: SpacecraftStates, created: datetime.datetime) -> str:
@@ -93,7 +105,7 @@ def ccsds_quaternions(q: np.ndarray) -> np.ndarray:
 
 
 def _object(states: SpacecraftStates) -> dict[str, str]:
-    return {"OBJECT_NAME": states.spacecraft.upper(), "OBJECT_ID": "UNKNOWN"}
+    return {"OBJECT_NAME": (states.estimated_of or states.spacecraft).upper(), "OBJECT_ID": "UNKNOWN"}
 
 
 def _header(kind: str, version: str, states: SpacecraftStates, created: datetime.datetime) -> list[str]:

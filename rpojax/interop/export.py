@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, get_args
 
+import numpy as np
+
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
@@ -51,8 +53,8 @@ def export(
     """Writes results of a campaign for other tools; returns the paths of the files.
 
     Tables (`csv`, `parquet`, `mat`, `npz`) have the unit of every column. Messages of the CCSDS (`oem`, `aem`, `opm`)
-    have orbit, attitude or start of every spacecraft of a run, which is simulated again in double precision; CZML
-    (`czml`) shows that run on the globe of CesiumJS.
+    have orbit, attitude or start of every spacecraft of a run, which is simulated again in double precision, and the
+    target's attitude as it is estimated from landmarks; CZML (`czml`) shows that run on the globe of CesiumJS.
 
     Args:
         campaign: or its folder
@@ -105,11 +107,18 @@ def export_as(
         runs = _replay(campaign, options.run_id, on_progress)
         text = czml_document.czml(spacecraft_states.replayed_states(runs, campaign), czml_document.shapes_of(runs))
         return [write_atomically(out, text.encode())]
-    ccsds_messages.check_messages(out, spacecraft_states.spacecraft_names(campaign.file), options.force)
+    names = spacecraft_states.spacecraft_names(campaign.file)
+    names += spacecraft_states.estimate_names(campaign.file) if form == "aem" else ()
+    ccsds_messages.check_messages(out, names, options.force)
     if form == "opm":
         return ccsds_messages.write_messages(spacecraft_states.initial_states(campaign, options.run_id), form, out)
     runs = _replay(campaign, options.run_id, on_progress)
-    return ccsds_messages.write_messages(spacecraft_states.replayed_states(runs, campaign), form, out)
+    states = spacecraft_states.replayed_states(runs, campaign)
+    if form == "aem":
+        # Without a known attitude there is nothing to write.
+        estimates = spacecraft_states.estimated_attitudes(runs, campaign)
+        states += [each for each in estimates if np.isfinite(each.q).all(axis=1).any()]
+    return ccsds_messages.write_messages(states, form, out)
 
 
 def _replay(

@@ -93,7 +93,8 @@ def about_text(run: ReplayedRun[ViewerChannels]) -> rr.TextDocument:
         "Replayed from its seed and run id. Time is simulation time.",
         "**Scene**: Hill frame of the target, radial up; metres. Blue is the truth, orange the estimate of flight "
         "software with its 3-sigma ellipsoid. Green: the desired position. Red arrow: thruster force, 5 m at nominal "
-        "thrust. Grey sphere: keep-out. Target: convex hull of its outline. Servicer: cube of its mean cross-section.",
+        "thrust. Grey sphere: keep-out. Target: convex hull of its outline, with its true axes, and longer ones of its "
+        "estimated attitude where flight software has one. Servicer: cube of its mean cross-section.",
         "**Camera**: green box accepted by the filter, orange box rejected, blue the gate for the box "
         "center, grey the true outline.",
     ]

@@ -36,6 +36,8 @@ _THRUST_ARROW_M = 5.0
 """Length of the arrow of the nominal force."""
 _IMAGE_PLANE_M = 4.0
 """Distance of the image plane from the camera in its frustum."""
+_ESTIMATED_AXES_M = 2.2
+"""Length of the target's axes by the estimate; the true ones are 1.5 m long."""
 _SIGMAS = 3.0
 _REJECTED_COLOR = (255, 138, 51)
 _TRUE_OUTLINE_COLOR = (130, 138, 150)
@@ -49,6 +51,7 @@ def add_scene(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannel
     chunks.add_static(HILL, rr.ViewCoordinates.RIGHT_HAND_X_UP)
     _add_reference_geometry(chunks, run)
     _add_target(chunks, run)
+    _add_target_estimate(chunks, run)
     _add_servicer(chunks, run)
     _add_camera(chunks, run)
     _add_thrust(chunks, run)
@@ -114,6 +117,21 @@ def _add_target(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChann
     color = np.tile([*_TARGET_COLOR, 255], (len(corners), 1)).astype(np.uint8)
     mesh = rr.Mesh3D(vertex_positions=corners, triangle_indices=triangles, vertex_normals=normals, vertex_colors=color)
     chunks.add_static(f"{path}/hull", mesh)
+
+
+def _add_target_estimate(chunks: RrdChunks | ServicerChunks, run: ReplayedRun[ViewerChannels]) -> None:
+    """Adds the axes of the target by the estimate, longer than the true ones; of no length where it is not known."""
+    estimate = run.values.get("q_TN_estimate")
+    if estimate is None:
+        return
+    known = ~np.isnan(estimate[:, 0])
+    q_TN = np.where(known[:, None], estimate, [1.0, 0.0, 0.0, 0.0])
+    R_HT = run.values["R_HN"] @ attitude_matrices(q_TN).transpose(0, 2, 1)
+    columns = (
+        *rr.Transform3D.columns(quaternion=quaternion_to_parent(R_HT)),
+        *rr.TransformAxes3D.columns(axis_length=np.where(known, _ESTIMATED_AXES_M, 0.0)),
+    )
+    chunks.add(f"{HILL}/target_estimate", run.time_s, columns)
 
 
 def _hull_triangles(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.message_types import message_class
 from rpojax.interop.ros2.message_values import DetectorImage, MissionStatus, RosTickValues
 from rpojax.interop.ros2.odometry import Odometry
+from rpojax.interop.ros2.target_pose import TargetPose
 from rpojax.interop.ros2.topics import CAMERA, ECI, HILL, SERVICER, TARGET, Topic
 
 Numbers = Array | np.ndarray
@@ -83,20 +84,33 @@ def quaternion_message(xyzw: Numbers) -> Any:
     return message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
 
 
+def pose_with_covariance(position: Numbers, orientation: Numbers, covariance: Numbers) -> Any:
+    """`geometry_msgs/PoseWithCovariance`; position [m], orientation (x, y, z, w), covariance (6, 6)."""
+    pose = message_class("geometry_msgs/msg/Pose")(
+        position=point_message(position), orientation=quaternion_message(orientation)
+    )
+    return message_class("geometry_msgs/msg/PoseWithCovariance")(
+        pose=pose, covariance=np.ascontiguousarray(covariance).reshape(36)
+    )
+
+
+def target_pose(time_ns: int, pose: TargetPose) -> Any:
+    """`geometry_msgs/PoseWithCovarianceStamped` of the target in the camera."""
+    return message_class("geometry_msgs/msg/PoseWithCovarianceStamped")(
+        header=header_message(time_ns, CAMERA),
+        pose=pose_with_covariance(pose.position, pose.orientation, pose.covariance),
+    )
+
+
 def odometry(time_ns: int, frame: str, child: str, motion: Odometry) -> Any:
     """`nav_msgs/Odometry` of a child frame in a frame."""
-    pose = message_class("geometry_msgs/msg/Pose")(
-        position=point_message(motion.position), orientation=quaternion_message(motion.orientation)
-    )
     twist = message_class("geometry_msgs/msg/Twist")(
         linear=vector_message(motion.velocity), angular=vector_message(motion.rate)
     )
     return message_class("nav_msgs/msg/Odometry")(
         header=header_message(time_ns, frame),
         child_frame_id=child,
-        pose=message_class("geometry_msgs/msg/PoseWithCovariance")(
-            pose=pose, covariance=np.ascontiguousarray(motion.pose_covariance).reshape(36)
-        ),
+        pose=pose_with_covariance(motion.position, motion.orientation, motion.pose_covariance),
         twist=message_class("geometry_msgs/msg/TwistWithCovariance")(
             twist=twist, covariance=np.ascontiguousarray(motion.twist_covariance).reshape(36)
         ),
@@ -255,12 +269,7 @@ def _detection(time_ns: int, detector_image: DetectorImage) -> Any:
         position=message_class("vision_msgs/msg/Point2D")(x=x, y=y), theta=0.0
     )
     # A box has no pose in space; the field keeps its default.
-    undefined_pose = message_class("geometry_msgs/msg/PoseWithCovariance")(
-        pose=message_class("geometry_msgs/msg/Pose")(
-            position=point_message(np.zeros(3)), orientation=quaternion_message(np.array([0.0, 0.0, 0.0, 1.0]))
-        ),
-        covariance=np.zeros(36),
-    )
+    undefined_pose = pose_with_covariance(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros((6, 6)))
     hypothesis = message_class("vision_msgs/msg/ObjectHypothesis")(
         class_id=TARGET_CLASS_ID, score=float(detector_image.score)
     )
@@ -324,6 +333,9 @@ def _message_builders(time_ns: int, values: RosTickValues) -> dict[Topic, Callab
         topics.TF: lambda: vehicle_transforms(time_ns, values),
         **_odometry_builders(time_ns, values),
     }
+    pose = values.target_pose
+    if pose is not None and pose.known:
+        builders[topics.TARGET_POSE] = lambda: target_pose(time_ns, pose)
     if values.gps_present:
         builders[topics.GPS] = lambda: gps(time_ns, values.gps)
     if values.star_tracker_present:

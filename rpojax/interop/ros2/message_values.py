@@ -18,6 +18,7 @@ from rpojax.interop.ros2.odometry import (
     target_frame_estimate,
     true_odometry,
 )
+from rpojax.interop.ros2.target_pose import TargetPose, target_pose
 from rpojax.physics import equipment_faults, forces_and_torques
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
@@ -105,6 +106,7 @@ class RosTickValues:
         delta_v: () applied so far [m/s]
         mass: () of the servicer [kg]
         mission: its present phase, what began that, and the reason of an abort, None without phases
+        target_pose: estimated, of T in K, None without landmarks
     """
 
     time_s: Array
@@ -135,6 +137,7 @@ class RosTickValues:
     delta_v: Array
     mass: Array
     mission: MissionStatus | None = None
+    target_pose: TargetPose | None = None
 
 
 def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: Telemetry) -> RosTickValues:
@@ -178,6 +181,7 @@ def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: 
         delta_v=truth.delta_v,
         mass=truth.mass,
         mission=_mission_status(flight.mission) if scenario.mission.is_managed else None,
+        target_pose=target_pose(flight.orbit.relative, quaternion.multiply(q_KB, flight.attitude.q_BN)),
     )
 
 

@@ -112,17 +112,17 @@ def resolve_image_storage(camera_model: str, requested: str) -> ImageStorage:
     return images
 
 
-def bag_topics(image_storage: ImageStorage) -> list[Topic]:
-    """Topics of a bag, in the order of the table."""
-    image_topic = _IMAGE_TOPICS[image_storage]
-    return [
-        topic for topic in ALL_TOPICS if topic not in (topics.IMAGE, topics.COMPRESSED_IMAGE) or topic == image_topic
-    ]
+def bag_topics(image_storage: ImageStorage, has_pose: bool = False) -> list[Topic]:
+    """Topics of a bag, in the order of the table; `has_pose` where the attitude of the target is estimated."""
+    absent = {topics.IMAGE, topics.COMPRESSED_IMAGE} - {_IMAGE_TOPICS[image_storage]}
+    absent |= set() if has_pose else {topics.TARGET_POSE}
+    return [topic for topic in ALL_TOPICS if topic not in absent]
 
 
-def team_topics(names: Sequence[str], image_storage: ImageStorage) -> list[Topic]:
+def team_topics(names: Sequence[str], image_storage: ImageStorage, has_pose: bool = False) -> list[Topic]:
     """Topics of a bag of a team, servicer by servicer; those that all have in common once."""
-    return list(dict.fromkeys(namespaced_topics(name)[topic] for name in names for topic in bag_topics(image_storage)))
+    own = bag_topics(image_storage, has_pose)
+    return list(dict.fromkeys(namespaced_topics(name)[topic] for name in names for topic in own))
 
 
 def bag_images(run: ReplayedRun[RosTickValues]) -> Iterator[np.ndarray]:
@@ -210,7 +210,8 @@ def write_run(
     """
     images = () if image_storage == ImageStorage.NONE else bag_images(run)
     messages = run_messages(run, image_storage, images, on_progress)
-    return mcap_or_sqlite3_writer.write_bag(out, storage, bag_topics(image_storage), messages, provenance(run), force)
+    written = bag_topics(image_storage, run.values.target_pose is not None)
+    return mcap_or_sqlite3_writer.write_bag(out, storage, written, messages, provenance(run), force)
 
 
 def write_team(
@@ -230,4 +231,5 @@ def write_team(
     messages = team_messages(runs, image_storage, images, on_progress)
     names = [name for run in runs if (name := run.servicer_name)]
     content = {**provenance(runs[0]), "rpojax.servicers": ",".join(names)}
-    return mcap_or_sqlite3_writer.write_bag(out, storage, team_topics(names, image_storage), messages, content, force)
+    written = team_topics(names, image_storage, runs[0].values.target_pose is not None)
+    return mcap_or_sqlite3_writer.write_bag(out, storage, written, messages, content, force)

@@ -35,6 +35,7 @@ class TopicRate(enum.StrEnum):
     ONCE = "once, at the start"
     TICK = "every tick"
     PRESENT = "every tick with a measurement"
+    KNOWN = "every tick in which it is known"
     IMAGE = "every image"
 
 
@@ -161,7 +162,16 @@ TARGET_ESTIMATE = Topic(
     HILL,
     TopicSource.FLIGHT,
     TopicRate.TICK,
-    "the target's orbit as its Hill frame, with covariance; its attitude is not estimated",
+    "the target's orbit as its Hill frame, with covariance",
+)
+TARGET_POSE = Topic(
+    "/target/estimate/pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    CAMERA,
+    "",
+    TopicSource.FLIGHT,
+    TopicRate.KNOWN,
+    "with `camera.landmarks`: the target's body in the camera after the tick's measurements, with covariance",
 )
 GPS = Topic(
     "/servicer/gps/position",
@@ -273,6 +283,7 @@ ALL_TOPICS = (
     SERVICER_ESTIMATE,
     RELATIVE_ESTIMATE,
     TARGET_ESTIMATE,
+    TARGET_POSE,
     GPS,
     STAR_TRACKER,
     IMU,

@@ -62,8 +62,9 @@ def _is_arrival(tick: ObservedTick) -> Array:
 def _approach_axis(tick: ObservedTick) -> Array:
     """Axis of the corridor of the last phase, or direction of its reference where it turns, in H; of any length."""
     corridor = tick.params.flight.mission.phases[tick.scenario.mission.phases[-1].name].corridor
-    is_in_H = corridor is not None and not tick.scenario.mission.ends_in_target_frame
-    return corridor.axis if is_in_H else tick.telemetry.rho_desired_H
+    if corridor is None or tick.scenario.mission.ends_in_target_frame:
+        return tick.telemetry.rho_desired_H
+    return corridor.axis
 
 
 _OF_MISSIONS: Final[ChannelFunctions] = {

@@ -49,6 +49,7 @@ def test_variables_have_dimensions_and_units(written: Campaign) -> None:
         ("phases", "delta_v_m_s", "delta_v_m_s_by_phase"),
         ("phases", "transition_at_s", "transition_at_s"),
         ("phases", "goal_reached_at_s", "goal_reached_at_s"),
+        ("phases", "arrival_place_P_m", "arrival_place_P_m"),
         ("servicer_metrics", "delta_v_m_s", "delta_v_m_s_by_servicer"),
         ("servicer_traces", "delta_v_m_s", "delta_v_m_s_over_time_by_servicer"),
     ],
