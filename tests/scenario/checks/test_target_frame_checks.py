@@ -43,7 +43,11 @@ from tests.scenario_error_assertions import assert_one_line
             "phases.port_approach.reference",
             "a way inside of phases.port_approach.corridor",
         ),
-        (["phases.approach.until.attitude_sigma_for_s=2000"], "phases.approach.timeout_s", "attitude_sigma_for_s = 2000"),
+        (
+            ["phases.approach.until.attitude_sigma_for_s=2000"],
+            "phases.approach.timeout_s",
+            "attitude_sigma_for_s = 2000",
+        ),
     ],
 )
 def test_a_phase_that_cannot_follow_the_target_is_refused(changes: list[str], key: str, words: str) -> None:
