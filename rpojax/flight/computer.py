@@ -161,11 +161,15 @@ def navigate(
 def _beside_landmarks(
     software: FlightSoftware, memory: FlightMemory, measurements: Measurements, box: BoxMeasurement
 ) -> BoxMeasurement:
-    """The box, left out where the same picture shows the pose: its errors are those of the landmarks, but larger."""
+    """The box, left out where the same picture shows the pose: its errors are those of the landmarks, but larger.
+
+    It is used where landmarks contradict the attitude.
+    """
     target = memory.orbit.relative.target
     if target is None or LANDMARKS not in (each.name for each in software.filter.sensors):
         return box
-    shown = target.known & landmark_measurement.shows_pose(measurements.additional)
+    agrees = target.known & (target.unexplained_s <= 0.0)
+    shown = agrees & landmark_measurement.shows_pose(measurements.additional)
     return replace(box, present=box.present & ~shown, expected=box.expected & ~shown)
 
 

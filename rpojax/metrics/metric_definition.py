@@ -22,9 +22,9 @@ window has a weight (for `end` and `total`, where the last one has none), and wh
 """
 
 
-Need = Literal["phases", "plume", "isolation", "coverage", "landmarks", "docking_port", "port"]
+Need = Literal["phases", "plume", "isolation", "coverage", "landmarks", "port"]
 """What only some scenarios have: phases, plumes on the target, isolation valves, coverage of the target, landmarks,
-those with a docking port, and a last phase before one."""
+and a last phase before a docking port."""
 
 Source = Literal["records", "drifts", "coverage", "team", "simulation", "plugin"]
 

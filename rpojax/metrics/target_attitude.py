@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from rpojax.metrics.metric_definition import Metric, Need, WeightedValue
+from rpojax.metrics.metric_definition import Metric, WeightedValue
 
 _WINDOW = "while the filter knows the attitude, from 1000 s (or a third of a shorter run) to the end"
 
 
-def _rms_error(name: str, unit: str, title: str, meaning: str, error: str, needs: Need = "landmarks") -> Metric:
+def _rms_error(name: str, unit: str, title: str, meaning: str, error: str) -> Metric:
     return Metric(
         name,
         unit,
@@ -18,7 +18,7 @@ def _rms_error(name: str, unit: str, title: str, meaning: str, error: str, needs
         reduction="rms",
         window="late",
         has_derivative=True,
-        needs=needs,
+        needs="landmarks",
     )
 
 
@@ -34,9 +34,8 @@ METRICS: Final = (
         "docking_axis_error_deg",
         "deg",
         "Error of the docking axis",
-        "angle between the estimated and the true axis of the docking port",
+        "angle between the estimated and the true axis of the docking port, undefined of landmarks without one,",
         "docking_axis_error_T_deg",
-        "docking_port",
     ),
     _rms_error(
         "target_rate_error_deg_s",

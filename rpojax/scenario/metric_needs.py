@@ -5,7 +5,6 @@ from typing import Final, NamedTuple
 
 from rpojax.metrics.metric_definition import Metric, Need
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.trained import target_landmarks
 
 
 class _Condition(NamedTuple):
@@ -23,7 +22,6 @@ _CONDITIONS: Final[Mapping[Need, _Condition]] = {
         lambda file: file.effects.faults and file.isolates_thrusters,
     ),
     "landmarks": _Condition("camera.landmarks", lambda file: file.landmarks is not None),
-    "docking_port": _Condition("camera.landmarks with a docking port", target_landmarks.has_port),
     "port": _Condition('a last phase with frame = "target"', lambda file: file.ends_at_port),
     "coverage": _Condition("coverage.enabled = true", lambda file: file.coverage.enabled),
 }

@@ -23,7 +23,7 @@ from rpojax.flight.mission import team_mission_state
 from rpojax.flight.mission.mission_manager import unmet_conditions
 from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.mission.phase_table import of_phase
-from rpojax.flight.navigation import target_attitude_ekf
+from rpojax.flight.navigation import landmark_measurement, target_attitude_ekf
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.target_attitude_ekf import TargetAttitude
 from rpojax.physics import hull_distance
@@ -168,7 +168,7 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     if scenario.effects.plume:
         functions |= PLUME_CHANNELS
     if telemetry.flight.orbit.relative.target is not None:
-        functions |= landmark_channels(params)
+        functions |= LANDMARK_CHANNELS
     if scenario.mission.ends_in_target_frame:
         functions |= PORT_CHANNELS
     if scenario.effects.faults and scenario.isolation:
@@ -221,7 +221,8 @@ def _box_accepted(tick: ObservedTick) -> Array:
     sensors, frame = tick.telemetry.innovation.sensors, tick.telemetry.frame
     accepted = sensors["box"].accepted
     if LANDMARKS in sensors:
-        left_out = frame.box.present & ~frame.outlier & ~sensors["box"].rejected
+        shown = landmark_measurement.shows_pose(tick.telemetry.measurements.additional)
+        left_out = frame.box.present & ~frame.outlier & ~sensors["box"].rejected & shown
         accepted |= left_out & sensors[LANDMARKS].accepted
     return accepted
 
@@ -289,6 +290,14 @@ def _estimated_place(tick: ObservedTick) -> Vector:
     return rotate(_estimated_attitude(tick), -relative.r_TS_N) - relative.slow["body_offset"]
 
 
+def _docking_axis_error(tick: ObservedTick) -> Vector:
+    """Small turn in T from the estimated to the true axis of the port [deg], NaN of landmarks without one."""
+    landmarks, error = tick.params.landmarks, tick.pose_error[:3]
+    if landmarks is None or landmarks.port_axis is None:
+        return jnp.full_like(error, jnp.nan)
+    return jnp.rad2deg(vectors.cross(error, landmarks.port_axis))
+
+
 def _port_angle(tick: ObservedTick) -> Scalar:
     """Angle between the boresight and the axis of the port, into it [deg]."""
     ahead_T, axis_T = rotate(tick.truth.q_TN, tick.boresight_and_line[0]), -tick.port[1]
@@ -300,7 +309,9 @@ def _hull_distance(tick: ObservedTick) -> Scalar:
     """Distance of the target's convex hull from a sphere about the servicer [m]."""
     plant = tick.params.plant
     assert plant.hull_faces is not None
-    place_T = rotate(tick.truth.q_TN, tick.truth.r_ST_N)
+    # The hull is about the mesh, which the offset moves with the port.
+    offset_T = tick.params.additional_sensors[LANDMARKS]["body_offset"]
+    place_T = rotate(tick.truth.q_TN, tick.truth.r_ST_N) - offset_T
     return hull_distance.distance_from_hull(plant.target.true_hull, plant.hull_faces, place_T) - plant.servicer.radius
 
 
@@ -443,6 +454,7 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     "q_TN_estimate": _estimated_attitude,
     "rho_estimate_T": _estimated_place,
     "target_attitude_error_T_deg": lambda tick: jnp.rad2deg(tick.pose_error[:3]),
+    "docking_axis_error_T_deg": _docking_axis_error,
     "target_rate_error_T_deg_s": lambda tick: jnp.rad2deg(tick.pose_error[3:]),
     "target_attitude_sigma_T_deg": lambda tick: jnp.rad2deg(gradient_safe.sqrt(jnp.diagonal(tick.pose_covariance)[:3])),
     "target_attitude_known": lambda tick: tick.target_reference.known,
@@ -458,18 +470,6 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     ),
 }
 """Attitude of the target, in scenarios whose camera finds landmarks; errors are small turns in T, true by estimate."""
-AXIS_CHANNELS: Final[ChannelFunctions] = {
-    "docking_axis_error_T_deg": lambda tick: jnp.rad2deg(vectors.cross(tick.pose_error[:3], tick.port[1])),
-}
-"""How far the estimated axis of the docking port is from the true one, in scenarios whose landmarks have one."""
-
-
-def landmark_channels(params: Params) -> ChannelFunctions:
-    """Channels of a scenario whose camera finds landmarks."""
-    has_port = params.landmarks is not None and params.landmarks.port_axis is not None
-    return {**LANDMARK_CHANNELS, **(AXIS_CHANNELS if has_port else {})}
-
-
 PORT_CHANNELS: Final[ChannelFunctions] = {
     "port_place_P": lambda tick: tick.at_port[0],
     "port_velocity_P": lambda tick: tick.at_port[1],

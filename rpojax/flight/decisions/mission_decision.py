@@ -10,7 +10,7 @@ from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control import periodic_lqr_gain
 from rpojax.flight.control.formation_law import lqr_gain
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.decisions import burn_conditions, phase_goal
+from rpojax.flight.decisions import burn_conditions, phase_goal, translation
 from rpojax.flight.decisions.motion_prediction import predict_to_burn
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.flight_software import FlightSoftware
@@ -122,6 +122,7 @@ def manage_mission(software: FlightSoftware, memory: FlightMemory, time: Scalar)
         state_T=state_T,
         attitude_sigma=memory.orbit.relative.attitude_sigma,
         can_follow=can_follow,
+        may_follow=translation.may_follow(software, memory),
         range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
         seen=memory.pointing.acquisition.acquired,
         lost=_is_lost(params, memory),

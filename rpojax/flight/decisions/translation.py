@@ -36,7 +36,7 @@ def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector,
     assert thrusters is not None
     assert memory.rcs is not None
     has_aborted = memory.mission.phase == settings.aborted
-    followed_N = jnp.where(_may_follow(software, memory), _following(software, memory, time), 0.0)
+    followed_N = jnp.where(may_follow(software, memory), _following(software, memory, time), 0.0)
     plan = memory.plan
     duration = jnp.maximum(plan.cutoff - plan.ignition, software.tick_s)
     overlap = jnp.minimum(time + software.tick_s, plan.cutoff) - jnp.maximum(time, plan.ignition)
@@ -57,7 +57,7 @@ def command(software: FlightSoftware, memory: FlightMemory, wheel_speed: Vector,
     return replace(memory, rcs=rcs)
 
 
-def _may_follow(software: FlightSoftware, memory: FlightMemory) -> Bool[Array, ""]:
+def may_follow(software: FlightSoftware, memory: FlightMemory) -> Bool[Array, ""]:
     """Whether the estimate is good enough to follow the reference of the present phase by it.
 
     To a target that turns there is no rest: a servicer in its frame goes on by what it knows of position and attitude

@@ -35,7 +35,8 @@ class Situation:
         place: (3,) estimated position in the frame of the present phase [m]
         end: (3,) end of its reference there [m]
         state_T: (6,) relative state in the target's frame [m, m/s], None where no phase is in it
-        attitude_sigma: () 1-sigma of the attitude of the target about its least known axis [rad], infinite if unknown
+        attitude_sigma: () 1-sigma of the attitude of the target about the least known axis of T [rad], infinite if not known
+        may_follow: () bool, whether the estimate is good enough to follow the reference of the present phase by it
         can_follow: () bool, whether the thrusters could follow the turning target at the present range
         range_sigma: () 1-sigma of the range [m]
         seen: () bool, whether the target is acquired
@@ -57,6 +58,7 @@ class Situation:
     state_T: Array | None
     attitude_sigma: Array
     can_follow: Array
+    may_follow: Array
     range_sigma: Array
     seen: Array
     lost: Array
@@ -203,7 +205,7 @@ def _abort_reason(
             (timed_out, AbortReason.TIMEOUT),
             (situation.enters_keep_out, AbortReason.KEEP_OUT_PREDICTED),
             (outside, AbortReason.CORRIDOR_LEFT),
-            (situation.lost & watched, AbortReason.TARGET_LOST),
+            ((situation.lost & watched) | (turns & ~situation.may_follow), AbortReason.TARGET_LOST),
             (~situation.confident & watched, AbortReason.CONFIDENCE_LOST),
             (~situation.thruster_works & watched, AbortReason.THRUSTER_FAILED),
             (turns & jnp.isinf(situation.attitude_sigma), AbortReason.ATTITUDE_LOST),

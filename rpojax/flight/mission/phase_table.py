@@ -31,8 +31,8 @@ class Until:
     range_sigma: Array = number("standard deviation of the estimated range", unit="m", above=0.0, default=None)
     range_sigma_for: Array = number("time below it", unit="s", at_least=0.0, default=None)
     attitude_sigma: Array = number(
-        "standard deviation of the estimated attitude of the target about its least known axis; before a phase in the "
-        "frame of the target it also has to turn so slowly that the thrusters can follow",
+        "standard deviation of the estimated attitude of the target about the least known axis of T; before a phase in "
+        "the frame of the target it also has to turn so slowly that the thrusters can follow",
         unit="deg",
         above=0.0,
         default=None,

@@ -307,7 +307,7 @@ class RelativeEstimate:
 
     @property
     def attitude_sigma(self) -> Scalar:
-        """1-sigma of the attitude of the target about its least known axis [rad], infinite where it is not known."""
+        """1-sigma of the attitude of the target about the least known axis of T [rad], infinite if not known."""
         if self.target is None:
             return jnp.full_like(self.covariance[0, 0], jnp.inf)
         place = self.layout["attitude"]

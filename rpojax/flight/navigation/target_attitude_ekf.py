@@ -191,7 +191,7 @@ def given_up(
     """
     change = jnp.where(contradicted & reference.known, dt, 0.0) - jnp.where(used, dt, 0.0)
     unexplained = jnp.maximum(reference.unexplained_s + change, 0.0)
-    doubtful = jnp.max(variance, axis=0) > _LARGEST_SIGMA**2
+    doubtful = jnp.max(variance, axis=0) > LARGEST_SIGMA**2
     lost = reference.known & ((unexplained >= _LOST_AFTER) | doubtful)
     known = reference.known & ~lost
     return replace(reference, known=known, unexplained_s=jnp.where(lost, 0.0, unexplained)), lost
@@ -200,5 +200,5 @@ def given_up(
 _LOST_AFTER = 10.0
 """Time for which landmarks contradict the attitude longer than they agree, until it is looked for anew [s]. A wrong one
 is in agreement with chance landmarks every now and then."""
-_LARGEST_SIGMA = 0.2
+LARGEST_SIGMA = 0.2
 """Largest 1 sigma of a component of the attitude error that a linear update is for [rad]."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from rpojax.errors import ScenarioError
 from rpojax.flight.navigation.landmark_measurement import FEWEST
+from rpojax.flight.navigation.target_attitude_ekf import LARGEST_SIGMA
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import NO_LANDMARKS
@@ -46,11 +47,34 @@ def _check_follows(file: ScenarioFile, before: PhaseSection | None, phase: Phase
         raise ScenarioError(
             f"{key}.frame", phase.frame, "'hill' in the first phase, before the target's attitude is known"
         )
+    if before.frame == "hill":
+        _check_way_into_it(before, phase)
+    if phase.on_timeout == "hold" and phase.timeout_s is not None:
+        expected = "'next' or 'abort' in the frame of the target: a hold would stop beside a target that turns on"
+        raise ScenarioError(f"{key}.on_timeout", phase.on_timeout, expected)
+    if file.mission.hold_at_s <= file.duration_s:
+        expected = f"none within the run, as {phase.name} follows a target that turns on while the servicer holds"
+        raise ScenarioError("mission.hold_at_s", file.mission.hold_at_s, expected)
+    _check_port(file, phase)
+
+
+def _check_way_into_it(before: PhaseSection, phase: PhaseSection) -> None:
+    """Refuses a way into the frame with an attitude that is not known, or straight past the target."""
     until = before.until.model_dump() if before.until else {}
-    if before.frame == "hill" and "attitude_sigma_deg" not in until:
+    sigma = until.get("attitude_sigma_deg")
+    if sigma is None:
         expected = f"attitude_sigma_deg, as {phase.name} follows the target's attitude"
         raise ScenarioError(f"phases.{before.name}.until", ", ".join(until) or "nothing", expected)
-    _check_port(file, phase)
+    largest = math.degrees(LARGEST_SIGMA)
+    if sigma >= largest:
+        expected = f"less than {largest:.3g}, from which on the filter gives the attitude up"
+        raise ScenarioError(f"phases.{before.name}.until.attitude_sigma_deg", sigma, expected)
+    if before.on_timeout == "next" and before.timeout_s is not None:
+        expected = f"'hold' or 'abort', as {phase.name} needs the attitude that until.attitude_sigma_deg waits for"
+        raise ScenarioError(f"phases.{before.name}.on_timeout", before.on_timeout, expected)
+    if phase.reference.kind != "arc":
+        expected = "'arc' first in the frame of the target: where it begins there is only known on board"
+        raise ScenarioError(f"phases.{phase.name}.reference.kind", phase.reference.kind, expected)
 
 
 def _check_port(file: ScenarioFile, phase: PhaseSection) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.scenario.trained.trained_files import PACKAGED
 from rpojax.untrusted.file_reading import is_regular
@@ -21,12 +20,6 @@ def landmarks_for_camera(tables: Mapping[str, Any]) -> Landmarks | None:
     """
     path = landmark_path(tables)
     return None if path is None else landmark_file.load_landmarks(path)[0]
-
-
-def has_port(file: ScenarioFile) -> bool:
-    """Whether the camera of a scenario finds landmarks of a target with a docking port."""
-    landmarks = landmarks_for_camera(file.model_dump(include={"camera"}))
-    return landmarks is not None and landmarks.port_axis is not None
 
 
 def landmark_path(tables: Mapping[str, Any]) -> Path | None:

@@ -103,6 +103,7 @@ def situation(time: float, **changes: Any) -> Situation:
         state_T=None,
         attitude_sigma=jnp.float64(jnp.inf),
         can_follow=jnp.asarray(True),
+        may_follow=jnp.asarray(True),
         range_sigma=jnp.float64(1.0),
         seen=jnp.asarray(True),
         lost=jnp.asarray(False),
@@ -316,6 +317,12 @@ def test_it_begins_once_the_attitude_is_known_and_the_thrusters_can_follow(chang
     changes = {name: value for name, value in changes.items() if name != "until"}
     decisions = [turning(time, **changes) for time in (20.0, 40.0)]
     assert after(until, *decisions, static=into_the_target_frame()).phase == phase
+
+
+def test_in_the_target_frame_who_may_not_follow_aborts() -> None:
+    never, unseen = replace(ALWAYS, time=jnp.float64(1e6)), turning(60.0, may_follow=False)
+    for phase, expected in ((0, 0), (1, ABORTED)):
+        assert mission_manager.update(into_the_target_frame(), tuning(never), start(phase), unseen).phase == expected
 
 
 def test_in_the_target_frame_an_unknown_attitude_is_a_reason_for_an_abort() -> None:

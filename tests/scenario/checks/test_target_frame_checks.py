@@ -28,6 +28,15 @@ from tests.scenario_error_assertions import assert_one_line
             "phases.approach.until",
             "attitude_sigma_deg, as synchronise follows",
         ),
+        (["phases.approach.until.attitude_sigma_deg=12"], "phases.approach.until.attitude_sigma_deg", "less than 11.5"),
+        (["phases.approach.on_timeout=next"], "phases.approach.on_timeout", "'hold' or 'abort'"),
+        (["phases.synchronise.on_timeout=hold"], "phases.synchronise.on_timeout", "'next' or 'abort'"),
+        (["mission.hold_at_s=900"], "mission.hold_at_s", "none within the run"),
+        (
+            ["phases.synchronise.reference={kind='hold', position_m=[0.0, 0.0, 8.0]}"],
+            "phases.synchronise.reference.kind",
+            "'arc' first",
+        ),
         (
             ["phases.capture.reference.position_m=[0.0, 0.0, 1.2]"],
             "phases.capture.reference",
@@ -71,3 +80,8 @@ def test_a_tumble_that_thrusters_hardly_follow_is_warned_of() -> None:
     found = [each for each in mission_warnings(fast) if ".frame" in each]
     assert [each.partition(":")[0] for each in found] == ["phases.synchronise.frame", "phases.port_approach.frame"]
     assert "15.2 mm/s^2" in found[0]
+
+
+def test_an_arc_that_is_too_short_for_the_thrusters_is_warned_of() -> None:
+    (found,) = mission_warnings(rpojax.load("capture", ["phases.synchronise.reference.duration_s=100"]))
+    assert found.startswith("phases.synchronise.reference.duration_s: in 100 s an arc over half a turn takes up to ")
