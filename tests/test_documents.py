@@ -373,7 +373,6 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
         *channels.ISOLATION_CHANNELS,
         *channels.LENS_CHANNELS,
         *channels.LANDMARK_CHANNELS,
-        *channels.AXIS_CHANNELS,
         *channels.PORT_CHANNELS,
         *channels.TEAM_CHANNELS,
         *channels.PHASING_CHANNELS,

@@ -6,7 +6,6 @@ import sys
 from rpojax.metrics import metric_catalogue
 from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, METRICS, UNITS
 from rpojax.simulation.channels import (
-    AXIS_CHANNELS,
     CHANNELS,
     ISOLATION_CHANNELS,
     LANDMARK_CHANNELS,
@@ -28,7 +27,7 @@ def test_every_metric_can_be_evaluated_in_at_least_one_way() -> None:
 
 def test_metrics_of_records_are_made_of_channels() -> None:
     assert set(recorded_metrics.REQUIRED_CHANNELS) <= set(CHANNELS)
-    of_some = {*LANDMARK_CHANNELS, *AXIS_CHANNELS, *PORT_CHANNELS, *PLUME_CHANNELS, *ISOLATION_CHANNELS}
+    of_some = {*LANDMARK_CHANNELS, *PORT_CHANNELS, *PLUME_CHANNELS, *ISOLATION_CHANNELS}
     assert set(recorded_metrics.OPTIONAL_CHANNELS) <= of_some - set(CHANNELS)
 
 

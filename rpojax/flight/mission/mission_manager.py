@@ -35,7 +35,7 @@ class Situation:
         place: (3,) estimated position in the frame of the present phase [m]
         end: (3,) end of its reference there [m]
         state_T: (6,) relative state in the target's frame [m, m/s], None where no phase is in it
-        attitude_sigma: () 1-sigma of the attitude of the target about the least known axis of T [rad], infinite if not known
+        attitude_sigma: () 1-sigma of the attitude of the target about the least known axis of T [rad], else infinite
         may_follow: () bool, whether the estimate is good enough to follow the reference of the present phase by it
         can_follow: () bool, whether the thrusters could follow the turning target at the present range
         range_sigma: () 1-sigma of the range [m]

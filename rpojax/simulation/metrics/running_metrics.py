@@ -23,6 +23,7 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import (
     CHANNELS,
     ISOLATION_CHANNELS,
+    LANDMARK_CHANNELS,
     MISSION_CHANNELS,
     PLUME_CHANNELS,
     PORT_CHANNELS,
@@ -30,7 +31,6 @@ from rpojax.simulation.channels import (
     ChannelFunctions,
     ObservedTick,
     evaluate,
-    landmark_channels,
     sensor_channels,
 )
 from rpojax.simulation.telemetry import Telemetry
@@ -109,9 +109,7 @@ def add_tick(
     pointing_ticks = jnp.where(telemetry.mode == Mode.LOOK, sums.pointing_ticks + 1.0, 0.0)
     inputs = {name for metric in metrics for name in metric.inputs} - {"is_settled"}
     inputs = sorted(inputs)
-    quantities = evaluate(
-        _functions(metrics, scenario, params, telemetry), inputs, ObservedTick(scenario, params, telemetry)
-    )
+    quantities = evaluate(_functions(metrics, scenario, telemetry), inputs, ObservedTick(scenario, params, telemetry))
     quantities["is_settled"] = pointing_ticks > _settle_ticks(scenario, params)
     return RunningSums(
         accumulators=running_reduction.accumulate(
@@ -122,7 +120,7 @@ def add_tick(
     )
 
 
-def _functions(metrics: Sequence[Metric], scenario: Scenario, params: Params, telemetry: Telemetry) -> ChannelFunctions:
+def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemetry) -> ChannelFunctions:
     """Quantities that the metrics may be made of.
 
     Raises:
@@ -137,7 +135,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, params: Params, te
         **sensor_channels(telemetry.flight.rejected_s),
         **(_OF_MISSIONS if scenario.mission.is_managed else {}),
         **(PLUME_CHANNELS if scenario.effects.plume else {}),
-        **(landmark_channels(params) if telemetry.flight.orbit.relative.target is not None else {}),
+        **(LANDMARK_CHANNELS if telemetry.flight.orbit.relative.target is not None else {}),
         **(PORT_CHANNELS if scenario.mission.ends_in_target_frame else {}),
         **(ISOLATION_CHANNELS if scenario.effects.faults and scenario.isolation else {}),
     }
