@@ -14,7 +14,6 @@ from scipy.spatial import ConvexHull
 
 from rpojax.optional_packages import require_package
 from rpojax.training.pose.view_sampling import (
-    REGION_PX,
     SUNS,
     LandmarkView,
     LandmarkViewSampling,
@@ -33,6 +32,7 @@ _FORMAT = 1
 _BLOCK = 32
 LIGHTS = SUNS + 2
 """Suns, the lamp, and uniform light from all sides, each of the same irradiance at the target's origin."""
+_ALL_LIGHTS = np.ones(LIGHTS, bool)
 CHANNELS = 3 * LIGHTS + 1
 """Colours of each light, and the covered fraction."""
 _IRRADIANCE = 2.2
@@ -56,37 +56,49 @@ DECODED = (_BRIGHTEST * (np.arange(256) / 255.0) ** _GAMMA).astype(np.float32)
 class LandmarkRayTracer:
     """Scenes of one mesh under each light."""
 
-    def __init__(self, mesh: TargetMesh, samples: int, irradiance: float = _IRRADIANCE) -> None:
+    def __init__(self, mesh: TargetMesh, samples: int) -> None:
         mitsuba = require_package("mitsuba")
         if mitsuba.variant() is None:
             mitsuba.set_variant("scalar_rgb")
-        self._mitsuba, self._samples, self._irradiance = mitsuba, samples, irradiance
+        self._mitsuba, self._samples = mitsuba, samples
         shapes = {f"part{i}": mesh_shape(mitsuba, part, f"part{i}") for i, part in enumerate(mesh.parts)}
-        sun = {"type": "directional", "direction": [0.0, 0.0, 1.0], "irradiance": {"type": "rgb", "value": irradiance}}
+        sun = {"type": "directional", "direction": [0.0, 0.0, 1.0], "irradiance": {"type": "rgb", "value": _IRRADIANCE}}
         lamp = {"type": "point", "position": [0.0, 0.0, 9.0], "intensity": {"type": "rgb", "value": 1.0}}
-        sky = {"type": "constant", "radiance": {"type": "rgb", "value": irradiance / np.pi}}
+        sky = {"type": "constant", "radiance": {"type": "rgb", "value": _IRRADIANCE / np.pi}}
         self._sun, self._lamp, self._sky = (
             mitsuba.load_dict({"type": "scene", **shapes, "light": light}) for light in (sun, lamp, sky)
         )
         self._sun_parameters, self._lamp_parameters = mitsuba.traverse(self._sun), mitsuba.traverse(self._lamp)
         self._integrator = mitsuba.load_dict({"type": "path", "max_depth": 4, "hide_emitters": True})
 
-    def trace(self, view: LandmarkView, region: Region, size_px: int, seed: int) -> np.ndarray:
-        """Linear radiance (size, size, 13) of a region under each light, and the covered fraction."""
-        sensor = self._sensor(view, region, size_px)
-        images = []
-        for sun in view.suns:
-            self._sun_parameters["light.to_world"] = self._mitsuba.ScalarTransform4f(rotation_from_z(-sun).tolist())
+    def trace(self, view: LandmarkView, region: Region, seed: int, lights: np.ndarray = _ALL_LIGHTS) -> np.ndarray:
+        """Linear radiance (p, p, 13) of a region under each light, and the covered fraction.
+
+        Of `lights` (4,) those that are False are left dark.
+        """
+        sensor = self._sensor(view, region)
+        images: list[np.ndarray | None] = [None] * LIGHTS
+        for number in np.flatnonzero(lights):
+            images[number] = self._render(self._lit_scene(view, int(number)), sensor, seed + int(number))
+        found = [image for image in images if image is not None]
+        dark = np.zeros_like(found[0][..., :3])
+        coverage = np.clip(np.mean([image[..., 3:4] for image in found], axis=0), 0.0, 1.0)
+        return np.concatenate([*(dark if image is None else image[..., :3] for image in images), coverage], axis=2)
+
+    def _lit_scene(self, view: LandmarkView, light: int) -> Any:
+        """Scene under one of the lights, placed for a view."""
+        if light < SUNS:
+            to_world = rotation_from_z(-view.suns[light]).tolist()
+            self._sun_parameters["light.to_world"] = self._mitsuba.ScalarTransform4f(to_world)
             self._sun_parameters.update()
-            images.append(self._render(self._sun, sensor, seed + len(images)))
-        self._lamp_parameters["light.position"] = view.lamp.tolist()
-        # Of the same irradiance as the Sun's at the target's origin.
-        self._lamp_parameters["light.intensity.value"] = self._irradiance * float(view.lamp @ view.lamp)
-        self._lamp_parameters.update()
-        images.append(self._render(self._lamp, sensor, seed + SUNS))
-        images.append(self._render(self._sky, sensor, seed + SUNS + 1))
-        coverage = np.clip(np.mean([image[..., 3:4] for image in images], axis=0), 0.0, 1.0)
-        return np.concatenate([*(image[..., :3] for image in images), coverage], axis=2)
+            return self._sun
+        if light == SUNS:
+            self._lamp_parameters["light.position"] = view.lamp.tolist()
+            # Of the same irradiance as the Sun's at the target's origin.
+            self._lamp_parameters["light.intensity.value"] = _IRRADIANCE * float(view.lamp @ view.lamp)
+            self._lamp_parameters.update()
+            return self._lamp
+        return self._sky
 
     def visible(self, view: LandmarkView, landmarks: Landmarks, size_m: float) -> np.ndarray:
         """Whether the ray from each landmark to the camera is free (n,); `size_m` is that of the body."""
@@ -107,13 +119,13 @@ class LandmarkRayTracer:
         image = np.array(self._integrator.render(scene, sensor, seed=seed % 2**31), dtype=np.float32)
         return np.nan_to_num(image, posinf=0.0, neginf=0.0)
 
-    def _sensor(self, view: LandmarkView, region: Region, size_px: int) -> Any:
+    def _sensor(self, view: LandmarkView, region: Region) -> Any:
         mitsuba = self._mitsuba
         # The camera of mitsuba has x to the left and y up.
         axes = np.eye(4)
         axes[:3, :3] = (view.rotation * np.array([-1.0, -1.0, 1.0])[:, None]).T
         axes[:3, 3] = view.position
-        film = {"type": "hdrfilm", "width": size_px, "height": size_px, "rfilter": {"type": "box"}}
+        film = {"type": "hdrfilm", "width": region.size_px, "height": region.size_px, "rfilter": {"type": "box"}}
         offset = region.middle / region.side
         return mitsuba.load_dict(
             {
@@ -167,15 +179,12 @@ def trace_landmark_views(
 ) -> LandmarkViews:
     """Views of a target; finished blocks are stored in the folder, and an interrupted call continues."""
     axis = None if landmarks.port_axis is None else np.asarray(landmarks.port_axis)
-    vertices = np.unique(np.concatenate([part.vertices for part in mesh.parts]), axis=0)
-    hull = vertices[ConvexHull(vertices).vertices]
+    hull = convex_corners(mesh)
     size_m = body_size(np.concatenate([part.vertices[part.faces] for part in mesh.parts]))
     views = [sample_view(sampling, index, axis) for index in range(sampling.count)]
     regions = [region_of(view, hull) for view in views]
     positions = np.asarray(landmarks.positions)
-    settings = dataclasses.replace(sampling, count=0)
-    key = f"{_FORMAT} {mesh_digest(mesh)} {landmark_digest(landmarks)} {settings}"
-    cache, tracer = ViewCache(folder, key), None
+    cache, tracer = ViewCache(folder, views_key(mesh, landmarks, sampling)), None
     codes, visible = [], []
     for start in range(0, sampling.count, _BLOCK):
         chosen = range(start, min(start + _BLOCK, sampling.count))
@@ -185,7 +194,7 @@ def trace_landmark_views(
             frames, seen = [], []
             for index in chosen:
                 seed = (index * (LIGHTS + 1) + 100_003 * sampling.seed + 7919 * sampling.stream) % 2**31
-                film = tracer.trace(views[index], regions[index], REGION_PX, seed)
+                film = tracer.trace(views[index], regions[index], seed)
                 frames.append(np.concatenate([encode(film[..., :-1]), np.round(255.0 * film[..., -1:])], axis=2))
                 seen.append(tracer.visible(views[index], landmarks, size_m))
                 on_progress(index + 1, sampling.count)
@@ -205,6 +214,18 @@ def trace_landmark_views(
         half_frame=np.array([view.half_frame for view in views]),
         range_m=np.array([view.range_m for view in views]),
     )
+
+
+def convex_corners(mesh: TargetMesh) -> np.ndarray:
+    """Corners (n, 3) of the convex hull of a mesh [m]."""
+    vertices = np.unique(np.concatenate([part.vertices for part in mesh.parts]), axis=0)
+    return vertices[ConvexHull(vertices).vertices]
+
+
+def views_key(mesh: TargetMesh, landmarks: Landmarks, sampling: LandmarkViewSampling) -> str:
+    """Key of stored views, which tells them from those of another mesh, of other landmarks or of another sampling."""
+    settings = dataclasses.replace(sampling, count=0)
+    return f"{_FORMAT} {mesh_digest(mesh)} {landmark_digest(landmarks)} {settings}"
 
 
 def _outline(points: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from rpojax.training.synthetic_data.scenery.earth_views import EarthTextures
 Rng = np.random.Generator
 CANVAS_PX = 192
 """Side of the square of the picture around the target."""
-_BACKDROPS: Mapping[str, float] = {
+BACKDROPS: Mapping[str, float] = {
     "black": 0.36,
     "stars": 0.1,
     "earth": 0.14,
@@ -25,6 +25,7 @@ _BACKDROPS: Mapping[str, float] = {
     "moon": 0.03,
     "flight": 0.2,
 }
+"""Kinds of backdrops and their shares."""
 _LIGHTS: Mapping[str, float] = {"sunlit": 0.6, "lamp": 0.2, "shaded": 0.2}
 _FRAMES_PX: Mapping[int, float] = {768: 0.45, 256: 0.2, 512: 0.1, 0: 0.25}
 """Sides of the frame, and their shares; 0 is one of any size."""
@@ -80,7 +81,7 @@ class Framing:
 
 def paint_backdrops(rng: Rng, earth: EarthTextures, count: int) -> np.ndarray:
     """Linear backdrops (n, 192, 192, 3) float32 of random kinds."""
-    kinds = rng.choice(list(_BACKDROPS), count, p=list(_BACKDROPS.values()))
+    kinds = rng.choice(list(BACKDROPS), count, p=list(BACKDROPS.values()))
     return np.stack([paint_backdrop(rng, str(kind), earth, CANVAS_PX) for kind in kinds])
 
 

@@ -119,19 +119,20 @@ def _frame_about(rng: np.random.Generator, axis: np.ndarray) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Region:
-    """Square region of the picture plane: middle (2,) and side, as tangents."""
+    """Square region of the picture plane: middle (2,) and side, as tangents, and pixels along its side."""
 
     middle: np.ndarray
     side: float
+    size_px: int = REGION_PX
 
     @property
     def focal_px(self) -> float:
         """Focal length in pixels of the region."""
-        return REGION_PX / self.side
+        return self.size_px / self.side
 
     def to_pixels(self, tangents: np.ndarray) -> np.ndarray:
         """Places (n, 2) in the region [px] of tangents."""
-        return (tangents - self.middle) * self.focal_px + 0.5 * REGION_PX
+        return (tangents - self.middle) * self.focal_px + 0.5 * self.size_px
 
 
 def region_of(view: LandmarkView, vertices: np.ndarray) -> Region:
