@@ -95,7 +95,10 @@ def random_scene(views: LandmarkViews, backdrops: np.ndarray, index: int, rng: R
     np.multiply(codes[..., -1], np.float32(1.0 / 255.0), out=region[..., 3])
     if framing.scale < 1.0:  # a pixel of the canvas is the mean over several of the region
         region = cv2.GaussianBlur(region, (0, 0), 0.3 * (framing.scale**-2.0 - 1.0) ** 0.5 + 1e-3)
-    target = cv2.warpAffine(region, framing.matrix, (CANVAS_PX, CANVAS_PX), flags=cv2.INTER_LINEAR)
+    # Places are numbered by the edges of pixels, but by their middles in what warps.
+    matrix = framing.matrix.copy()
+    matrix[:, 2] += matrix[:, :2] @ np.full(2, 0.5) - 0.5
+    target = cv2.warpAffine(region, matrix, (CANVAS_PX, CANVAS_PX), flags=cv2.INTER_LINEAR)
     places = views.places[index] @ framing.matrix[:, :2].T + framing.matrix[:, 2]
     sensor = ImageSensor(full_well * framing.binning**2, float(rng.uniform(*_READ_NOISE_E)) * framing.binning)
     return Scene(np.asarray(target), _random_backdrop(backdrops, rng), framing, sensor, places, views.visible[index])
@@ -120,8 +123,6 @@ def _random_framing(views: LandmarkViews, index: int, rng: Rng) -> Framing:
             break
     center = 0.5 * CANVAS_PX + rng.uniform(-0.5, 0.5, 2) - 0.5 * (low + high)
     matrix = np.concatenate([shown * turn, (center - shown * turn @ views.center[index])[:, None]], axis=1)
-    # Pixels are numbered by their middles in what warps, and by their edges everywhere else.
-    matrix[:, 2] += shown * turn @ np.full(2, 0.5) - 0.5
     frame = np.concatenate([center - half_px, center + half_px])
     return Framing(matrix, shown, frame, np.concatenate([low + center, high + center]), scale / shown)
 

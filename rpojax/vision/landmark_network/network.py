@@ -104,7 +104,7 @@ class LandmarkNetwork(linen.Module):
 
 def _moments(attention: Float[Array, "n c k"]) -> tuple[Float[Array, "n k 2"], Float[Array, "n k 2"]]:
     """Mean and standard deviations of heat maps [crop px]."""
-    place = (jnp.arange(MAP_CELLS, dtype=jnp.float32) + 0.5) * CELL_PX
+    place = (jnp.arange(MAP_CELLS, dtype=attention.dtype) + 0.5) * CELL_PX
     grid = jnp.stack(
         [jnp.tile(place, MAP_CELLS), jnp.repeat(place, MAP_CELLS, total_repeat_length=MAP_CELLS * MAP_CELLS)], axis=1
     )
