@@ -272,6 +272,9 @@ LandmarkFile = Annotated[
     Path | None, arg(metavar="FILE", help="Landmarks of the mesh; by default those of the packaged target.")
 ]
 """Which landmarks a network finds."""
+PoseRanges = Annotated[
+    tuple[float, float], arg(metavar="LOW HIGH", help="Least and largest range, evenly in their logarithm [m].")
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -289,6 +292,7 @@ class TrainPoseCommand(Command):
     minutes: Annotated[
         float | None, arg(metavar="T", help="Time limit of the training [min]; the schedule adapts.")
     ] = None
+    range_m: PoseRanges = (1.2, 20.0)
     start: Annotated[Path | None, arg(metavar="FILE", help="Network to start from, instead of random weights.")] = None
     rate: Annotated[float, arg(metavar="R", help="Peak learning rate.")] = 5e-3
     seed: NetworkSeed = 0
@@ -304,7 +308,7 @@ class TrainPoseCommand(Command):
             raise RpojaxError.of_argument("minutes", f"found {self.minutes}, expected a time above 0")
         if not 0.0 < self.rate < 1.0:
             raise RpojaxError.of_argument("rate", f"found {self.rate}, expected a number between 0 and 1")
-        check_target(self.mesh, self.landmarks)
+        check_target(self.mesh, self.landmarks, self.range_m)
         check_seed(self.seed)
 
 
@@ -326,10 +330,7 @@ class EvaluatePoseCommand(Command):
         arg(metavar="DIR", help="Folder for evaluation.json and the traced views, which are used again."),
     ]
     views: Annotated[int, arg(metavar="N", help="Pictures.")] = 1000
-    range_m: Annotated[tuple[float, float], arg(metavar="LOW HIGH", help="Ranges, evenly in their logarithm [m].")] = (
-        1.2,
-        30.0,
-    )
+    range_m: PoseRanges = (1.2, 30.0)
     samples: Annotated[int, arg(metavar="N", help="Samples per pixel of the ray tracer.")] = 16
     detector: Annotated[Path | None, arg(metavar="FILE", help="Detector; the packaged one by default.")] = None
     seed: ViewSeed = 0
@@ -339,15 +340,15 @@ class EvaluatePoseCommand(Command):
     def __post_init__(self) -> None:
         if self.views < 1 or self.samples < 1:
             raise RpojaxError.of_argument("views, samples", f"found {self.views}, {self.samples}, expected at least 1")
-        low, high = self.range_m
-        if not 0.1 < low < high < 1e4:
-            raise RpojaxError.of_argument("range_m", f"found {low} {high}, expected two rising numbers of 0.1 to 10000")
-        check_target(self.mesh, self.landmarks)
+        check_target(self.mesh, self.landmarks, self.range_m)
         check_seed(self.seed)
 
 
-def check_target(mesh: str, landmarks: Path | None) -> None:
-    """Refuses a mesh without its landmarks, and landmarks without their mesh."""
+def check_target(mesh: str, landmarks: Path | None, range_m: tuple[float, float]) -> None:
+    """Refuses a mesh without its landmarks, landmarks without their mesh, and ranges that do not rise."""
+    low, high = range_m
+    if not 0.1 <= low < high < 1e4:
+        raise RpojaxError.of_argument("range_m", f"found {low} {high}, expected two rising numbers of 0.1 to 10000")
     if (mesh == "target") != (landmarks is None):
         found = f"{mesh}, {'none' if landmarks is None else landmarks}"
         raise RpojaxError.of_argument(

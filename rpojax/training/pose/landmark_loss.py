@@ -52,6 +52,6 @@ def _heat_cross_entropy(found: LandmarkEstimates, true: Float[Array, "n k 2"]) -
     logits = jax.nn.log_softmax(found.heat.reshape(found.heat.shape[0], -1, found.heat.shape[-1]), axis=1)
     logits = logits.reshape(found.heat.shape)
     cell = jnp.clip(true / CELL_PX - 0.5, 0.0, MAP_CELLS - 1.0)
-    number = jnp.arange(MAP_CELLS, dtype=jnp.float32)
+    number = jnp.arange(MAP_CELLS, dtype=jnp.float32)[None, None]
     across, down = (jnp.maximum(0.0, 1.0 - jnp.abs(cell[..., axis, None] - number)) for axis in (0, 1))
     return -jnp.einsum("nky,nkx,nyxk->nk", down, across, logits)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.cli.console import show_lines
-from rpojax.cli.options.vision import EvaluatePoseCommand, MeshPlacement, TrainPoseCommand
+from rpojax.cli.options.vision import EvaluatePoseCommand, TrainPoseCommand
 from rpojax.cli.output_paths import claim, claim_folder, resumable
 from rpojax.cli.standard_streams import print_json
 from rpojax.runtime.progress import items, stage
@@ -28,7 +28,8 @@ from rpojax.vision.detector.detector_file import load_detector
 from rpojax.vision.landmark_network.network import initialize
 from rpojax.vision.landmark_network.network_file import load_network, save_network
 from rpojax.vision.surface.landmark_file import load_landmarks
-from rpojax.vision.surface.landmarks import Landmarks
+from rpojax.vision.surface.landmark_selection import TOLERANCE, SampledSurface
+from rpojax.vision.surface.landmarks import LandmarkError, Landmarks
 
 _BACKDROPS = 300
 _BACKDROP_STREAM = 3
@@ -37,13 +38,13 @@ _BACKDROP_STREAM = 3
 def train(asked: TrainPoseCommand) -> int:
     """Does the work of the command; returns its exit status."""
     claim(asked.out, asked.force)
-    mesh, landmarks = _target(asked.mesh, asked.placement, asked.landmarks)
+    mesh, landmarks = _target(asked)
     start, before = initialize(jax.random.key(asked.seed), len(landmarks.positions)), {}
     if asked.start is not None:
         start, before = load_network(landmarks, asked.start)
     work = asked.out.with_name(asked.out.name + ".work")
     claim_folder(work)
-    sampling = LandmarkViewSampling(asked.views, asked.seed, TRAINING_STREAM)
+    sampling = LandmarkViewSampling(asked.views, asked.seed, TRAINING_STREAM, asked.range_m)
     limit_s = None if asked.minutes is None else 60.0 * asked.minutes
     options = LandmarkTrainingOptions(epochs=asked.epochs, seed=asked.seed, rate=asked.rate, limit_s=limit_s)
     with resumable(work):
@@ -76,12 +77,26 @@ def train(asked: TrainPoseCommand) -> int:
     return 0
 
 
-def _target(mesh: str, placement: MeshPlacement, file: Path | None) -> tuple[TargetMesh, Landmarks]:
-    """Mesh and landmarks of a target."""
-    landmarks, _ = load_landmarks(file)
-    found = mesh_files.load_mesh(mesh, placement.units, placement.center)
-    show_lines(f"{mesh}: {note}" for note in found.notes)
-    return found, landmarks
+def _target(asked: TrainPoseCommand | EvaluatePoseCommand) -> tuple[TargetMesh, Landmarks]:
+    """Mesh and landmarks of a target.
+
+    Raises:
+        LandmarkError: a landmark is not on the mesh, or the camera may be inside of it.
+    """
+    landmarks, _ = load_landmarks(asked.landmarks)
+    mesh = mesh_files.load_mesh(asked.mesh, asked.placement.units, asked.placement.center)
+    show_lines(f"{asked.mesh}: {note}" for note in mesh.notes)
+    triangles = np.concatenate([part.vertices[part.faces] for part in mesh.parts])
+    surface = SampledSurface(triangles)
+    distance = float(surface.distances(np.asarray(landmarks.positions)).max())
+    if distance > TOLERANCE * surface.size:
+        found = f"found one at {distance:.3g} m from the surface of {asked.mesh}"
+        raise LandmarkError.of_argument("landmarks", f"{found}, expected the landmarks of that mesh")
+    reach = float(np.linalg.norm(triangles, axis=2).max())
+    if asked.range_m[0] <= reach:
+        found = f"found {asked.range_m[0]:g}, within the {reach:.3g} m that {asked.mesh} reaches from its origin"
+        raise LandmarkError.of_argument("range_m", f"{found}, expected a camera outside of it")
+    return mesh, landmarks
 
 
 def _train_command(asked: TrainPoseCommand) -> str:
@@ -90,6 +105,7 @@ def _train_command(asked: TrainPoseCommand) -> str:
     words = [word for name, value, default in given if value != default for word in (f"--{name}", value)]
     words += ["--units", asked.placement.units] if asked.placement.units else []
     words += ["--center"] if asked.placement.center else []
+    words += [] if asked.range_m == (1.2, 20.0) else ["--range-m", *(f"{each:g}" for each in asked.range_m)]
     words += ["--views", asked.views, "--epochs", asked.epochs, "--rate", f"{asked.rate:g}", "--seed", asked.seed]
     words += [] if asked.minutes is None else ["--minutes", f"{asked.minutes:g}"]
     words += ["--start", asked.start.name] if asked.start else []
@@ -101,7 +117,7 @@ def evaluate(asked: EvaluatePoseCommand) -> int:
     claim_folder(asked.out)
     written = asked.out / "evaluation.json"
     claim(written, asked.force)
-    mesh, landmarks = _target(asked.mesh, asked.placement, asked.landmarks)
+    mesh, landmarks = _target(asked)
     params, card = load_network(landmarks, asked.network)
     detector, _ = load_detector(asked.detector)
     sampling = LandmarkViewSampling(asked.views, asked.seed, HELD_OUT_STREAM, asked.range_m, asked.samples)
