@@ -11,15 +11,20 @@ import numpy as np
 from rpojax.core import quaternion
 from rpojax.training.detector.average_precision import Interval, wilson_interval
 from rpojax.training.pose.held_back_pictures import LIGHT_KINDS, HeldBackPicture
-from rpojax.training.pose.landmark_pose import LandmarkPose, landmark_pose
+from rpojax.training.pose.landmark_pose import LEAST_PROBABILITY, LandmarkPose, landmark_pose
 from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, DetectorParams, detect
 from rpojax.vision.landmark_network.find_landmarks import FoundLandmarks, find_landmarks
+from rpojax.vision.landmark_network.landmark_crop import CROP_PX, crop_place
 from rpojax.vision.landmark_network.network import Params
 from rpojax.vision.surface.landmarks import Landmarks
 
 BOX_SOURCES = ("detector", "jittered")
 """Boxes of the detector, and true ones with errors."""
 RANGES_M = ((1.2, 3.0), (3.0, 8.0), (8.0, 20.0), (3.0, 15.0), (15.0, 30.0))
+_PORT_RANGE_M = (1.2, 2.0)
+_RIGHT_PX = 3.0
+_ENOUGH = 8
+"""Landmarks that a pose before the port should have."""
 _JITTER = 0.03
 """Errors of the edges of true boxes, 1 sigma, by the longer side."""
 _REPLICATES = 1000
@@ -40,6 +45,8 @@ class PictureResult:
         squares: (v,) squares of these errors over their covariances
         used: landmarks of the pose
         sight: (k,) whether the visibility of each landmark is told rightly
+        right: how many landmarks are rightly called visible, and within 3 px of the crop of where they are
+        before_port: as of the picture
     """
 
     range_m: float
@@ -51,6 +58,8 @@ class PictureResult:
     squares: np.ndarray
     used: int
     sight: np.ndarray
+    right: int
+    before_port: bool
 
 
 def found_boxes(detector: DetectorParams, pictures: Sequence[HeldBackPicture]) -> list[np.ndarray | None]:
@@ -100,19 +109,23 @@ def results(
             continue
         given = (box.astype(np.float32), picture.frame.astype(np.float32), picture.focal_px, picture.center_px)
         found, pose = jax.device_get(compiled(picture.codes, *(jnp.asarray(each) for each in given)))
-        out.append(_result(picture, found, pose))
+        out.append(_result(picture, found, pose, float(crop_place(jnp.asarray(box)).side) / CROP_PX))
     return out
 
 
 def _without_box(picture: HeldBackPicture) -> PictureResult:
     nothing = np.zeros(0)
-    return PictureResult(picture.range_m, picture.light, False, np.nan, np.nan, nothing, nothing, 0, nothing)
+    return PictureResult(
+        picture.range_m, picture.light, False, np.nan, np.nan, nothing, nothing, 0, nothing, 0, picture.before_port
+    )
 
 
-def _result(picture: HeldBackPicture, found: FoundLandmarks, pose: LandmarkPose) -> PictureResult:
+def _result(picture: HeldBackPicture, found: FoundLandmarks, pose: LandmarkPose, crop_px: float) -> PictureResult:
+    """Result of a picture; `crop_px` is the side of a pixel of its crop in pixels of the picture."""
     miss = np.asarray(found.places) - picture.places
     squares = np.einsum("ki,ki->k", miss, np.linalg.solve(np.asarray(found.covariance), miss[..., None])[..., 0])
-    shown, exists = picture.visible, bool(pose.exists)
+    shown, called = picture.visible, np.asarray(found.visible_probability) > LEAST_PROBABILITY
+    exists = bool(pose.exists)
     turn = np.asarray(quaternion.to_matrix(jnp.asarray(pose.q_KT))) @ picture.rotation.T
     angle = np.degrees(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0)))
     return PictureResult(
@@ -124,7 +137,9 @@ def _result(picture: HeldBackPicture, found: FoundLandmarks, pose: LandmarkPose)
         errors_px=np.linalg.norm(miss, axis=1)[shown] * picture.binning,
         squares=squares[shown],
         used=int(np.sum(pose.used)) if exists else 0,
-        sight=(np.asarray(found.visible_probability) > 0.5) == shown,
+        sight=called == shown,
+        right=int((called & shown & (np.linalg.norm(miss, axis=1) < _RIGHT_PX * crop_px)).sum()),
+        before_port=picture.before_port,
     )
 
 
@@ -153,6 +168,8 @@ def summary(found: Sequence[PictureResult]) -> dict[str, Any]:
         "landmark_nees_over_2_median": _of_landmarks(squares, lambda values: np.median(values) / (2.0 * np.log(2.0))),
         "landmark_nees_over_2_mean": _of_landmarks(squares, lambda values: values.mean() / 2.0),
         "landmark_beyond_3_sigma": _of_landmarks(squares, lambda values: (values > 9.0).mean()),
+        "landmarks_right_median": float(np.median([each.right for each in found])),
+        "eight_landmarks_right": round(float(np.mean([each.right >= _ENOUGH for each in found])), 4),
         "visibility_right": round(float(np.concatenate(sight).mean()), 4) if sight else None,
     }
 
@@ -193,7 +210,7 @@ def _landmark_interval(parts: Sequence[np.ndarray], statistic: Callable[[np.ndar
 
 
 def table(found: Sequence[PictureResult]) -> list[dict[str, Any]]:
-    """Figures by range and light, and of all."""
+    """Figures by range and light, and of near views of the docking port."""
     rows = []
     for low, high in RANGES_M:
         inside = [each for each in found if low <= each.range_m < high]
@@ -201,4 +218,7 @@ def table(found: Sequence[PictureResult]) -> list[dict[str, Any]]:
             chosen = [each for each in inside if light in ("all", each.light)]
             if chosen:
                 rows.append({"range_m": [low, high], "light": light, **summary(chosen)})
+    low, high = _PORT_RANGE_M
+    if near := [each for each in found if each.before_port and low <= each.range_m < high]:
+        rows.append({"range_m": [low, high], "light": "at port", **summary(near)})
     return rows

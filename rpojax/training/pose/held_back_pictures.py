@@ -20,6 +20,7 @@ from rpojax.training.pose.random_scenes import BACKDROPS
 from rpojax.training.pose.view_sampling import (
     HELD_OUT_STREAM,
     SUNS,
+    WIDE_DEG,
     LandmarkView,
     LandmarkViewSampling,
     Region,
@@ -50,6 +51,9 @@ _SHINE = 0.05
 _LEVEL = 0.5
 """Radiance of the brighter parts of a target that the lamp or the Earth alone lights, after exposure."""
 _LARGEST_GAIN = 60.0
+_PORT_CONE_DEG = 20.0
+_CAMERA, _EXPOSURE = 1, 2
+"""Last numbers of the seeds of light and camera, and of exposure and backdrop; a 0 would be the seed of the view."""
 OnProgress = Callable[[int, int], None]
 
 
@@ -70,6 +74,7 @@ class HeldBackPicture:
         position: (3,) target's origin in the camera [m]
         range_m: of it
         light: one of `LIGHT_KINDS`
+        before_port: whether the camera is near the axis of the docking port, with the wide lens
     """
 
     codes: np.ndarray
@@ -84,6 +89,7 @@ class HeldBackPicture:
     position: np.ndarray
     range_m: float
     light: str
+    before_port: bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,7 +124,7 @@ def held_back_pictures(
             visible = tracer.visible(plan.view, landmarks, size_m)
             block = {"film": film[None].astype(np.float16), "visible": visible[None]}
             cache.write(index, block)
-        rng = np.random.default_rng([HELD_OUT_STREAM, sampling.seed, index, 1])
+        rng = np.random.default_rng([HELD_OUT_STREAM, sampling.seed, index, _EXPOSURE])
         film = block["film"][0].astype(np.float32)
         pictures.append(_picture(plan, film, block["visible"][0], landmarks, vertices, earth, rng))
         on_progress(index + 1, sampling.count)
@@ -139,7 +145,7 @@ def _plan(sampling: LandmarkViewSampling, index: int, landmarks: Landmarks, vert
     """View, light and camera of a picture."""
     axis = None if landmarks.port_axis is None else np.asarray(landmarks.port_axis)
     view = sample_view(sampling, index, axis)
-    rng = np.random.default_rng([HELD_OUT_STREAM, sampling.seed, index, 0])
+    rng = np.random.default_rng([HELD_OUT_STREAM, sampling.seed, index, _CAMERA])
     light = str(rng.choice(LIGHT_KINDS, p=_LIGHT_SHARES))
     frame_px = _SMALL_FRAME_PX if rng.random() < _SMALL_SHARE else _LARGE_FRAME_PX
     low, high = _outline(view, vertices)
@@ -199,4 +205,13 @@ def _picture(
         position=-view.rotation @ view.position,
         range_m=view.range_m,
         light=plan.light,
+        before_port=_is_before_port(view, landmarks),
     )
+
+
+def _is_before_port(view: LandmarkView, landmarks: Landmarks) -> bool:
+    """Whether a view with the wide lens is near the axis of the docking port."""
+    if landmarks.port_axis is None or view.field_of_view_deg < WIDE_DEG:
+        return False
+    along = float(view.position @ np.asarray(landmarks.port_axis)) / view.range_m
+    return along > np.cos(np.radians(_PORT_CONE_DEG))

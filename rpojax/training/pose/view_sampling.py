@@ -14,7 +14,8 @@ TRAINING_STREAM, HELD_OUT_STREAM = 0, 1
 """First number of the seeds of views: no seed of a training gives a view of an evaluation."""
 SUNS = 2
 """Directions of the Sun for each view."""
-_NARROW_DEG, _WIDE_DEG = 20.0, 45.0
+NARROW_DEG, WIDE_DEG = 20.0, 45.0
+"""Fields of view of the two lenses."""
 _WIDE_SHARE = {"near": 0.8, "middle": 0.5, "far": 0.15}
 _NEAR_M, _FAR_M = 3.0, 12.0
 _OFF_CENTER = 0.65
@@ -89,7 +90,7 @@ def sample_view(sampling: LandmarkViewSampling, index: int, port_axis: np.ndarra
         away /= np.linalg.norm(away)
         distance = float(np.exp(rng.uniform(low, np.log(min(_PORT_FAR_M, sampling.range_m[1])))))
     part = "near" if distance < _NEAR_M else "middle" if distance < _FAR_M else "far"
-    field_deg = _WIDE_DEG if rng.random() < _WIDE_SHARE[part] else _NARROW_DEG
+    field_deg = WIDE_DEG if rng.random() < _WIDE_SHARE[part] else NARROW_DEG
     offset = np.tan(np.radians(0.5 * field_deg)) * _OFF_CENTER * rng.uniform(-1.0, 1.0, 2)
     boresight = np.array([*offset, 1.0]) / np.linalg.norm([*offset, 1.0])
     rotation = _camera_axes(rng, -away, boresight)

@@ -74,20 +74,13 @@ def test_landmarks_that_are_not_visible_do_not_count() -> None:
     assert not bool(_pose(_LANDMARKS, none, _FOCAL_PX, _CENTER_PX).exists)
 
 
-def _result(range_m: float, attitude_deg: float, light: str = "sunlit", has_pose: bool = True) -> PictureResult:
-    nothing = np.zeros(0)
-    rng = np.random.default_rng(int(1e3 * range_m))
-    squares = rng.chisquare(2, 12) if has_pose else nothing
+def _result(
+    range_m: float, attitude_deg: float, light: str = "sunlit", has_pose: bool = True, before_port: bool = False
+) -> PictureResult:
+    squares = np.random.default_rng(int(1e3 * range_m)).chisquare(2, 12 if has_pose else 0)
+    sight = np.ones(len(squares), bool)
     return PictureResult(
-        range_m,
-        light,
-        has_pose,
-        attitude_deg,
-        0.01,
-        np.sqrt(squares),
-        squares,
-        10,
-        np.ones(12 if has_pose else 0, bool),
+        range_m, light, has_pose, attitude_deg, 0.01, np.sqrt(squares), squares, 10, sight, 9, before_port
     )
 
 
@@ -109,9 +102,17 @@ def test_figures_are_those_of_the_results() -> None:
 
 
 def test_the_table_has_rows_of_ranges_and_lights() -> None:
-    rows = table([_result(2.0, 1.0), _result(5.0, 2.0, "lamp"), _result(18.0, 3.0, "shaded")])
+    rows = table(
+        [
+            _result(2.0, 1.0),
+            _result(1.5, 1.0, before_port=True),
+            _result(5.0, 2.0, "lamp"),
+            _result(18.0, 3.0, "shaded"),
+        ]
+    )
     shown = {(tuple(row["range_m"]), row["light"]): row["pictures"] for row in rows}
-    assert shown[(1.2, 3.0), "all"] == shown[(1.2, 3.0), "sunlit"] == 1
+    assert shown[(1.2, 3.0), "all"] == shown[(1.2, 3.0), "sunlit"] == 2
+    assert shown[(1.2, 2.0), "at port"] == 1
     assert shown[(3.0, 15.0), "lamp"] == 1
     assert ((3.0, 8.0), "shaded") not in shown
     assert shown[(8.0, 20.0), "shaded"] == shown[(15.0, 30.0), "all"] == 1

@@ -163,6 +163,7 @@ _COLUMNS = {
     "landmark_error_px_median": "landmark [px]",
     "landmark_nees_over_2_median": "NEES/2",
     "landmarks_used_median": "used",
+    "landmarks_right_median": "right",
     "visibility_right": "sight",
 }
 """Columns of the printed table, and their headings; NEES/2 is the median over that of right covariances."""
