@@ -165,7 +165,7 @@ def training_step(
     frozen: Any,
     settings: jax.Array,
     key: jax.Array,
-    batch: Batch,
+    batch: Any,
 ) -> tuple[Params, Params, Any]:
     """One step; `settings` are the learning rate and the decay of the moving average."""
     params, average, optimizer_state = state

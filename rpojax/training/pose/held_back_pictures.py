@@ -173,7 +173,8 @@ def _picture(
     """Exposes a traced view before a backdrop."""
     view, window = plan.view, plan.window
     binning = max(1.0, 0.5 * plan.frame_px / view.half_frame / window.focal_px)
-    color = sum((share * film[..., 3 * n : 3 * n + 3] for n, share in enumerate(_mix(plan.light))), start=0.0)
+    lights = film[..., :-1].reshape(PICTURE_PX, PICTURE_PX, LIGHTS, 3)
+    color = np.tensordot(lights, _mix(plan.light).astype(np.float32), (2, 0))
     alpha = np.clip(film[..., -1:], 0.0, 1.0)
     gain = float(np.exp(rng.normal(scale=0.2)))
     if plan.light != "sunlit":

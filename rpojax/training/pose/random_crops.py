@@ -75,8 +75,8 @@ def _crop(scene: Scene, noise: np.ndarray, rng: Rng) -> dict[str, np.ndarray]:
         "codes": resample(picture, low, side),
         "inside": (in_y[:, None] & in_x[None, :]).astype(np.uint8),
         "places": places.astype(np.float32),
-        "in_crop": shown.astype(np.float32),
-        "visible": (shown & scene.visible).astype(np.float32),
+        "in_crop": np.asarray(shown, np.float32),
+        "visible": np.asarray(shown & scene.visible, np.float32),
     }
 
 

@@ -54,7 +54,7 @@ class ViewCache:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with partial.open("wb") as stream:
-                np.savez_compressed(stream, key=np.array(self.key), **arrays)
+                np.savez_compressed(stream, allow_pickle=False, key=np.array(self.key), **arrays)
             partial.replace(path)
         except OSError as error:
             text = f"{path}: cannot be written ({error.strerror}), expected a folder for views"
