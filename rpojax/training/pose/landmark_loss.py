@@ -10,7 +10,7 @@ from rpojax.vision.landmark_network.network import CELL_PX, MAP_CELLS, LandmarkE
 
 _HIDDEN_WEIGHT = 0.2
 """Of the places of landmarks behind the target itself; they are inferred from what is seen of it."""
-_HEAT_WEIGHT, _VISIBILITY_WEIGHT = 0.5, 1.0
+_HEAT_WEIGHT, _VISIBILITY_WEIGHT = 1.0, 1.0
 _LARGE_ERROR = 4.0
 """Error by its own covariance from which on its loss grows in proportion to it instead of its square."""
 

@@ -1,9 +1,9 @@
 """Landmark network: from a crop of a target to the place, its covariance, and the visibility of each landmark.
 
 The crop goes down to a thirty-second of its resolution and back up to a quarter of it (Ronneberger et al., "U-Net",
-2015). There each landmark has a heat map, whose mean is its place (Sun et al., "Integral Human Pose Regression", ECCV
-2018). The features under the heat map give a small correction of the place, its covariance, and whether the landmark is
-visible.
+2015). There each landmark has a heat map, whose mean around its peak is its place (Sun et al., "Integral Human Pose
+Regression", ECCV 2018). The features under the heat map give a small correction of the place, its covariance, and
+whether the landmark is visible.
 """
 
 from typing import Any
@@ -26,6 +26,8 @@ _WIDTHS = (16, 32, 64, 112, 144)
 _HIDDEN = 64
 _OUTPUTS = 6
 """Of each landmark: correction of the place (2), shape of the covariance (3), logit of visibility."""
+_WINDOW_CELLS = 3
+"""From the peak of a heat map to the edge of the square whose mean is the place."""
 _LEAST_SIGMA_PX = 0.05
 Params = dict[str, Any]
 
@@ -103,14 +105,20 @@ class LandmarkNetwork(linen.Module):
 
 
 def _moments(attention: Float[Array, "n c k"]) -> tuple[Float[Array, "n k 2"], Float[Array, "n k 2"]]:
-    """Mean and standard deviations of heat maps [crop px]."""
-    place = (jnp.arange(MAP_CELLS, dtype=attention.dtype) + 0.5) * CELL_PX
-    grid = jnp.stack(
-        [jnp.tile(place, MAP_CELLS), jnp.repeat(place, MAP_CELLS, total_repeat_length=MAP_CELLS * MAP_CELLS)], axis=1
-    )
-    middle = jnp.einsum("nck,ca->nka", attention, grid)
+    """Mean of heat maps around their peaks, and their standard deviations [crop px].
+
+    Of two places that a landmark may be at the mean of all would be neither.
+    """
+    cells = jnp.arange(MAP_CELLS * MAP_CELLS, dtype=jnp.int32)
+    number = jnp.stack([cells % MAP_CELLS, cells // MAP_CELLS], axis=1)
+    grid = (number.astype(attention.dtype) + 0.5) * CELL_PX
+    peak = number[jnp.argmax(attention, axis=1)]
+    near = jnp.all(jnp.abs(number[None, :, None] - peak[:, None]) <= _WINDOW_CELLS, axis=-1)
+    around = attention * near.astype(attention.dtype)
+    middle = jnp.einsum("nck,ca->nka", around, grid) / jnp.sum(around, axis=1)[..., None]
+    mean = jnp.einsum("nck,ca->nka", attention, grid)
     square = jnp.einsum("nck,ca->nka", attention, grid * grid)
-    return middle, jnp.sqrt(jnp.maximum(square - middle * middle, 0.0) + 1e-4)
+    return middle, jnp.sqrt(jnp.maximum(square - mean * mean, 0.0) + 1e-4)
 
 
 def _roots(raw: Float[Array, "n k 3"]) -> Float[Array, "n k 2 2"]:
