@@ -1,6 +1,5 @@
 """The packaged network on freshly traced pictures that no training has: the whole path from the picture to the pose."""
 
-
 import numpy as np
 import pytest
 
