@@ -109,14 +109,19 @@ def held_back_pictures(
     sampling: LandmarkViewSampling,
     folder: Path,
     on_progress: OnProgress = lambda done, total: None,
+    draw: Callable[[LandmarkViewSampling, int, np.ndarray | None], LandmarkView] = sample_view,
 ) -> list[HeldBackPicture]:
-    """Pictures of `sampling`, whose stream is to be `HELD_OUT_STREAM`; traced ones are stored in the folder."""
+    """Pictures of `sampling`, whose stream is to be `HELD_OUT_STREAM`; traced ones are stored in the folder.
+
+    `draw` gives the view of a number; another one than the default needs a folder of its own.
+    """
     vertices = convex_corners(mesh)
     size_m = body_size(np.concatenate([part.vertices[part.faces] for part in mesh.parts]))
     cache = ViewCache(folder, f"{views_key(mesh, landmarks, sampling)} {PICTURE_PX}")
+    axis = None if landmarks.port_axis is None else np.asarray(landmarks.port_axis)
     tracer, pictures = None, []
     for index in range(sampling.count):
-        plan = _plan(sampling, index, landmarks, vertices)
+        plan = _plan(sampling, index, draw(sampling, index, axis), vertices)
         block = cache.read(index, 1, ("film", "visible"))
         if block is None:
             tracer = tracer or LandmarkRayTracer(mesh, sampling.samples)
@@ -141,10 +146,8 @@ def _mix(light: str) -> np.ndarray:
     return mix
 
 
-def _plan(sampling: LandmarkViewSampling, index: int, landmarks: Landmarks, vertices: np.ndarray) -> _Plan:
-    """View, light and camera of a picture."""
-    axis = None if landmarks.port_axis is None else np.asarray(landmarks.port_axis)
-    view = sample_view(sampling, index, axis)
+def _plan(sampling: LandmarkViewSampling, index: int, view: LandmarkView, vertices: np.ndarray) -> _Plan:
+    """Light, camera and window of a picture of a view."""
     rng = np.random.default_rng([HELD_OUT_STREAM, sampling.seed, index, _CAMERA])
     light = str(rng.choice(LIGHT_KINDS, p=_LIGHT_SHARES))
     frame_px = _SMALL_FRAME_PX if rng.random() < _SMALL_SHARE else _LARGE_FRAME_PX

@@ -93,7 +93,7 @@ def sample_view(sampling: LandmarkViewSampling, index: int, port_axis: np.ndarra
     field_deg = WIDE_DEG if rng.random() < _WIDE_SHARE[part] else NARROW_DEG
     offset = np.tan(np.radians(0.5 * field_deg)) * _OFF_CENTER * rng.uniform(-1.0, 1.0, 2)
     boresight = np.array([*offset, 1.0]) / np.linalg.norm([*offset, 1.0])
-    rotation = _camera_axes(rng, -away, boresight)
+    rotation = camera_axes(rng, -away, boresight)
     position = distance * away
     suns = []
     while len(suns) < SUNS:
@@ -105,7 +105,7 @@ def sample_view(sampling: LandmarkViewSampling, index: int, port_axis: np.ndarra
     return LandmarkView(rotation, position, distance, field_deg, np.stack(suns), lamp)
 
 
-def _camera_axes(rng: np.random.Generator, towards: np.ndarray, seen_at: np.ndarray) -> np.ndarray:
+def camera_axes(rng: np.random.Generator, towards: np.ndarray, seen_at: np.ndarray) -> np.ndarray:
     """`R_KT` (3, 3) of a random roll in which the direction `towards` (T) is seen at the unit vector `seen_at` (K)."""
     first, second = (_frame_about(rng, axis) for axis in (seen_at, towards))
     return first @ second.T
