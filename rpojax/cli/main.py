@@ -81,6 +81,13 @@ COMMANDS: Final[dict[str, type[Command] | Group]] = {
     ),
     "detect": vision.DetectCommand,
     "landmarks": vision.LandmarksCommand,
+    "pose": Group(
+        "Train and evaluate the network that finds landmarks in pictures.",
+        {
+            "train": vision.TrainPoseCommand,
+            "evaluate": vision.EvaluatePoseCommand,
+        },
+    ),
     "calibrate-camera-model": vision.CalibrateCameraModelCommand,
 }
 """The commands by name, in the order of `--help`."""

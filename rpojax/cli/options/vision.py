@@ -266,3 +266,91 @@ class LandmarksCommand(Command):
     picture: Annotated[Path | None, arg(metavar="PNG", help="Write a picture of the mesh with its landmarks.")] = None
     force: Annotated[bool, arg(help="Replace files that are there.")] = False
     as_json: AsJson = False
+
+
+LandmarkFile = Annotated[
+    Path | None, arg(metavar="FILE", help="Landmarks of the mesh; by default those of the packaged target.")
+]
+"""Which landmarks a network finds."""
+PoseRanges = Annotated[
+    tuple[float, float], arg(metavar="LOW HIGH", help="Least and largest range, evenly in their logarithm [m].")
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainPoseCommand(Command):
+    """Ray-trace a target and train the network that finds its landmarks; an interrupted call continues."""
+
+    work = "vision.pose:train"
+
+    mesh: Mesh = "target"
+    placement: Annotated[MeshPlacement, FLAT]
+    landmarks: LandmarkFile = None
+    out: Annotated[Path, arg(metavar="FILE", help="File to write, such as target.pose.safetensors.")]
+    views: Annotated[int, arg(metavar="N", help="Ray-traced views.")] = 2496
+    epochs: Annotated[int, arg(metavar="N", help="Passes over the views, each in two crops.")] = 150
+    minutes: Annotated[
+        float | None, arg(metavar="T", help="Time limit of the training [min]; the schedule adapts.")
+    ] = None
+    range_m: PoseRanges = (1.2, 20.0)
+    start: Annotated[Path | None, arg(metavar="FILE", help="Network to start from, instead of random weights.")] = None
+    rate: Annotated[float, arg(metavar="R", help="Peak learning rate.")] = 5e-3
+    seed: NetworkSeed = 0
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False
+    as_json: AsJson = False
+
+    def __post_init__(self) -> None:
+        least = 64
+        if self.views < least or self.epochs < 1:
+            found = f"{self.views}, {self.epochs}"
+            raise RpojaxError.of_argument("views, epochs", f"found {found}, expected at least {least} and 1")
+        if self.minutes is not None and not self.minutes > 0.0:
+            raise RpojaxError.of_argument("minutes", f"found {self.minutes}, expected a time above 0")
+        if not 0.0 < self.rate < 1.0:
+            raise RpojaxError.of_argument("rate", f"found {self.rate}, expected a number between 0 and 1")
+        check_target(self.mesh, self.landmarks, self.range_m)
+        check_seed(self.seed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluatePoseCommand(Command):
+    """Evaluate a landmark network on ray-traced pictures that no training has: landmarks, and poses of one picture."""
+
+    work = "vision.pose:evaluate"
+    prepares_jax = False
+
+    network: Annotated[
+        Positional[Path | None], arg(metavar="NETWORK", help="Network; that of the packaged target by default.")
+    ] = None
+    mesh: Mesh = "target"
+    placement: Annotated[MeshPlacement, FLAT]
+    landmarks: LandmarkFile = None
+    out: Annotated[
+        Path,
+        arg(metavar="DIR", help="Folder for evaluation.json and the traced views, which are used again."),
+    ]
+    views: Annotated[int, arg(metavar="N", help="Pictures.")] = 1000
+    range_m: PoseRanges = (1.2, 30.0)
+    samples: Annotated[int, arg(metavar="N", help="Samples per pixel of the ray tracer.")] = 16
+    detector: Annotated[Path | None, arg(metavar="FILE", help="Detector; the packaged one by default.")] = None
+    seed: ViewSeed = 0
+    force: Annotated[bool, arg(help="Replace evaluation.json if it is there.")] = False
+    as_json: AsJson = False
+
+    def __post_init__(self) -> None:
+        if self.views < 1 or self.samples < 1:
+            raise RpojaxError.of_argument("views, samples", f"found {self.views}, {self.samples}, expected at least 1")
+        check_target(self.mesh, self.landmarks, self.range_m)
+        check_seed(self.seed)
+
+
+def check_target(mesh: str, landmarks: Path | None, range_m: tuple[float, float]) -> None:
+    """Refuses a mesh without its landmarks, landmarks without their mesh, and ranges that do not rise."""
+    low, high = range_m
+    if not 0.1 <= low < high < 1e4:
+        raise RpojaxError.of_argument("range_m", f"found {low} {high}, expected two rising numbers of 0.1 to 10000")
+    if (mesh == "target") != (landmarks is None):
+        found = f"{mesh}, {'none' if landmarks is None else landmarks}"
+        raise RpojaxError.of_argument(
+            "mesh, landmarks", f"found {found}, expected a mesh file with its landmarks, or neither"
+        )

@@ -1,35 +1,18 @@
-"""Training loop of a network of the detector: Muon steps, averaged weights, data parallel over the devices.
+"""Training loop of a network of the detector, data parallel over the devices."""
 
-Muon optimiser: steps along the orthogonalised momentum of a kernel.
-
-Jordan et al., "Muon: an optimizer for hidden layers in neural networks", 2024. On these networks it needs far fewer
-steps than Adam.
-
-Weight standardisation with a gain per channel, used in training in place of normalisation layers.
-
-After Brock et al., "Characterizing signal propagation to close the performance gap in unnormalized ResNets", ICLR 2021.
-The products are what is stored, so that inference has no such step.
-"""
-
-import collections
 import dataclasses
 import hashlib
 import math
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array
 
 from rpojax.runtime.device_mesh import DeviceMesh
-from rpojax.runtime.jax_environment import available_cores
 from rpojax.training import checkpoint as checkpoints
 from rpojax.training.detector.augmentation import Batch, augment_batch
 from rpojax.training.detector.training_options import (
@@ -38,133 +21,20 @@ from rpojax.training.detector.training_options import (
     OnNetworkProgress,
 )
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
+from rpojax.training.training_steps import (
+    BatchPrefetcher,
+    Loss,
+    Params,
+    TrainingState,
+    apply_channel_gains,
+    first_state,
+    optimizer,
+    step_settings,
+    training_step,
+)
 
-_COEFFICIENTS = (3.4445, -4.7750, 2.0315)
-"""Of the odd polynomial of a Newton-Schulz step; five steps take singular values in 0.01..1 to near one."""
-_ITERATIONS = 5
-Params = dict[str, Any]
-"""Arrays of one network by layer and name."""
-_OUTPUT_PREFIX = "out"
-_MAX_THREADS = 8
-_AVERAGE_DECAY = 0.999
-_MOMENTUM = 0.9
-_KERNEL_RATE_FACTOR = 10.0
-"""Learning rate of kernels by that of the other arrays."""
-Loss = Callable[[Params, Any, jax.Array, Batch], jax.Array]
-"""Of a network's parameters, frozen parameters, a random key and a batch."""
 Evaluate = Callable[[Params], dict[str, Any]]
 """Metrics of a network's parameters on the validation images."""
-
-
-def scale_by_muon(momentum: float) -> optax.GradientTransformation:
-    """Transformation of gradients to orthogonalised steps with Nesterov momentum, for kernels (..., in, out)."""
-
-    def initialize(params: Any) -> Any:
-        return jax.tree.map(jnp.zeros_like, params)
-
-    def update(updates: Any, state: Any, params: Any = None) -> tuple[Any, Any]:
-        del params
-        state = jax.tree.map(lambda m, g: momentum * m + g, state, updates)
-        step = jax.tree.map(lambda m, g: orthogonalize(momentum * m + g), state, updates)
-        return step, state
-
-    return optax.GradientTransformation(initialize, update)
-
-
-def orthogonalize(kernel: Array) -> Array:
-    """A kernel (..., in, out) as a matrix of `out` columns, with its singular values moved near one (Newton-Schulz)."""
-    first, second, third = _COEFFICIENTS
-    matrix = kernel.reshape(-1, kernel.shape[-1])
-    tall = matrix.shape[0] >= matrix.shape[1]
-    values = matrix.T if tall else matrix
-    values = values / (jnp.sqrt(jnp.sum(values * values)) + 1e-7)
-    for _ in range(_ITERATIONS):
-        square = values @ values.T
-        values = first * values + (second * square + third * square @ square) @ values
-    return (values.T if tall else values).reshape(kernel.shape)
-
-
-def is_output(layer: str) -> bool:
-    """Whether a layer gives results of the network; these are not standardised."""
-    return layer.startswith(_OUTPUT_PREFIX)
-
-
-def with_channel_gains(params: Params) -> Params:
-    """Trained arrays: the parameters, and a gain per channel for every convolution but the last."""
-    gains = {
-        layer: {"gain": _channel_norm(values["kernel"])} for layer, values in params.items() if not is_output(layer)
-    }
-    return {layer: {**values, **gains.get(layer, {})} for layer, values in params.items()}
-
-
-def apply_channel_gains(trained: Params) -> Params:
-    """Parameters of the network: kernels with channels of zero mean whose norm is the gain."""
-    return {
-        layer: {"kernel": _standardized_kernel(values), "bias": values["bias"]} for layer, values in trained.items()
-    }
-
-
-def _channel_norm(kernel: jax.Array) -> jax.Array:
-    """Norm of every channel of a kernel, less its mean."""
-    centered = kernel - jnp.mean(kernel, axis=(0, 1, 2), keepdims=True)
-    return jnp.sqrt(jnp.sum(centered**2, axis=(0, 1, 2)) + 1e-8)
-
-
-def _standardized_kernel(values: dict[str, jax.Array]) -> jax.Array:
-    kernel = values["kernel"]
-    if "gain" not in values:
-        return kernel
-    centered = kernel - jnp.mean(kernel, axis=(0, 1, 2), keepdims=True)
-    return centered / _channel_norm(kernel)[None, None, None, :] * values["gain"][None, None, None, :]
-
-
-class BatchPrefetcher:
-    """Batches from a step on, in order; without a time limit a batch depends on seed and step alone.
-
-    `progress` is the fraction of the training that is done; whether batches are of crops follows it some steps later.
-    As many threads prepare them as there are cores, so that an accelerator does not wait for one.
-    """
-
-    def __init__(
-        self,
-        data: DetectionDataset,
-        options: NetworkTrainingOptions,
-        steps_per_epoch: int,
-        first_step: int,
-        progress: float,
-    ) -> None:
-        self.progress = progress
-        self._data, self._options, self._steps_per_epoch, self._step = data, options, steps_per_epoch, first_step
-        self._threads = min(available_cores(), _MAX_THREADS)
-        self._batches: collections.deque[Future[Batch]] = collections.deque()
-
-    def next(self) -> Batch:
-        """The batch of the next step."""
-        self._fill()
-        batch = self._batches.popleft().result()
-        self._fill()
-        return batch
-
-    def _fill(self) -> None:
-        """Has as many batches in preparation as there are threads, and two."""
-        while len(self._batches) < self._threads + 2:
-            self._batches.append(self._executor.submit(self._prepare, self._step, self.progress))
-            self._step += 1
-
-    def _prepare(self, step: int, clock: float) -> Batch:
-        progress = step / (self._options.epochs * self._steps_per_epoch)
-        if self._options.limit_s is not None:
-            progress = max(progress, clock)
-        indices = image_indices(len(self._data), self._options, self._steps_per_epoch, step)
-        rng = np.random.default_rng([self._options.seed, 1, step])
-        return augment_batch(self._data, indices, rng, crops=progress < self._options.pieces_share)
-
-    def __enter__(self) -> "BatchPrefetcher":
-        self._executor = ThreadPoolExecutor(self._threads, thread_name_prefix="augmentation")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._executor.shutdown(wait=True, cancel_futures=True)
 
 
 def image_indices(count: int, options: NetworkTrainingOptions, steps_per_epoch: int, step: int) -> np.ndarray:
@@ -172,15 +42,6 @@ def image_indices(count: int, options: NetworkTrainingOptions, steps_per_epoch: 
     epoch, place = divmod(step, steps_per_epoch)
     order = np.random.default_rng([options.seed, 0, epoch]).permutation(count)
     return order[place * options.batch : (place + 1) * options.batch]
-
-
-@dataclasses.dataclass(frozen=True)
-class TrainingState:
-    """Trained arrays, their exponential moving average, and the state of the optimiser."""
-
-    params: Params
-    averaged_params: Params
-    optimizer_state: Any
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,19 +82,22 @@ def train_network(
     """
     start_time = time.monotonic()
     problem = _training_problem(loss, frozen, options, data)
-    params = with_channel_gains(start)
-    state = TrainingState(params, params, problem.optimizer.init(params))
+    state = first_state(start)
     history: list[NetworkTrainingProgress] = []
     done, progress = 0, 0.0
     key = _training_digest(data, options, (start, frozen))
-    if checkpoint and (found := checkpoints.read_checkpoint(checkpoint, key, _state_arrays(state))):
+    if checkpoint and (found := checkpoints.read_checkpoint(checkpoint, key, state.arrays())):
         state, history = TrainingState(*found[0]), [NetworkTrainingProgress(**entry) for entry in found[1]]
         done = history[-1].done
         start_time -= history[-1].elapsed_s
         progress = problem.progress(done, history[-1].elapsed_s)
     # Where each step leaves it: otherwise the step would be compiled again for the second one.
-    state = TrainingState(*problem.mesh.copy(_state_arrays(state)))
-    with BatchPrefetcher(data, options, problem.steps_per_epoch, done, progress) as batches:
+    state = TrainingState(*problem.mesh.copy(state.arrays()))
+
+    def prepare(step: int, clock: float) -> Batch:
+        return _prepare_batch(problem, data, step, clock)
+
+    with BatchPrefetcher(prepare, done, progress) as batches:
         while done < problem.steps and progress < 1.0:
             state, done, progress = _run_epoch(problem, state, batches, done, progress, start_time)
             elapsed = time.monotonic() - start_time
@@ -242,7 +106,7 @@ def train_network(
             history.append(NetworkTrainingProgress(done, problem.steps, *precision, elapsed))
             if checkpoint:
                 entries = [dataclasses.asdict(entry) for entry in history]
-                checkpoints.write_checkpoint(checkpoint, key, _state_arrays(state), entries)
+                checkpoints.write_checkpoint(checkpoint, key, state.arrays(), entries)
             on_progress(history[-1])
     return apply_channel_gains(state.averaged_params), history
 
@@ -250,27 +114,27 @@ def train_network(
 def _training_problem(loss: Loss, frozen: Any, options: NetworkTrainingOptions, data: DetectionDataset) -> _Problem:
     """What stays the same, with frozen parameters on as many devices as divide the number of images of a batch."""
     mesh = DeviceMesh(jax.devices()[: math.gcd(options.batch, jax.device_count())])
-    return _Problem(loss, _optimizer(), mesh.copy(frozen), options, max(1, len(data) // options.batch), mesh)
+    return _Problem(loss, optimizer(), mesh.copy(frozen), options, max(1, len(data) // options.batch), mesh)
 
 
 def _run_epoch(
-    problem: _Problem, state: TrainingState, batches: BatchPrefetcher, done: int, progress: float, start_time: float
+    problem: _Problem,
+    state: TrainingState,
+    batches: BatchPrefetcher[Batch],
+    done: int,
+    progress: float,
+    start_time: float,
 ) -> tuple[TrainingState, int, float]:
     """State, steps done and progress after one epoch, or at the time limit."""
     for _ in range(problem.steps_per_epoch):
         batches.progress = progress
-        rate = problem.options.rate * _learning_rate_factor(progress, done)
-        settings = jnp.asarray([rate, min(_AVERAGE_DECAY, (1.0 + done) / (10.0 + done))], jnp.float32)
+        settings = step_settings(problem.options.rate, progress, done)
         state = _run_step(problem, state, settings, jax.random.key(done), batches.next())
         done += 1
         progress = problem.progress(done, time.monotonic() - start_time)
         if progress >= 1.0:
             break
     return state, done, progress
-
-
-def _state_arrays(state: TrainingState) -> tuple[Params, Params, Any]:
-    return state.params, state.averaged_params, state.optimizer_state
 
 
 def _run_step(
@@ -281,52 +145,18 @@ def _run_step(
     # One step at a time: with several in flight and few cores, the parts of one may wait for those of another for ever.
     return TrainingState(
         *jax.block_until_ready(
-            _training_step(problem.loss, problem.optimizer, _state_arrays(state), problem.frozen, *whole, arrays)
+            training_step(problem.loss, problem.optimizer, state.arrays(), problem.frozen, *whole, arrays)
         )
     )
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def _training_step(
-    loss: Loss,
-    optimizer: optax.GradientTransformation,
-    state: tuple[Params, Params, Any],
-    frozen: Any,
-    settings: jax.Array,
-    key: jax.Array,
-    batch: Batch,
-) -> tuple[Params, Params, Any]:
-    """One step; `settings` are the learning rate and the decay of the moving average."""
-    params, average, optimizer_state = state
-    rate, decay = settings[0], settings[1]
-    gradient = jax.grad(lambda p: loss(apply_channel_gains(p), frozen, key, batch))(params)
-    with jax.numpy_dtype_promotion("standard"):  # optax raises a float to an integer power
-        update, optimizer_state = optimizer.update(gradient, optimizer_state, params)
-    params = jax.tree.map(lambda p, u: p - rate * u, params, update)
-    average = jax.tree.map(lambda a, p: decay * a + (1.0 - decay) * p, average, params)
-    return params, average, optimizer_state
-
-
-def _learning_rate_factor(progress: float, done: int) -> float:
-    """Learning rate by its peak: linear warm-up over 200 steps, then half a cosine down to a hundredth."""
-    return min(1.0, (done + 1) / 200.0) * (0.505 + 0.495 * float(np.cos(np.pi * min(progress, 1.0))))
-
-
-def _optimizer() -> optax.GradientTransformation:
-    """Muon for kernels, Adam for the rest; the learning rate, which may follow the clock, is applied in the step."""
-    rest = optax.scale_by_adam(b2=0.99, eps=1e-7)
-    kernels = optax.chain(scale_by_muon(_MOMENTUM), optax.scale(_KERNEL_RATE_FACTOR))
-    return optax.chain(
-        optax.clip_by_global_norm(5.0), optax.multi_transform({"kernel": kernels, "rest": rest}, _optimizer_labels)
-    )
-
-
-def _optimizer_labels(trained: Params) -> dict[str, dict[str, str]]:
-    """Optimiser of each array."""
-    return {
-        layer: {name: "kernel" if name == "kernel" and not is_output(layer) else "rest" for name in values}
-        for layer, values in trained.items()
-    }
+def _prepare_batch(problem: _Problem, data: DetectionDataset, step: int, clock: float) -> Batch:
+    """The batch of a step; whether it is of crops follows the clock some steps later."""
+    options = problem.options
+    progress = step / problem.steps if options.limit_s is None else max(step / problem.steps, clock)
+    indices = image_indices(len(data), options, problem.steps_per_epoch, step)
+    rng = np.random.default_rng([options.seed, 1, step])
+    return augment_batch(data, indices, rng, crops=progress < options.pieces_share)
 
 
 def _training_digest(data: DetectionDataset, options: NetworkTrainingOptions, weights: Any) -> str:

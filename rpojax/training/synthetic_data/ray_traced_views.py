@@ -1,19 +1,16 @@
 """Ray-traced views of a target: training data and reference of a radiance field."""
 
 import dataclasses
-import hashlib
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rpojax.errors import RpojaxError
 from rpojax.optional_packages import require_package
 from rpojax.training.synthetic_data.meshes.target_mesh import MeshPart, TargetMesh
 from rpojax.training.synthetic_data.random_views import ViewSampling, sample_views
+from rpojax.training.synthetic_data.view_cache import ViewCache, mesh_digest
 from rpojax.vision.pinhole import pixel_directions
 
 _SUN_IRRADIANCE = 2.2
@@ -34,7 +31,7 @@ class RayTracer:
             mitsuba.set_variant("scalar_rgb")
         self._mitsuba = mitsuba
         self._sampling = sampling
-        shapes = {f"part{i}": _shape(mitsuba, part, f"part{i}") for i, part in enumerate(mesh.parts)}
+        shapes = {f"part{i}": mesh_shape(mitsuba, part, f"part{i}") for i, part in enumerate(mesh.parts)}
         sun = {
             "type": "directional",
             "direction": [0.0, 0.0, 1.0],
@@ -58,7 +55,7 @@ class RayTracer:
         """(p, p, 5) linear colour, alpha and depth of one view."""
         sampling, number = self._sampling, (seed + 1 + 100_003 * self._sampling.seed) % 2**31
         # One scene for all views: the search tree of a large mesh takes longer to build than a view to render.
-        self._sun_parameters["sun.to_world"] = self._mitsuba.ScalarTransform4f(_rotation_from_z(-sun).tolist())
+        self._sun_parameters["sun.to_world"] = self._mitsuba.ScalarTransform4f(rotation_from_z(-sun).tolist())
         self._sun_parameters.update()
         image = self._integrate(
             self._color_integrator, self._sunlit_scene, rotation, position, sampling.samples, number
@@ -108,7 +105,7 @@ def _near_plane_distance(sampling: ViewSampling) -> np.ndarray:
     return _NEAR_CLIP_M / directions[..., 2]
 
 
-def _rotation_from_z(direction: np.ndarray) -> np.ndarray:
+def rotation_from_z(direction: np.ndarray) -> np.ndarray:
     """A rotation (4, 4) that takes z to a direction (3,)."""
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(direction)))], direction)
     x /= np.linalg.norm(x)
@@ -117,7 +114,7 @@ def _rotation_from_z(direction: np.ndarray) -> np.ndarray:
     return rotation
 
 
-def _shape(mitsuba: Any, part: MeshPart, name: str) -> Any:
+def mesh_shape(mitsuba: Any, part: MeshPart, name: str) -> Any:
     """Mesh of mitsuba, flat-shaded."""
     material = part.material
     if material.texture is not None and part.uv is not None:
@@ -153,48 +150,6 @@ def _shape(mitsuba: Any, part: MeshPart, name: str) -> Any:
         content["vertex_texcoords"] = (part.uv * [1.0, -1.0] + [0.0, 1.0]).astype(np.float32).ravel()
     content.update()
     return mesh
-
-
-class ViewCache:
-    """Blocks of finished views of one mesh and one sampling, in a folder."""
-
-    def __init__(self, folder: Path, mesh: TargetMesh, sampling: ViewSampling) -> None:
-        self.folder = folder
-        digest = hashlib.sha256()
-        for part in mesh.parts:
-            digest.update(np.ascontiguousarray(part.vertices).tobytes())
-            digest.update(np.ascontiguousarray(part.faces).tobytes())
-            digest.update(b"" if part.uv is None else np.ascontiguousarray(part.uv).tobytes())
-            digest.update(repr(dataclasses.replace(part.material, texture=None)).encode())
-            digest.update(b"" if part.material.texture is None else np.ascontiguousarray(part.material.texture).data)
-        settings = dataclasses.replace(sampling, count=0)
-        self.key = f"{_FORMAT} {digest.hexdigest()} {settings}"
-
-    def _path(self, start: int) -> Path:
-        return self.folder / f"views_{start:05d}.npz"
-
-    def read(self, start: int, count: int) -> np.ndarray | None:
-        """Finished views from `start` on, or None if they are missing, damaged, or of another mesh or sampling."""
-        try:
-            with np.load(self._path(start), allow_pickle=False) as content:
-                if str(content["key"]) == self.key and len(content["film"]) >= count:
-                    return content["film"][:count]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-            pass
-        return None
-
-    def write(self, start: int, film: np.ndarray) -> None:
-        """Stores views; a file is written as a whole."""
-        path = self._path(start)
-        partial = path.with_suffix(".part")
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            with partial.open("wb") as stream:
-                np.savez_compressed(stream, film=film, key=np.array(self.key))
-            partial.replace(path)
-        except OSError as error:
-            text = f"{path}: cannot be written ({error.strerror}), expected a folder for views"
-            raise RpojaxError(text) from None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -235,13 +190,16 @@ def ray_trace_views(
     `on_first_block` is called with colour (n, p, p, 3) and alpha (n, p, p) of the first block as soon as it is done.
     """
     rotations, positions, suns = sample_views(mesh, sampling)
-    cache = ViewCache(folder, mesh, sampling) if folder else None
+    settings = dataclasses.replace(sampling, count=0)
+    cache = ViewCache(folder, f"{_FORMAT} {mesh_digest(mesh)} {settings}") if folder else None
     blocks = []
     tracer = None
     for start in range(0, sampling.count, VIEWS_PER_BLOCK):
         chosen = range(start, min(start + VIEWS_PER_BLOCK, sampling.count))
-        block = cache.read(start, len(chosen)) if cache else None
-        if block is None:
+        found = cache.read(start, len(chosen), ("film",)) if cache else None
+        if found is not None:
+            block = found["film"]
+        else:
             tracer = tracer or RayTracer(mesh, sampling)
             frames = []
             for index in chosen:
@@ -250,7 +208,7 @@ def ray_trace_views(
             # In half precision as stored, so that a call that continues has the same views.
             block = np.stack(frames).astype(np.float16)
             if cache:
-                cache.write(start, block)
+                cache.write(start, {"film": block})
         if start == 0:
             on_first_block(block[..., :3], block[..., 3])
         on_progress(chosen.stop, sampling.count)

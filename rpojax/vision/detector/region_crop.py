@@ -47,10 +47,10 @@ def crop_maps(
 def _resample(values: Array, low: Array, side: Array, places: int) -> tuple[Array, Array]:
     """Rectangles of an array (y, x, c) as squares (n, places, places, c), and 1 for places within the array."""
     height, width, channels = values.shape
-    across, in_x = jax.vmap(lambda start, length: _resampling_weights(start, length, width, places))(
+    across, in_x = jax.vmap(lambda start, length: resampling_weights(start, length, width, places))(
         low[:, 0], side[:, 0]
     )
-    down, in_y = jax.vmap(lambda start, length: _resampling_weights(start, length, height, places))(
+    down, in_y = jax.vmap(lambda start, length: resampling_weights(start, length, height, places))(
         low[:, 1], side[:, 1]
     )
     # Rows of all boxes in one matrix product, in the memory order of the array.
@@ -59,7 +59,7 @@ def _resample(values: Array, low: Array, side: Array, places: int) -> tuple[Arra
     return taken, in_y[:, :, None] * in_x[:, None, :]
 
 
-def _resampling_weights(low: Array, side: Array, count: int, places: int) -> tuple[Array, Array]:
+def resampling_weights(low: Array, side: Array, count: int, places: int) -> tuple[Array, Array]:
     """Weights (places, count) of a row of pixels for each place of the crop, and 1 for places within the row.
 
     A triangle filter: linear interpolation where the crop is finer than the image, and as wide as a place of the crop

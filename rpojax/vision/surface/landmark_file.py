@@ -1,5 +1,6 @@
 """Files of landmarks: safetensors with a card, checked before use."""
 
+import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,6 +24,8 @@ PACKAGED_LANDMARKS = "target.landmarks.safetensors"
 """Name of the landmarks of the packaged target."""
 _FILE_KIND = "rpojax landmarks 1"
 _UNIT_TOLERANCE = 1e-6
+_DIGEST_DECIMALS = 6
+"""Of places [m] in their digest."""
 
 
 def landmark_path(path: Path | None) -> Path:
@@ -34,6 +37,12 @@ def save_landmarks(landmarks: Landmarks, path: Path, card: Mapping[str, object])
     """Writes landmarks with their card; the file is replaced as a whole."""
     tensors = {name: np.asarray(value) for name, value in vars(landmarks).items() if value is not None}
     write_tensors(path, tensors, {"kind": _FILE_KIND, "card": json.dumps(dict(card))})
+
+
+def landmark_digest(landmarks: Landmarks) -> str:
+    """Digest of the places of landmarks and their order, which tells what a network that finds them belongs to."""
+    places = np.round(np.asarray(landmarks.positions, dtype=np.float64), _DIGEST_DECIMALS) + 0.0
+    return hashlib.sha256(np.ascontiguousarray(places).tobytes()).hexdigest()
 
 
 def load_landmarks(path: Path | None = None) -> tuple[Landmarks, dict[str, object]]:

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.training.detector.training_loop import orthogonalize
+from rpojax.training.training_steps import orthogonalize
 
 
 @pytest.mark.parametrize("shape", [(3, 3, 16, 32), (1, 1, 64, 48), (1, 1, 8, 64)])

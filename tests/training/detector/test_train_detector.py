@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 
+from rpojax.training import training_steps
 from rpojax.training.detector import evaluate_detector, train_detector, training_loop
 from rpojax.training.detector.augmentation import Batch
 from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
@@ -62,6 +63,6 @@ def test_the_step_of_a_training_is_compiled_once(rectangles: DetectionDataset) -
     zeros = jax.numpy.zeros((1, 1, 2, 3), jax.numpy.float32)
     start = {"out": {"kernel": zeros, "bias": zeros[0, 0, 0]}}
     options = NetworkTrainingOptions(epochs=3, batch=20, pieces_share=0.0)
-    before = training_loop._training_step._cache_size()
+    before = training_steps.training_step._cache_size()
     training_loop.train_network(loss, start, (), rectangles, options, lambda _: {"map50": 0.0, "map50_95": 0.0})
-    assert training_loop._training_step._cache_size() == before + 1
+    assert training_steps.training_step._cache_size() == before + 1

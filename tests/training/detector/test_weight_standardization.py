@@ -4,11 +4,11 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.training.detector import training_loop
+from rpojax.training import training_steps
 from rpojax.vision.detector.proposal_network import initialize
 
-apply_channel_gains = jax.jit(training_loop.apply_channel_gains)
-with_channel_gains = jax.jit(training_loop.with_channel_gains)
+apply_channel_gains = jax.jit(training_steps.apply_channel_gains)
+with_channel_gains = jax.jit(training_steps.with_channel_gains)
 
 
 def test_standardized_kernels_have_zero_mean_and_norm_of_gain() -> None:

@@ -9,6 +9,7 @@ import pytest
 from rpojax.training.synthetic_data import random_views, ray_traced_views
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
 from rpojax.training.synthetic_data.random_views import ViewSampling
+from rpojax.training.synthetic_data.view_cache import mesh_digest
 
 
 def test_stored_views_of_other_sampling_are_not_used(box: TargetMesh, tmp_path: Path) -> None:
@@ -17,14 +18,14 @@ def test_stored_views_of_other_sampling_are_not_used(box: TargetMesh, tmp_path: 
     np.testing.assert_allclose(other.position, random_views.sample_views(box, ViewSampling(2, seed=2))[1])
 
 
-def test_cache_key_depends_on_texture_coordinates(box: TargetMesh, tmp_path: Path) -> None:
+def test_the_digest_of_a_mesh_depends_on_texture_coordinates(box: TargetMesh) -> None:
     part = box.parts[0]
     rng = np.random.default_rng(0)
-    keys = []
+    digests = []
     for _ in range(2):
         unwrapped = dataclasses.replace(part, uv=rng.random((len(part.vertices), 2)))
-        keys.append(ray_traced_views.ViewCache(tmp_path, TargetMesh("box", (unwrapped,)), ViewSampling(2)).key)
-    assert keys[0] != keys[1]
+        digests.append(mesh_digest(TargetMesh("box", (unwrapped,))))
+    assert digests[0] != digests[1]
 
 
 @pytest.mark.parametrize("place", [0.2, 0.5, 0.8])

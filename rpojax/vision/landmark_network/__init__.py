@@ -1,0 +1,1 @@
+"""Network that finds the landmarks of a target in a crop of a picture."""
