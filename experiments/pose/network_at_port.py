@@ -2,8 +2,8 @@
 
 python experiments/pose/network_at_port.py --out DIR [--views 60]
 
-The camera is on the port's axis with 3 deg of error (1 sigma per axis), with any roll, the target near the middle of the
-frame. The exit status is 1 if fewer than nine tenths of the pictures have eight landmarks within 3 px of the crop.
+The camera is on the port's axis with 3 deg of error (1 sigma per axis), with any roll, the target near the middle
+of the frame. The exit status is 1 if fewer than nine tenths of the pictures have eight landmarks within 3 px.
 """
 
 import argparse

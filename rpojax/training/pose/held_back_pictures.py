@@ -196,10 +196,12 @@ def _picture(
     places = window.to_pixels(view.tangents(np.asarray(landmarks.positions)))
     shown = visible_box(inside * image, inside * backdrop, inside[..., 0] * alpha[..., 0], sensor)
     outline = np.concatenate([window.to_pixels(each[None])[0] for each in _outline(view, vertices)])
+    frame = np.clip(np.concatenate([low, high]), 0.0, PICTURE_PX)
     return HeldBackPicture(
         codes=codes,
-        frame=np.clip(np.concatenate([low, high]), 0.0, PICTURE_PX),
-        box=outline if shown is None else shown,
+        frame=frame,
+        # The frame may end within a pixel, and whole pixels are seen.
+        box=np.clip(outline if shown is None else shown, np.tile(frame[:2], 2), np.tile(frame[2:], 2)),
         focal_px=window.focal_px,
         center_px=window.to_pixels(np.zeros((1, 2)))[0],
         binning=binning,
@@ -218,4 +220,4 @@ def _is_before_port(view: LandmarkView, landmarks: Landmarks) -> bool:
     if landmarks.port_axis is None or view.field_of_view_deg < WIDE_DEG:
         return False
     along = float(view.position @ np.asarray(landmarks.port_axis)) / view.range_m
-    return along > np.cos(np.radians(_PORT_CONE_DEG))
+    return along > float(np.cos(np.radians(_PORT_CONE_DEG)))
