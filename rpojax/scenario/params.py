@@ -166,7 +166,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         epoch=epoch_at(epoch_seconds(tables["epoch_utc"])),
         plant=plant,
         flight=flight,
-        networks=trained_files.networks_for_model(tables),
+        networks=trained_files.networks_for_model(tables, landmarks),
         statistics=fitted_camera.statistics_for_model(tables),
         lamp=lamp,
         wide_lens=None if wide is None else section_record(WideLens, wide),

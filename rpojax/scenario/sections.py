@@ -210,6 +210,7 @@ class ImagingSection(section_of(Imaging, OrbitFilterTuning, name="imaging", firs
     field: str
     detector: str
     statistics: str
+    landmark_network: str = "packaged"
     sky_seed: Annotated[int, Field(ge=0)]
 
 

@@ -56,6 +56,8 @@ MEANINGS: Final[dict[str, str]] = {
     "imaging.field": "radiance field of the target, as written by `rpojax field train`",
     "imaging.detector": "detector, as written by `rpojax detector train`",
     "imaging.statistics": "statistics of the statistical camera, as written by `rpojax calibrate-camera-model`",
+    "imaging.landmark_network": "network that finds the landmarks of `camera.landmarks` in rendered pictures, as "
+    "written by `rpojax pose train`",
     "imaging.sky_seed": "seed of stars and clouds",
     "wide_lens.statistics": "statistics of the statistical camera through this lens, as `imaging.statistics`",
     "chamber_pressure.enabled": "whether the pressure is measured",

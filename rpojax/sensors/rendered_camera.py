@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import random_streams
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.detector_input import input_side
 from rpojax.sensors.imaging import Imaging
@@ -16,6 +16,8 @@ from rpojax.vision.imaging.exposure import Exposure
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene, form_image
 from rpojax.vision.imaging.random_sky import Sky
 from rpojax.vision.intersection_over_union import intersection_over_union
+from rpojax.vision.landmark_network.find_landmarks import FoundLandmarks, find_landmarks
+from rpojax.vision.landmark_network.network import Params as LandmarkParams
 from rpojax.vision.radiance_field.ray_budget import RaySampling
 from rpojax.vision.radiance_field.target_field import RadianceField
 
@@ -33,11 +35,13 @@ class Networks:
         field: radiance field of the target
         detector: parameters of the detector
         sky: stars and Earth
+        landmarks: parameters of the network that finds landmarks of the target, None without it
     """
 
     field: RadianceField
     detector: DetectorParams
     sky: Sky
+    landmarks: LandmarkParams | None = None
 
 
 def render_window(
@@ -95,6 +99,26 @@ def measure(
         window=jnp.append(window.corner_px, image.shape[0] * window.binning).astype(true_edges.dtype),
         outlier=present & (intersection_over_union(edges, visible) < _FALSE_BOX_OVERLAP),
         outline=visible,
+    )
+
+
+def landmarks_in_picture(
+    networks: Networks,
+    window: ImageWindow,
+    image: Float[Array, "p p 3"],
+    box_edges: Float[Array, "4"],
+    size_px: tuple[int, int],
+) -> FoundLandmarks:
+    """Landmarks that the network finds in an image, in pixels of the frame; the box is in these, too."""
+    assert networks.landmarks is not None
+    corners = jnp.concatenate([window.corner_px, window.corner_px])
+    frame = (jnp.array([0.0, 0.0, *size_px], jnp.float32) - corners) / window.binning
+    box = (box_edges.astype(jnp.float32) - corners) / window.binning
+    found = find_landmarks(networks.landmarks, image, box, frame)
+    return replace(
+        found,
+        places=window.corner_px[None] + found.places * window.binning,
+        covariance=found.covariance * window.binning**2,
     )
 
 

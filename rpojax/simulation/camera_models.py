@@ -16,7 +16,7 @@ from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import camera_pose, detector_input, geometric_camera, rendered_camera, statistical_camera
-from rpojax.sensors.additional.landmark_scene import LandmarkScene
+from rpojax.sensors.additional.landmark_scene import FoundInPicture, LandmarkScene
 from rpojax.sensors.camera import NEAREST_DEPTH, CameraFrame
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import elapsed_time
@@ -124,6 +124,27 @@ def landmarks_in_view(
     )
 
 
+def landmarks_found(
+    scenario: Scenario, params: Params, command: CameraCommand, picture: Float[Array, "p p 3"], frame: CameraFrame
+) -> FoundInPicture:
+    """Landmarks that the network finds in a rendered picture with a box, by the focal length of flight software."""
+    assert params.networks is not None
+    view, size = commanded_window(scenario, params, command), (scenario.width_px, scenario.height_px)
+    found = rendered_camera.landmarks_in_picture(params.networks, view, picture, frame.box.edges, size)
+    focal = params.flight.vehicle.focal_px
+    middle = 0.5 * jnp.array(size, dtype=focal.dtype)
+    variance = 0.5 * (found.covariance[:, 0, 0] + found.covariance[:, 1, 1])
+    return FoundInPicture(
+        tangents=(found.places.astype(focal.dtype) - middle[None]) / focal,
+        sigma=jnp.sqrt(variance).astype(focal.dtype) / focal,
+        present=frame.box.present & (found.visible_probability > _IN_SIGHT),
+    )
+
+
+_IN_SIGHT = 0.5
+"""Probability above which a landmark counts as in sight [-]."""
+
+
 def camera_format(scenario: Scenario) -> CameraFormat:
     """Sizes of the camera's images."""
     size = (scenario.width_px, scenario.height_px)
@@ -167,7 +188,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
     time = params.epoch.seconds + elapsed_time(scenario, truth, tick)
     scene = Scene(
         # A target of twice the size looks as the nominal one from half the distance.
-        r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N) / params.plant.target.scale,
+        r_KT_T=(quaternion.rotate(truth.q_TN, truth.r_ST_N) - _mesh_offset(params)) / params.plant.target.scale,
         R_KT=quaternion.to_matrix(q_KT),
         sun_T=quaternion.rotate(truth.q_TN, sun_N),
         sunlight=eclipse.illumination(truth.r_TN_N, sky.sun_N),
@@ -177,6 +198,12 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
         earth_rotation=earth_rotation.earth_rotation_angle(time),
     )
     return rendered_camera.to_float32(scene)
+
+
+def _mesh_offset(params: Params) -> Float[Array, "3"]:
+    """Place of the mesh from the centre of mass, which landmarks tell, in T [m]."""
+    sensor = params.additional_sensors.get("landmarks")
+    return jnp.zeros(3) if sensor is None else sensor["body_offset"]
 
 
 def _lens(scenario: Scenario, params: Params) -> pinhole.Intrinsics:

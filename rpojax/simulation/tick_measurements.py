@@ -112,7 +112,7 @@ def expose(
         window=state.flight.camera if takes else None,
         is_wide=None if lens is None else lens.is_wide,
     )
-    return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, health, time)}
+    return {CAMERA: of_camera, **_measure_additional(loop, state, noise, sky, health, time, (picture, frame))}
 
 
 def _exchange_late(
@@ -185,9 +185,15 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
 
 
 def _measure_additional(
-    loop: Loop, state: State, noise: TickNoise, sky: SunMoonPositions, health: Health, time: Scalar
+    loop: Loop,
+    state: State,
+    noise: TickNoise,
+    sky: SunMoonPositions,
+    health: Health,
+    time: Scalar,
+    exposed: tuple[Array | None, CameraFrame],
 ) -> dict[str, dict[str, Array]]:
-    """Measurements of the additional sensors, by sensor and name."""
+    """Measurements of the additional sensors, by sensor and name; `exposed` are picture and frame of the camera."""
     scenario, params, flight = loop.scenario, loop.params, state.flight
     scene = SensedScene(truth=state.truth, sky=sky, time=time)
     if params.surface is not None:
@@ -195,9 +201,14 @@ def _measure_additional(
         scene = replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
     if params.landmarks is not None:
         seen_through = params.seen_through(flight.lens)
-        scene = replace(
-            scene, landmarks=camera_models.landmarks_in_view(scenario, seen_through, state.truth, sky, health)
+        view, (picture, frame) = (
+            camera_models.landmarks_in_view(scenario, seen_through, state.truth, sky, health),
+            exposed,
         )
+        if picture is not None:
+            found = camera_models.landmarks_found(scenario, seen_through, flight.camera, picture, frame)
+            view = replace(view, found=found)
+        scene = replace(scene, landmarks=view)
     return {
         name: sensor.measure(params.additional_sensors[name], scene, noise.additional[name])
         for name, sensor in scenario.additional_sensors

@@ -5,13 +5,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
+from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.sensors.rendered_camera import Networks
 from rpojax.untrusted.file_reading import FileKind, is_regular, read_bytes
 from rpojax.vision import weight_files
 from rpojax.vision.detector.detector_file import load_detector
 from rpojax.vision.imaging.random_sky import random_sky
+from rpojax.vision.landmark_network.network_file import PACKAGED_NETWORK, load_network
 from rpojax.vision.radiance_field.field_file import load_field
+from rpojax.vision.surface.landmarks import Landmarks
 
 PACKAGED = "packaged"
 """Value of a key of `imaging` that selects the packaged file."""
@@ -19,6 +23,7 @@ PACKAGED_FILES = {
     "field": "target.field.safetensors",
     "detector": "detector.safetensors",
     "statistics": "target.camera.safetensors",
+    "landmark_network": PACKAGED_NETWORK,
 }
 """Packaged file by key of the section `imaging`."""
 REQUIRED_KEYS = {"geometric": (), "statistical": ("statistics",), "rendered": ("field", "detector")}
@@ -31,9 +36,17 @@ def required_files(tables: Mapping[str, Any]) -> dict[str, Path]:
     Those of a second lens are by the key with its section.
     """
     found = {key: file_path(tables, key) for key in REQUIRED_KEYS[tables["camera"]["model"]]}
+    if finds_landmarks_in_pictures(tables):
+        found["landmark_network"] = file_path(tables, "landmark_network")
     if (wide := of_wide_lens(tables)) and "statistics" in found:
         found["wide_lens.statistics"] = file_path(wide, "statistics")
     return found
+
+
+def finds_landmarks_in_pictures(tables: Mapping[str, Any]) -> bool:
+    """Whether a network finds landmarks in the pictures of a rendered camera."""
+    camera = tables["camera"]
+    return camera["model"] == "rendered" and camera.get("landmarks", NO_LANDMARKS) != NO_LANDMARKS
 
 
 def of_wide_lens(tables: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -51,7 +64,7 @@ def file_path(tables: Mapping[str, Any], key: str) -> Path:
     Raises:
         ScenarioError: there is no such file.
     """
-    name = tables["imaging"][key]
+    name = tables["imaging"].get(key, PACKAGED)
     path = weight_files.packaged_file(PACKAGED_FILES[key]) if name == PACKAGED else Path(name)
     if not is_regular(path):
         raise ScenarioError(f"imaging.{key}", name, f"'{PACKAGED}' or the path of a file")
@@ -72,11 +85,18 @@ def file_digest(path: Path) -> str:
     return hashlib.sha256(read_bytes(path, FileKind.WEIGHTS)).hexdigest()
 
 
-def networks_for_model(tables: Mapping[str, Any]) -> Networks | None:
-    """Radiance field, detector and sky of a rendered camera, None for other camera models."""
+def networks_for_model(tables: Mapping[str, Any], landmarks: Landmarks | None = None) -> Networks | None:
+    """Radiance field, detector and sky of a rendered camera, and the network for its landmarks; None for other cameras.
+
+    Raises:
+        WeightsError: a file is damaged, or the network is one for other landmarks.
+    """
     if tables["camera"]["model"] != "rendered":
         return None
-    return load_networks(tables)
+    networks = load_networks(tables)
+    if landmarks is None:
+        return networks
+    return replace(networks, landmarks=load_network(landmarks, file_path(tables, "landmark_network"))[0])
 
 
 def load_networks(tables: Mapping[str, Any]) -> Networks:

@@ -48,15 +48,18 @@ class LandmarkCamera(AdditionalSensor):
     ) -> "dict[str, jax.Array]":
         """Tangents right and down of the boresight (n,) of each landmark, NaN of those that are not found, and 1 sigma.
 
-        The settings are `noise`, `shaded_noise` and `minimum_size` [px], `body_offset` (3,) [m] of the landmarks in T,
-        and the probabilities of a miss in light and shade, of a place anywhere on the target, and of a picture in which
-        the landmarks are taken for those of a symmetric attitude.
+        In a rendered picture they are those of the network. The settings, of the geometric model, are `noise`,
+        `shaded_noise` and `minimum_size` [px], `body_offset` (3,) [m] of the landmarks in T, and the probabilities of a
+        miss in light and shade, of a place anywhere on the target, and of a picture in which the landmarks are taken
+        for those of a symmetric attitude.
         """
         import jax.numpy as jnp
         from jax.scipy.special import ndtr
 
         picture = scene.landmarks
         assert picture is not None
+        if picture.found is not None:
+            return _shown(picture.found.tangents, picture.found.sigma, picture.found.present)
         seen, focal_px = picture.seen(settings["body_offset"]), picture.nominal_focal_px
         count = seen.lit.shape[0]
         drawn, of_picture = normals[: _PER_LANDMARK * count].reshape(_PER_LANDMARK, count), normals[-2:]
@@ -73,12 +76,7 @@ class LandmarkCamera(AdditionalSensor):
         order = picture.order(swapped, ndtr(of_picture[1]))
         places, found, noise = places[order], found[order], noise[order]
         inside = jnp.all(jnp.abs(places) < picture.half_frame_tangent[None, :], axis=1)
-        shown = jnp.where((found & inside)[:, None], places, math.nan)
-        return {
-            "landmarks_right_tangent": shown[:, 0],
-            "landmarks_down_tangent": shown[:, 1],
-            "landmarks_sigma_tangent": jnp.where(found & inside, noise, math.nan),
-        }
+        return _shown(places, noise, found & inside)
 
     @staticmethod
     def rows(
@@ -90,3 +88,15 @@ class LandmarkCamera(AdditionalSensor):
         assert view.target is not None
         found = landmark_measurement.picture(beliefs, view, measured)
         return landmark_measurement.rows(view.tuning, view.target, view.relative, found)
+
+
+def _shown(places: "jax.Array", sigma: "jax.Array", present: "jax.Array") -> "dict[str, jax.Array]":
+    """Tangents (n, 2) and their sigma (n,) as measured, NaN of landmarks that are not present (n,)."""
+    import jax.numpy as jnp
+
+    shown = jnp.where(present[:, None], places, math.nan)
+    return {
+        "landmarks_right_tangent": shown[:, 0],
+        "landmarks_down_tangent": shown[:, 1],
+        "landmarks_sigma_tangent": jnp.where(present, sigma, math.nan),
+    }

@@ -34,6 +34,21 @@ class SeenLandmarks:
 
 
 @dataclass(frozen=True)
+class FoundInPicture:
+    """Landmarks that a network found.
+
+    Attributes:
+        tangents: (n, 2) right and down of the boresight
+        sigma: (n,) of a tangent, by the network
+        present: (n,) bool
+    """
+
+    tangents: Array
+    sigma: Array
+    present: Array
+
+
+@dataclass(frozen=True)
 class LandmarkScene:
     """True pose of the target in the camera, its light, and its landmarks.
 
@@ -49,6 +64,7 @@ class LandmarkScene:
         observable: () bool, there is light to see the target by
         by_lamp_alone: () bool, that of the lamp
         working: () bool, the camera works
+        found: what a network finds in the rendered picture, None without one
     """
 
     landmarks: Landmarks
@@ -62,6 +78,7 @@ class LandmarkScene:
     observable: Array
     by_lamp_alone: Array
     working: Array
+    found: FoundInPicture | None = None
 
     def seen(self, body_offset: Vector) -> SeenLandmarks:
         """Landmarks that are `body_offset` [m] from where the file has them about the centre of mass."""
