@@ -65,7 +65,7 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     del content["health"]["lasting_limit"], content["rates"]["command_delay_s"]
     for key in ("delay_s", "delay_jitter_s", "processing_s", "time_tag_error_s"):
         del content["camera"][key]
-    del content["camera"]["landmarks"], content["servicer"]["radius_m"]
+    del content["camera"]["landmarks"], content["servicer"]["radius_m"], content["imaging"]["landmark_network"]
     for key in ("tumble_sigma_deg_s", "tumble_walk_deg_s_sqrt_s", "inertia_ratio_sigma", "body_offset_sigma_m"):
         del content["navigation"][key]
     for key in (

@@ -231,6 +231,11 @@ _CAMERA: Final = (
     Use(("wide_lens.edge_noise_px",), "camera.model = 'geometric'", lambda at: at.file.camera.model == "geometric"),
     Use(("wide_lens.statistics",), "camera.model = 'statistical'", lambda at: at.file.camera.model == "statistical"),
     Use(("imaging.sky_seed",), "camera.model = 'rendered'", lambda at: at.file.camera.model == "rendered"),
+    Use(
+        ("imaging.landmark_network",),
+        "camera.landmarks in pictures of camera.model = 'rendered'",
+        lambda at: at.file.camera.model == "rendered" and at.file.landmarks is not None,
+    ),
     Use(("imaging.statistics",), "camera.model = 'statistical'", lambda at: at.file.camera.model == "statistical"),
     Use(
         (
@@ -252,6 +257,18 @@ _CAMERA: Final = (
         ("coverage.mesh_units",),
         "a mesh file as coverage.surface",
         lambda at: at.file.coverage.surface not in SURFACES,
+    ),
+    Use(
+        (
+            "landmarks.noise_px",
+            "landmarks.shaded_noise_px",
+            "landmarks.miss_probability",
+            "landmarks.shaded_miss_probability",
+            "landmarks.outlier_probability",
+            "landmarks.minimum_size_px",
+        ),
+        "another camera.model than 'rendered', in whose pictures a network finds landmarks",
+        lambda at: at.file.camera.model != "rendered",
     ),
     Use(
         ("landmarks.swap_probability",),

@@ -44,6 +44,12 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "coverage.mesh_units": ("safety_ellipse", ["coverage.mesh_units=mm"], "a mesh file as coverage.surface"),
     "navigation.tumble_sigma_deg_s": ("inspection", ["navigation.tumble_sigma_deg_s=2"], "camera.landmarks"),
     "navigation.body_offset_sigma_m": ("inspection", ["navigation.body_offset_sigma_m=0.1"], "camera.landmarks"),
+    "imaging.landmark_network": (
+        "inspection", ["camera.model=rendered", "imaging.landmark_network=own.safetensors"], "camera.landmarks"
+    ),
+    "landmarks.noise_px": (
+        "pose_inspection", ["camera.model=rendered", "landmarks.noise_px=1"], "another camera.model than 'rendered'"
+    ),
     "landmarks.swap_probability": (
         "pose_inspection", ["landmarks.swap_probability=0.1"], "landmarks of a body with a symmetry"
     ),
