@@ -12,7 +12,10 @@ from rpojax.sensors.imaging import Imaging
 from rpojax.sensors.rendered_camera import Networks
 from rpojax.vision.detector.two_stage_detector import Detections
 from rpojax.vision.imaging.image_formation import ImageWindow
+from rpojax.vision.landmark_network.find_landmarks import FoundLandmarks
+from rpojax.vision.landmark_network.network_file import load_network
 from rpojax.vision.radiance_field.ray_budget import RaySampling
+from rpojax.vision.surface.landmark_file import load_landmarks
 
 SIZE = (320, 240)
 SIDE, BINNING = 64, 2.0
@@ -165,3 +168,20 @@ def test_an_image_is_black_where_its_window_goes_beyond_the_frame(monkeypatch: p
     assert noise.shape == (side, side, 3)
     assert abs(noise.mean()) < 0.05
     assert abs(noise.std() - 1.0) < 0.05
+
+
+def test_landmarks_of_the_image_are_those_of_the_frame_by_corner_and_binning() -> None:
+    image = jnp.asarray(np.random.default_rng(3).uniform(size=(SIDE, SIDE, 3)), jnp.float32)
+    networks = Networks(field=None, detector={}, sky=None, landmarks=load_network(load_landmarks()[0])[0])
+    find = jax.jit(rendered_camera.landmarks_in_picture, static_argnums=4)
+
+    def found(corner: tuple[float, float], binning: float) -> FoundLandmarks:
+        corner_px = jnp.asarray(corner, jnp.float32)
+        window = ImageWindow(intrinsics=None, corner_px=corner_px, binning=jnp.asarray(binning, jnp.float32))
+        box = jnp.array([10.0, 12.0, 50.0, 55.0]) * binning + jnp.array([*corner, *corner])
+        return find(networks, window, image, box, SIZE)
+
+    alone, in_frame = found((0.0, 0.0), 1.0), found(CORNER, BINNING)
+    np.testing.assert_allclose(in_frame.visible_probability, alone.visible_probability, atol=1e-4)
+    np.testing.assert_allclose(in_frame.places, np.array(CORNER) + BINNING * alone.places, atol=1e-2)
+    np.testing.assert_allclose(in_frame.covariance, BINNING**2 * alone.covariance, rtol=1e-2)

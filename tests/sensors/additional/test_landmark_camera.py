@@ -15,7 +15,7 @@ from scipy.stats import binom, kstest
 from rpojax.core.pytree import replace
 from rpojax.sensors.additional.additional_sensor import SensedScene
 from rpojax.sensors.additional.landmark_camera import LandmarkCamera
-from rpojax.sensors.additional.landmark_scene import LandmarkScene
+from rpojax.sensors.additional.landmark_scene import FoundInPicture, LandmarkScene
 from rpojax.vision.surface.landmark_selection import select_landmarks
 from rpojax.vision.surface.landmarks import Landmarks
 from tests import surface_meshes
@@ -227,3 +227,19 @@ def test_order_is_the_permutation_of_each_symmetry() -> None:
     alone = replace(cube(), permutations=cube().permutations[:1])
     without = scene(landmarks=alone)
     np.testing.assert_array_equal(without.order(jnp.asarray(True), jnp.asarray(0.7)), np.arange(COUNT))
+
+
+def test_landmarks_of_a_rendered_picture_are_those_of_the_network() -> None:
+    places = np.random.default_rng(5).normal(0.0, 0.05, size=(COUNT, 2))
+    present = np.arange(COUNT) % 3 > 0
+    network = FoundInPicture(
+        tangents=jnp.asarray(places), sigma=jnp.linspace(1e-3, 2e-3, COUNT), present=jnp.asarray(present)
+    )
+    nothing: Any = None
+    sensed = SensedScene(truth=nothing, sky=nothing, time=jnp.zeros(()), landmarks=replace(scene(), found=network))
+    found = LandmarkCamera.measure(SURE, sensed, jnp.zeros(LandmarkCamera.normals))
+    names = ("right", "down", "sigma")
+    expected = np.column_stack([places, np.linspace(1e-3, 2e-3, COUNT)])
+    shown = np.column_stack([found[f"landmarks_{name}_tangent"] for name in names])
+    np.testing.assert_allclose(shown[present], expected[present])
+    assert np.isnan(shown[~present]).all()
