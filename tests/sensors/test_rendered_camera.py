@@ -183,5 +183,5 @@ def test_landmarks_of_the_image_are_those_of_the_frame_by_corner_and_binning() -
 
     alone, in_frame = found((0.0, 0.0), 1.0), found(CORNER, BINNING)
     np.testing.assert_allclose(in_frame.visible_probability, alone.visible_probability, atol=1e-4)
-    np.testing.assert_allclose(in_frame.places, np.array(CORNER) + BINNING * alone.places, atol=1e-2)
-    np.testing.assert_allclose(in_frame.covariance, BINNING**2 * alone.covariance, rtol=1e-2)
+    np.testing.assert_allclose(in_frame.places, np.array(CORNER) + BINNING * np.asarray(alone.places), atol=1e-2)
+    np.testing.assert_allclose(in_frame.covariance, BINNING**2 * np.asarray(alone.covariance), rtol=1e-2)
