@@ -82,7 +82,7 @@ def plant_params(reference: Reference) -> PlantParams:
     zero, no_vector = jnp.zeros(()), _array(np.zeros(3))
     surface = _surface(reference)
     return PlantParams(
-        servicer=Body(mass=mass, inertia=inertia),
+        servicer=Body(mass=mass, inertia=inertia, radius=zero),
         servicer_surface=surface,
         target=Target(
             mass=mass,

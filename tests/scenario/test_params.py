@@ -25,6 +25,7 @@ STATIC = {
     "field",
     "detector",
     "statistics",
+    "landmark_network",
     "sky_seed",
     "model",
     "landmarks",

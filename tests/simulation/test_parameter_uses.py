@@ -59,6 +59,8 @@ VARIANTS = {
     "an outage": ("inspection", ["effects.faults=true", "fault.kind=gps_outage"]),
     "chamber pressure": ("inspection", ["chamber_pressure.enabled=true"]),
     "landmarks": ("pose_inspection", []),
+    "landmarks in pictures": ("pose_inspection", ["camera.model=rendered"]),
+    "port": ("capture", []),
     "statistics": ("inspection", ["camera.model=statistical"]),
     "pictures": ("inspection", ["camera.model=rendered"]),
     "no gate": ("inspection", ["navigation.gating=none"]),

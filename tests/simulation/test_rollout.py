@@ -22,7 +22,9 @@ def assert_finite(state: State, telemetry: Telemetry) -> None:
     for flight, rest in ((state.flight, (state.truth, state.sensor_errors)), (telemetry.flight, telemetry)):
         failed_at = flight.thruster_failed_at
         assert np.all(np.isfinite(failed_at) | np.isneginf(failed_at))
-        mission = replace(flight.mission, arrived_at=jnp.zeros(()), known_at=jnp.zeros(()))
+        mission = replace(
+            flight.mission, arrived_at=jnp.zeros(()), known_at=jnp.zeros(()), attitude_known_at=jnp.zeros(())
+        )
         known = replace(flight, thruster_failed_at=jnp.zeros(()), mission=mission)
         shown = replace(rest, flight=known) if isinstance(rest, Telemetry) else rest
         for leaf in jax.tree.leaves((shown, known)):

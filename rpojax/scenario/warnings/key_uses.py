@@ -258,6 +258,7 @@ _CAMERA: Final = (
         "a mesh file as coverage.surface",
         lambda at: at.file.coverage.surface not in SURFACES,
     ),
+    Use(("servicer.radius_m",), 'a last phase with frame = "target"', lambda at: at.file.ends_at_port),
     Use(
         (
             "landmarks.noise_px",

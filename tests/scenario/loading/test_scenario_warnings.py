@@ -47,6 +47,7 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "imaging.landmark_network": (
         "inspection", ["camera.model=rendered", "imaging.landmark_network=own.safetensors"], "camera.landmarks"
     ),
+    "servicer.radius_m": ("inspection", ["servicer.radius_m=0.5"], "a last phase with frame"),
     "landmarks.noise_px": (
         "pose_inspection", ["camera.model=rendered", "landmarks.noise_px=1"], "another camera.model than 'rendered'"
     ),
