@@ -39,6 +39,7 @@ WITHOUT_EFFECT = {
     "gps.bias_time_constant_s",
     "landmarks.swap_probability",
     "target.tumble_axis",
+    "plume.inhibit_angle_deg",
     "fault.start_s", "fault.duration_s", "fault.severity", "fault.wheel",
     "wheels.stiction_speed_rad_s",
     "navigation.thrust_sigma", "formation.thruster_retry_s",
