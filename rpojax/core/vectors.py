@@ -30,3 +30,14 @@ def product(A: Float[Array, "m n"], B: Float[Array, "n k"]) -> Float[Array, "m k
     for index in range(1, A.shape[1]):
         total = total + A[:, index : index + 1] * B[index : index + 1]
     return total
+
+
+def across_axes(axis: Vector) -> tuple[Vector, Vector]:
+    """Two unit vectors across a unit vector, which follow it smoothly but near -x; of x itself they are y and z.
+
+    Frisvad, Building an Orthonormal Basis from a 3D Unit Vector Without Normalization, 2012.
+    """
+    x, y, z = axis
+    ahead = jnp.maximum(1.0 + x, 1e-6)
+    first = jnp.stack([-y, 1.0 - y * y / ahead, -y * z / ahead])
+    return first, cross(axis, first)

@@ -16,15 +16,16 @@ def _lateral(xp: ModuleType, rho: Quantity, axis: Quantity, is_arrival: Quantity
     """Distance from the axis of the approach, through the centre of mass."""
     unit = axis / xp.sqrt(xp.sum(axis * axis, axis=-1, keepdims=True))
     across = rho - xp.sum(rho * unit, axis=-1, keepdims=True) * unit
-    return WeightedValue(_length(xp, across), is_arrival)
+    return WeightedValue(length(xp, across), is_arrival)
 
 
 def _along(xp: ModuleType, rho: Quantity, desired: Quantity, is_arrival: Quantity) -> WeightedValue:
     """Size of the true range minus that of the reference: too near is as bad as too far."""
-    return WeightedValue(xp.abs(_length(xp, rho) - _length(xp, desired)), is_arrival)
+    return WeightedValue(xp.abs(length(xp, rho) - length(xp, desired)), is_arrival)
 
 
-def _length(xp: ModuleType, vector: Quantity) -> Quantity:
+def length(xp: ModuleType, vector: Quantity) -> Quantity:
+    """Length of a vector along the last axis."""
     return xp.sqrt(xp.maximum(xp.sum(vector * vector, axis=-1), _LEAST_SQUARE))
 
 

@@ -4,14 +4,8 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any, Final
 
-from rpojax.metrics.metric_definition import Metric, Quantity, WeightedValue
-
-_LEAST_SQUARE: Final = 1e-18
-"""Keeps the derivative of a distance defined where there is none [m^2]."""
-
-
-def _length(xp: ModuleType, *components: Quantity) -> Quantity:
-    return xp.sqrt(xp.maximum(sum(each * each for each in components), _LEAST_SQUARE))
+from rpojax.metrics.approach import length
+from rpojax.metrics.metric_definition import Metric, WeightedValue
 
 
 def _at_capture(
@@ -37,7 +31,7 @@ METRICS: Final = (
         "Lateral offset at the port",
         "True distance of the servicer's centre of mass from the axis of the docking port",
         "port_place_P",
-        lambda xp, place: _length(xp, place[..., 0], place[..., 1]),
+        lambda xp, place: length(xp, place[..., :2]),
     ),
     _at_capture(
         "capture_angle_deg",
@@ -53,7 +47,7 @@ METRICS: Final = (
         "Speed at the port",
         "True speed of the servicer in the frame of the target, which turns",
         "port_velocity_P",
-        lambda xp, velocity: _length(xp, velocity[..., 0], velocity[..., 1], velocity[..., 2]),
+        length,
     ),
     Metric(
         "hull_distance_min_m",

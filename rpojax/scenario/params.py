@@ -10,7 +10,7 @@ from typing import Any, get_args, get_type_hints
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from rpojax.core.constants import STANDARD_GRAVITY
 from rpojax.core.declared_numbers import declared_numbers
@@ -21,6 +21,7 @@ from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
+from rpojax.flight.computer import LANDMARKS
 from rpojax.flight.control import thruster_allocation
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.thruster_allocation import ThrusterLayout
@@ -96,6 +97,12 @@ class Params:
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
     surface: TargetSurface | None = None
     landmarks: Landmarks | None = None
+
+    @property
+    def mesh_offset(self) -> Float[Array, "3"]:
+        """Place of the origin of the target's mesh from its centre of mass, which landmarks tell, in T [m]."""
+        sensor = self.additional_sensors.get(LANDMARKS)
+        return jnp.zeros(3) if sensor is None else sensor["body_offset"]
 
     def seen_through(self, lens: LensInUse | None) -> "Params":
         """The same with camera and beliefs of the lens in use, None without a second one."""

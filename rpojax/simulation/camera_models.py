@@ -188,7 +188,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
     time = params.epoch.seconds + elapsed_time(scenario, truth, tick)
     scene = Scene(
         # A target of twice the size looks as the nominal one from half the distance.
-        r_KT_T=(quaternion.rotate(truth.q_TN, truth.r_ST_N) - _mesh_offset(params)) / params.plant.target.scale,
+        r_KT_T=(quaternion.rotate(truth.q_TN, truth.r_ST_N) - params.mesh_offset) / params.plant.target.scale,
         R_KT=quaternion.to_matrix(q_KT),
         sun_T=quaternion.rotate(truth.q_TN, sun_N),
         sunlight=eclipse.illumination(truth.r_TN_N, sky.sun_N),
@@ -198,12 +198,6 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
         earth_rotation=earth_rotation.earth_rotation_angle(time),
     )
     return rendered_camera.to_float32(scene)
-
-
-def _mesh_offset(params: Params) -> Float[Array, "3"]:
-    """Place of the mesh from the centre of mass, which landmarks tell, in T [m]."""
-    sensor = params.additional_sensors.get("landmarks")
-    return jnp.zeros(3) if sensor is None else sensor["body_offset"]
 
 
 def _lens(scenario: Scenario, params: Params) -> pinhole.Intrinsics:

@@ -134,10 +134,7 @@ class ObservedTick:
         rho_H, rho_dot_H = inertial_to_hill(self.truth.r_ST_N, self.truth.v_ST_N, *self.hill_frame)
         frame = true_target_frame(self.params, self.truth)
         state_T = target_frame.from_hill(frame, jnp.concatenate([rho_H, rho_dot_H]))
-        # The first axis of P is across the axis and the one of T that is farthest from it.
-        other = jnp.where(jnp.abs(axis) <= jnp.min(jnp.abs(axis), axis=0), 1.0, 0.0)
-        x = gradient_safe.normalize(vectors.cross(other, axis))
-        R_PT = jnp.stack([x, vectors.cross(axis, x), axis])
+        R_PT = jnp.stack([*vectors.across_axes(axis), axis])
         return apply(R_PT, state_T[:3] - position_T), apply(R_PT, state_T[3:])
 
     @cached_property
@@ -310,8 +307,7 @@ def _hull_distance(tick: ObservedTick) -> Scalar:
     plant = tick.params.plant
     assert plant.hull_faces is not None
     # The hull is about the mesh, which the offset moves with the port.
-    offset_T = tick.params.additional_sensors[LANDMARKS]["body_offset"]
-    place_T = rotate(tick.truth.q_TN, tick.truth.r_ST_N) - offset_T
+    place_T = rotate(tick.truth.q_TN, tick.truth.r_ST_N) - tick.params.mesh_offset
     return hull_distance.distance_from_hull(plant.target.true_hull, plant.hull_faces, place_T) - plant.servicer.radius
 
 
@@ -463,11 +459,7 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
         squared_mahalanobis_and_log_determinant(tick.pose_covariance, tick.pose_error)[0],
         jnp.nan,
     ),
-    "landmarks_found": lambda tick: jnp.sum(
-        jnp.isfinite(tick.telemetry.measurements.additional["landmarks_right_tangent"]).astype(jnp.int8),
-        axis=0,
-        dtype=jnp.int8,
-    ),
+    "landmarks_found": lambda tick: landmark_measurement.count(tick.telemetry.measurements.additional).astype(jnp.int8),
 }
 """Attitude of the target, in scenarios whose camera finds landmarks; errors are small turns in T, true by estimate."""
 PORT_CHANNELS: Final[ChannelFunctions] = {

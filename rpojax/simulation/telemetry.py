@@ -7,7 +7,6 @@ from rpojax.core.frames import hill_frame
 from rpojax.core.numerics import double_single
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import LANDMARKS
 from rpojax.flight.decisions import phase_goal
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.guidance import target_frame
@@ -73,8 +72,8 @@ def _desired_position(loop: Loop, tick: Tick) -> Array:
 
 def true_target_frame(params: Params, truth: Truth) -> TargetFrame:
     """Frame of the target of a scenario whose camera finds landmarks."""
-    origin_T, axes = params.additional_sensors[LANDMARKS]["body_offset"], hill_frame(truth.r_TN_N, truth.v_TN_N)
-    return target_frame.of_target(truth.q_TN, truth.omega_TN_T, params.plant.target.inertia, origin_T, *axes)
+    axes, inertia = hill_frame(truth.r_TN_N, truth.v_TN_N), params.plant.target.inertia
+    return target_frame.of_target(truth.q_TN, truth.omega_TN_T, inertia, params.mesh_offset, *axes)
 
 
 def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, "6"]]:

@@ -201,10 +201,8 @@ def _measure_additional(
         scene = replace(scene, surface=replace(params.surface, scale=params.plant.target.scale), cone=cone)
     if params.landmarks is not None:
         seen_through = params.seen_through(flight.lens)
-        view, (picture, frame) = (
-            camera_models.landmarks_in_view(scenario, seen_through, state.truth, sky, health),
-            exposed,
-        )
+        view = camera_models.landmarks_in_view(scenario, seen_through, state.truth, sky, health)
+        picture, frame = exposed
         if picture is not None:
             found = camera_models.landmarks_found(scenario, seen_through, flight.camera, picture, frame)
             view = replace(view, found=found)

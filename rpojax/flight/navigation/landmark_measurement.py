@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core import quaternion
@@ -84,9 +84,14 @@ def picture(beliefs: Mapping[str, Array], view: SensorView, measured: Mapping[st
     )
 
 
+def count(measured: Mapping[str, Array]) -> Int[Array, ""]:
+    """Number of landmarks that were found in a picture."""
+    return jnp.sum(jnp.isfinite(measured["landmarks_right_tangent"]), axis=0, dtype=jnp.int32)
+
+
 def shows_pose(measured: Mapping[str, Array]) -> Bool[Array, ""]:
     """Whether a picture shows enough landmarks for a pose."""
-    return jnp.sum(jnp.isfinite(measured["landmarks_right_tangent"]), axis=0, dtype=jnp.int32) >= FEWEST
+    return count(measured) >= FEWEST
 
 
 def rows(

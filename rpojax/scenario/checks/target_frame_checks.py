@@ -1,6 +1,7 @@
 """Checks of phases in the frame of a target that turns: it is known, it can be followed, and its port can be seen."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -24,11 +25,13 @@ def check_target_frame(file: ScenarioFile) -> None:
     Raises:
         ScenarioError: naming the key, what was found and what was expected.
     """
-    if not file.phases:
+    turning = [phase for phase in file.phases if phase.frame == "target"]
+    if not turning:
         return
     for before, phase in zip([None, *file.phases[:-1]], file.phases, strict=True):
         if phase.frame == "target":
             _check_follows(file, before, phase)
+    _check_port(file, turning)
 
 
 def _check_follows(file: ScenarioFile, before: PhaseSection | None, phase: PhaseSection) -> None:
@@ -55,7 +58,6 @@ def _check_follows(file: ScenarioFile, before: PhaseSection | None, phase: Phase
     if file.mission.hold_at_s <= file.duration_s:
         expected = f"none within the run, as {phase.name} follows a target that turns on while the servicer holds"
         raise ScenarioError("mission.hold_at_s", file.mission.hold_at_s, expected)
-    _check_port(file, phase)
 
 
 def _check_way_into_it(before: PhaseSection, phase: PhaseSection) -> None:
@@ -77,29 +79,30 @@ def _check_way_into_it(before: PhaseSection, phase: PhaseSection) -> None:
         raise ScenarioError(f"phases.{phase.name}.reference.kind", phase.reference.kind, expected)
 
 
-def _check_port(file: ScenarioFile, phase: PhaseSection) -> None:
-    """Refuses landmarks without a port, and an end of the way from which too few of them can be seen."""
+def _check_port(file: ScenarioFile, turning: Sequence[PhaseSection]) -> None:
+    """Refuses landmarks without a port, and ends of ways from which too few of them can be seen."""
     landmarks = target_landmarks.landmarks_for_camera(file.model_dump())
     assert landmarks is not None
     if landmarks.port_axis is None:
-        expected = f"landmarks with a port (rpojax landmarks --port-position), as phase {phase.name} flies before it"
+        expected = (
+            f"landmarks with a port (rpojax landmarks --port-position), as phase {turning[0].name} flies before it"
+        )
         raise ScenarioError("camera.landmarks", file.camera.landmarks, expected)
-    for key in ("position_m", "end_position_m"):
-        place = phase.reference.model_dump().get(key)
-        if place is None:
-            continue
-        seen = _landmarks_seen(file, np.asarray(place), landmarks)
-        if seen < FEWEST:
-            found = f"{list(place)}, from where {seen} landmarks are within the frame"
-            raise ScenarioError(f"phases.{phase.name}.reference.{key}", found, f"a place that sees at least {FEWEST}")
+    for phase in turning:
+        reference = phase.reference.model_dump()
+        for key in ("position_m", "end_position_m"):
+            if key in reference and (seen := _landmarks_seen(file, np.asarray(reference[key]), landmarks)) < FEWEST:
+                found = f"{list(reference[key])}, from where {seen} landmarks are within the frame"
+                expected = f"a place that sees at least {FEWEST}"
+                raise ScenarioError(f"phases.{phase.name}.reference.{key}", found, expected)
 
 
 def _landmarks_seen(file: ScenarioFile, place: np.ndarray, landmarks: Landmarks) -> int:
     """Landmarks that a camera at a place [m] sees which points at the centre of mass, however it rolls."""
     lines = place - np.asarray(landmarks.positions)
-    fields = [file.camera.field_of_view_deg]
-    if file.wide_lens is not None and np.linalg.norm(place) < file.wide_lens.switch_range_m:
-        fields = [file.wide_lens.field_of_view_deg]
-    cosine = lines @ place / (np.linalg.norm(lines, axis=1) * np.linalg.norm(place))
-    within = cosine > math.cos(math.radians(0.5 * fields[0]))
+    distance, lens = np.linalg.norm(place), file.camera
+    if file.wide_lens is not None and distance < file.wide_lens.switch_range_m:
+        lens = file.wide_lens
+    cosine = lines @ place / (np.linalg.norm(lines, axis=1) * distance)
+    within = cosine > math.cos(math.radians(0.5 * lens.field_of_view_deg))
     return int(np.sum(np.asarray(are_free(landmarks.visible, lines)) & within))

@@ -36,14 +36,14 @@ def required_files(tables: Mapping[str, Any]) -> dict[str, Path]:
     Those of a second lens are by the key with its section.
     """
     found = {key: file_path(tables, key) for key in REQUIRED_KEYS[tables["camera"]["model"]]}
-    if finds_landmarks_in_pictures(tables):
+    if _finds_landmarks_in_pictures(tables):
         found["landmark_network"] = file_path(tables, "landmark_network")
     if (wide := of_wide_lens(tables)) and "statistics" in found:
         found["wide_lens.statistics"] = file_path(wide, "statistics")
     return found
 
 
-def finds_landmarks_in_pictures(tables: Mapping[str, Any]) -> bool:
+def _finds_landmarks_in_pictures(tables: Mapping[str, Any]) -> bool:
     """Whether a network finds landmarks in the pictures of a rendered camera."""
     camera = tables["camera"]
     return camera["model"] == "rendered" and camera.get("landmarks", NO_LANDMARKS) != NO_LANDMARKS

@@ -58,6 +58,7 @@ class Lidar(AdditionalSensor):
         """
         import jax.numpy as jnp
 
+        from rpojax.core import vectors
         from rpojax.core.numerics import gradient_safe
         from rpojax.sensors.additional import surface_ranging
 
@@ -79,7 +80,7 @@ class Lidar(AdditionalSensor):
         share = surface / jnp.where(hit, jnp.sum(surface, axis=0), 1.0)
         mean = jnp.sum(beams * (share * distance)[:, None], axis=0)
         line = jnp.where(hit, gradient_safe.normalize(jnp.where(hit, mean, cone.axis_B)), cone.axis_B)
-        first, second = surface_ranging.across_axes(line)
+        first, second = vectors.across_axes(line)
         along = settings["bias"] + settings["noise"] * normals[0] * gradient_safe.norm(share)
         across = settings["angle_noise"] * gradient_safe.norm(jnp.where(hit, mean, cone.axis_B))
         centroid = mean + along * line + across * (normals[1] * first + normals[2] * second)
@@ -95,16 +96,15 @@ class Lidar(AdditionalSensor):
         """
         import jax.numpy as jnp
 
-        from rpojax.core import quaternion
+        from rpojax.core import quaternion, vectors
         from rpojax.core.numerics import gradient_safe
-        from rpojax.sensors.additional import surface_ranging
 
         tuning, present = view.tuning, measured["lidar_returns_count"] > 0.5
         forward = jnp.array([1.0, 0.0, 0.0], dtype=view.q_BN.dtype)
         centroid = jnp.where(present, measured["lidar_centroid_m"], forward)
         distance = gradient_safe.norm(centroid)
         line = gradient_safe.normalize(quaternion.rotate(view.q_BN, view.relative.r_TS_N))
-        axes = jnp.stack([line, *surface_ranging.across_axes(line)])
+        axes = jnp.stack([line, *vectors.across_axes(line)])
 
         def expected(estimate: "RelativeEstimate") -> "jax.Array":
             place = jnp.sum(axes * quaternion.rotate(view.q_BN, estimate.r_TS_N)[None, :], axis=1)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
-from rpojax.core.vectors import cross, product
+from rpojax.core.vectors import across_axes, product
 from rpojax.physics.plant_state import Truth
 from rpojax.vision.surface.ray_triangle_intersection import nearest_hits
 
@@ -92,14 +92,3 @@ def is_within(
 ) -> Bool[Array, " r"]:
     """Whether each direction is at most `half_angle` [rad] from the boresight."""
     return jnp.sum(directions_B * gradient_safe.normalize(boresight_B)[None, :], axis=1) >= jnp.cos(half_angle)
-
-
-def across_axes(axis: Float[Array, "3"]) -> tuple[Array, Array]:
-    """Two unit vectors across a unit vector, which follow it smoothly but near -x; of x itself they are y and z.
-
-    Frisvad, Building an Orthonormal Basis from a 3D Unit Vector Without Normalization, 2012.
-    """
-    x, y, z = axis
-    ahead = jnp.maximum(1.0 + x, 1e-6)
-    first = jnp.stack([-y, 1.0 - y * y / ahead, -y * z / ahead])
-    return first, cross(axis, first)

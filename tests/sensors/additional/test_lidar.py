@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rpojax.campaign.single_run import initialise_run
+from rpojax.core import vectors
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
@@ -103,9 +104,9 @@ def test_the_pattern_is_evenly_spread_within_its_cone_and_follows_the_predicted_
 def test_axes_across_are_orthonormal() -> None:
     for line in np.random.default_rng(0).normal(size=(20, 3)):
         u = jnp.asarray(line / np.linalg.norm(line))
-        axes = np.stack([u, *surface_ranging.across_axes(u)])
+        axes = np.stack([u, *vectors.across_axes(u)])
         np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(np.stack(surface_ranging.across_axes(jnp.array([1.0, 0.0, 0.0]))), np.eye(3)[1:])
+    np.testing.assert_allclose(np.stack(vectors.across_axes(jnp.array([1.0, 0.0, 0.0]))), np.eye(3)[1:])
 
 
 def test_its_rows_are_linear_in_place_and_offsets() -> None:
