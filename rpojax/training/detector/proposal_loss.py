@@ -17,7 +17,7 @@ _MASK_WEIGHT = 1.0
 
 
 def proposal_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: Batch) -> jax.Array:
-    """Loss of the network's parameters; see `training_loop.Loss`."""
+    """Loss of the network's parameters; see `training_steps.Loss`."""
     del frozen, key
     result: Any = NETWORK.apply({"params": params}, batch.images)
     raw, _, mask = result

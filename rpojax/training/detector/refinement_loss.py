@@ -47,7 +47,7 @@ class _Labels:
 
 
 def refinement_loss(params: dict[str, Any], frozen: Any, key: jax.Array, batch: Batch) -> jax.Array:
-    """Loss of the network's parameters; `frozen` are those of the proposal network, see `training_loop.Loss`."""
+    """Loss of the network's parameters; `frozen` are those of the proposal network, see `training_steps.Loss`."""
     labels = _Labels(boxes=jnp.asarray(batch.boxes), weight=jnp.asarray(batch.weight), known=jnp.asarray(batch.known))
     maps, features = jax.lax.stop_gradient(proposal_network.forward(frozen, batch.images))
     keys = jax.random.split(key, batch.images.shape[0])
