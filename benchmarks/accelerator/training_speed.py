@@ -10,9 +10,10 @@ import numpy as np
 from benchmarks.accelerator import memory
 from benchmarks.accelerator.sizes import Sizes
 from rpojax.training.detector import proposal_loss
-from rpojax.training.detector.training_loop import BatchPrefetcher, train_network
+from rpojax.training.detector.training_loop import network_training, train_network
 from rpojax.training.detector.training_options import NetworkTrainingOptions
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
+from rpojax.training.training_steps import BatchPrefetcher
 from rpojax.vision.detector.two_stage_detector import initialize
 
 _SIDE_PX = 128
@@ -45,8 +46,9 @@ def _figures(batch: int, steps: int) -> dict[str, Any]:
 
 def _augmentation_s(data: DetectionDataset, options: NetworkTrainingOptions, steps: int) -> float:
     """Time that the host takes for the images of a step [s]."""
+    training = network_training(proposal_loss.proposal_loss, (), data, options)
     begin = time.perf_counter()
-    with BatchPrefetcher(data, options, steps, 0, 0.0) as batches:
+    with BatchPrefetcher(training.batch, 0, 0.0) as batches:
         for _ in range(steps):
             batches.next()
         return (time.perf_counter() - begin) / steps

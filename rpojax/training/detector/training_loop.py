@@ -36,6 +36,21 @@ def train_network(
     learning rate schedule ends at the limit.
     """
 
+    def judge(params: Params) -> dict[str, Any]:
+        metrics = evaluate(params)
+        return {name: metrics[name] or 0.0 for name in ("map50", "map50_95")}
+
+    training = network_training(loss, frozen, data, options)
+    parts = [data.images[:: max(1, len(data) // 50)], np.concatenate(data.boxes)]
+    key = training_key(options, len(data), (start, frozen), parts)
+    return train_by_epochs(training, start, judge, NetworkTrainingProgress, checkpoint, key, on_progress)
+
+
+def network_training(
+    loss: Loss, frozen: Any, data: DetectionDataset, options: NetworkTrainingOptions
+) -> Training[Batch]:
+    """Training of a network on batches that are augmented on the host."""
+
     def prepare(indices: np.ndarray, step: int, clock: float) -> Batch:
         # Whether it is of crops follows the clock some steps later.
         by_steps = step / training.steps
@@ -43,11 +58,5 @@ def train_network(
         rng = np.random.default_rng([options.seed, 1, step])
         return augment_batch(data, indices, rng, crops=progress < options.pieces_share)
 
-    def judge(params: Params) -> dict[str, Any]:
-        metrics = evaluate(params)
-        return {name: metrics[name] or 0.0 for name in ("map50", "map50_95")}
-
     training = Training(loss, frozen, options, len(data), prepare)
-    parts = [data.images[:: max(1, len(data) // 50)], np.concatenate(data.boxes)]
-    key = training_key(options, len(data), (start, frozen), parts)
-    return train_by_epochs(training, start, judge, NetworkTrainingProgress, checkpoint, key, on_progress)
+    return training
