@@ -46,7 +46,7 @@ from rpojax.flight.navigation.box_measurement import outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.lasting_adaptation import Adaptation
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
+from rpojax.flight.navigation.relative_filter_state import LANDMARK_NETWORK, RelativeEstimate
 from rpojax.flight.navigation.retrodiction import Exposure, History
 from rpojax.flight.navigation_health import HealthEvidence
 from rpojax.flight.vehicle_model import VehicleModel
@@ -231,7 +231,8 @@ def _with_target_attitude(
     # A wrong attitude has moved the target, too.
     added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, lost)
     relative = replace(relative, target=reference, covariance=relative.covariance + jnp.diag(added))
-    of_body = [state.name for state in relative_filter_state.states_with([LANDMARKS], ())]
+    shown = relative_filter_state.states_with([LANDMARKS, LANDMARK_NETWORK], ())
+    of_body = [state.name for state in shown if state.name in relative.slow]
     relative = relative_filter_state.reset_to_prior(params.navigation, relative, of_body, lost)
     relative = retrodiction.to_exposure(relative, exposure)
     relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)

@@ -3,10 +3,12 @@
 from dataclasses import dataclass, replace
 
 from rpojax.errors import ScenarioError
+from rpojax.flight.computer import LANDMARKS
 from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.flight.flight_records import FilterSettings
 from rpojax.flight.mission.static_mission_settings import MissionSettings
 from rpojax.flight.navigation.believed_sensor import BelievedSensor
+from rpojax.flight.navigation.relative_filter_state import LANDMARK_NETWORK
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.measurement_delays import DelaySettings, delay_settings
 from rpojax.scenario.mission_from_phases import mission_settings
@@ -74,6 +76,18 @@ class Scenario:
         sensors = tuple(BelievedSensor(name, each.rows, each.row_count) for name, each in believed)
         memory = 0 if self.delays is None or not self.delays.compensated else self.delays.slots
         return FilterSettings(self.box_gating, self.navigation_zonal_degree, sensors, memory)
+
+    @property
+    def shown_states(self) -> list[str]:
+        """Names of what gives states to the filter beside those of all: the sensors that it believes, and a network."""
+        believed = [name for name, each in self.additional_sensors if each.is_believed()]
+        by_network = self.has_landmarks and self.camera_model != "geometric"
+        return [*believed, LANDMARK_NETWORK] if by_network else believed
+
+    @property
+    def has_landmarks(self) -> bool:
+        """Whether the camera finds landmarks of the target."""
+        return LANDMARKS in dict(self.additional_sensors)
 
     @property
     def direction_sensors(self) -> list[str]:

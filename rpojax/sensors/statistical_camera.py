@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.sensors.camera import CameraFrame
+from rpojax.sensors.statistical_landmarks import LandmarkStatistics
 from rpojax.sensors.view_features import features, is_in_frame, visible_outline
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
@@ -57,6 +58,7 @@ class CameraStatistics:
         lasting_angle: () rotation of the target after which its correlation is 1 / e [rad]
         false_log_side: (2,) mean and 1 sigma of the log of a false box's sides [log px]
         false_score: (2,) mean and 1 sigma of the logit of a false box's score
+        landmarks: those of a landmark network in the boxes, None without
     """
 
     mean: Array
@@ -68,6 +70,7 @@ class CameraStatistics:
     lasting_angle: Array
     false_log_side: Array
     false_score: Array
+    landmarks: LandmarkStatistics | None = None
 
 
 @pytree

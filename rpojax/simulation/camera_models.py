@@ -15,7 +15,15 @@ from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import camera_pose, detector_input, geometric_camera, rendered_camera, statistical_camera
+from rpojax.sensors import (
+    camera_pose,
+    detector_input,
+    geometric_camera,
+    rendered_camera,
+    statistical_camera,
+    statistical_landmarks,
+    view_features,
+)
 from rpojax.sensors.additional.landmark_scene import FoundInPicture, LandmarkScene
 from rpojax.sensors.camera import NEAREST_DEPTH, CameraFrame
 from rpojax.simulation.noise import TickNoise
@@ -60,8 +68,7 @@ def expose(
     if scenario.camera_model == "geometric":
         lit = (observable, health.camera)
         return geometric_camera.measure(camera, *size, hull_K, *lit, normals[:4], uniforms[:6]), None
-    in_front = jnp.min(hull_K[:, 2], axis=0) > NEAREST_DEPTH
-    outline = jnp.where(in_front, box_projection.projected_box(_lens(scenario, params), hull_K), 0.0)
+    outline, in_front = _outline(scenario, params, hull_K)
     scene = _scene(scenario, params, truth, sky, tick)
     light_and_health = (observable, health.camera)
     if scenario.camera_model == "statistical":
@@ -78,6 +85,14 @@ def expose(
     picture = _render_window(scenario, params, view, scene, key)
     frame = rendered_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
     return frame, picture
+
+
+def _outline(
+    scenario: Scenario, params: Params, hull_K: Float[Array, "n 3"]
+) -> tuple[Float[Array, "4"], Bool[Array, ""]]:
+    """Edges [px] of the target's outline, and whether all of the target is in front of the camera."""
+    in_front = jnp.min(hull_K[:, 2], axis=0) > NEAREST_DEPTH
+    return jnp.where(in_front, box_projection.projected_box(_lens(scenario, params), hull_K), 0.0), in_front
 
 
 def _light(params: Params, truth: Truth, sky: SunMoonPositions) -> tuple[Bool[Array, ""], Bool[Array, ""] | None]:
@@ -124,6 +139,37 @@ def landmarks_in_view(
     )
 
 
+def landmarks_drawn(
+    scenario: Scenario,
+    params: Params,
+    truth: Truth,
+    sky: SunMoonPositions,
+    tick: Array,
+    frame: CameraFrame,
+    view: LandmarkScene,
+    noise: tuple[Float[Array, " m"], Float[Array, " n"]],
+) -> FoundInPicture:
+    """Landmarks that a statistical camera finds where it has a box; `noise` are lasting errors and normal numbers."""
+    assert params.statistics is not None
+    assert params.statistics.landmarks is not None
+    statistics, (lasting, normals) = params.statistics.landmarks, noise
+    count = statistical_landmarks.normal_count(view.landmarks.positions.shape[0])
+    scene, size = _scene(scenario, params, truth, sky, tick), (scenario.width_px, scenario.height_px)
+    pose = camera_pose.target_pose_in_camera(params.camera, truth.q_TN, truth.r_ST_N, truth.q_BN)
+    outline, _ = _outline(scenario, params, camera_pose.hull_in_camera(params.plant.target.true_hull, *pose))
+    scene = _under_the_lamp(scene, view.by_lamp_alone)
+    return statistical_landmarks.draw(
+        statistics,
+        view,
+        params.mesh_offset,
+        view_features.features(scene, outline.astype(jnp.float32), size),
+        view_features.visible_outline(outline, size)[1],
+        frame.box.present & ~frame.outlier,
+        lasting[:count],
+        normals[:count],
+    )
+
+
 def landmarks_found(
     scenario: Scenario, params: Params, command: CameraCommand, picture: Float[Array, "p p 3"], frame: CameraFrame
 ) -> FoundInPicture:
@@ -133,10 +179,9 @@ def landmarks_found(
     found = rendered_camera.landmarks_in_picture(params.networks, view, picture, frame.box.edges, size)
     focal = params.flight.vehicle.focal_px
     middle = 0.5 * jnp.array(size, dtype=focal.dtype)
-    variance = 0.5 * (found.covariance[:, 0, 0] + found.covariance[:, 1, 1])
     return FoundInPicture(
         tangents=(found.places.astype(focal.dtype) - middle[None]) / focal,
-        sigma=jnp.sqrt(variance).astype(focal.dtype) / focal,
+        sigma=found.sigma.astype(focal.dtype) / focal,
         present=frame.box.present & (found.visible_probability > _IN_SIGHT),
     )
 

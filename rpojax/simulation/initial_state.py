@@ -72,7 +72,7 @@ def init(
         -truth.r_ST_N + error[6:9],
         -truth.v_ST_N + error[9:12],
         relative_filter_state.states_with(
-            [each.name for each in scenario.filter_settings.sensors],
+            scenario.shown_states,
             VIEW_STATES if _shares(scenario) else SLOW_STATES,
         ),
         params.flight.target,
@@ -126,6 +126,7 @@ def _sensor_errors(params: Params, noise: InitialNoise) -> SensorErrors:
         gps_bias_N=params.gps.bias_sigma * noise.biases[:3],
         gyro_bias_B=params.gyro.initial_bias_sigma * noise.biases[3:],
         box_edge_errors=noise.box_edge_errors,
+        landmark_errors=noise.landmark_errors,
     )
 
 

@@ -14,7 +14,8 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.pytree import pytree
 from rpojax.core.random_streams import Stream
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import statistical_camera
+from rpojax.sensors import statistical_camera, statistical_landmarks
+from rpojax.sensors.additional import landmark_camera
 
 INITIAL_TICK = 0x7FFFFFFF
 """Tick number of the random numbers of the initial state: the greatest of 31 bits, which no run reaches."""
@@ -30,6 +31,7 @@ class InitialNoise:
         handover: (12,) of the initial orbit estimate
         star_tracker: (3,)
         gyro: (3,)
+        landmark_errors: (m,) of the statistical camera's landmarks, None without any
     """
 
     biases: Array
@@ -37,6 +39,7 @@ class InitialNoise:
     handover: Array
     star_tracker: Array
     gyro: Array
+    landmark_errors: Array | None = None
 
 
 @pytree
@@ -57,6 +60,7 @@ class TickNoise:
         thrusters: (2 n,) of the thrust and the chamber pressures of the reaction control system, None without one
         delays: () of the delay of each sensor with late measurements, uniform in [0, 1), by name
         pressures_at_rest: (substeps, n) of those pressures while no pulse is commanded, None where none is watched
+        landmark_errors: (m,) driving noise of the errors of the statistical camera's landmarks, None without any
     """
 
     gps: Array
@@ -72,6 +76,7 @@ class TickNoise:
     thrusters: Array | None = None
     delays: dict[str, Array] = field(default_factory=dict)
     pressures_at_rest: Array | None = None
+    landmark_errors: Array | None = None
 
 
 _fold_in = jax.jit(random_streams.fold_in, inline=True)
@@ -109,6 +114,7 @@ def draw_initial_noise(scenario: Scenario, keys: Array) -> InitialNoise:
         handover=random_streams.normal(keys[Stream.HANDOVER], 12),
         star_tracker=sensor_normals[:3],
         gyro=sensor_normals[3:],
+        landmark_errors=_landmark_normals(scenario, keys, jnp.asarray(INITIAL_TICK)),
     )
 
 
@@ -173,7 +179,15 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         thrusters=_sensor_normals("thrusters", 2 * scenario.thrusters, keys, tick) if scenario.thrusters else None,
         delays={name: _delay_uniform(name, keys, tick) for name in scenario.delays.sensors} if scenario.delays else {},
         pressures_at_rest=_pressure_normals(scenario, keys, tick) if scenario.isolation else None,
+        landmark_errors=_landmark_normals(scenario, keys, tick),
     )
+
+
+def _landmark_normals(scenario: Scenario, keys: Array, tick: Array) -> Array | None:
+    """Standard normal numbers of the lasting errors of landmarks at a tick, None unless they are of statistics."""
+    if not (scenario.has_landmarks and scenario.camera_model == "statistical"):
+        return None
+    return _sensor_normals("landmark_errors", statistical_landmarks.normal_count(landmark_camera.MOST), keys, tick)
 
 
 def _pressure_normals(scenario: Scenario, keys: Array, tick: Array) -> Array:

@@ -24,11 +24,13 @@ class SensorErrors:
         gps_bias_N: (3,) [m]
         gyro_bias_B: (3,) [rad/s]
         box_edge_errors: (4,) normalised errors of the statistical camera's box edges, None for other cameras
+        landmark_errors: (m,) likewise of its landmarks, None without any
     """
 
     gps_bias_N: Array
     gyro_bias_B: Array
     box_edge_errors: Array | None
+    landmark_errors: Array | None = None
 
 
 @pytree

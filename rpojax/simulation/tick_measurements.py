@@ -5,10 +5,12 @@ from typing import Any, Final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core import quaternion
 from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
 from rpojax.core.pytree import pytree, replace
+from rpojax.flight.computer import LANDMARKS
 from rpojax.flight.flight_records import Measurements
 from rpojax.flight.guidance.detector_window import CameraCommand
 from rpojax.flight.guidance.lens_choice import LensInUse
@@ -19,8 +21,17 @@ from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import chamber_pressure, gps, gyro, measurement_delay, star_tracker, statistical_camera
+from rpojax.sensors import (
+    chamber_pressure,
+    gps,
+    gyro,
+    measurement_delay,
+    star_tracker,
+    statistical_camera,
+    statistical_landmarks,
+)
 from rpojax.sensors.additional.additional_sensor import SensedScene
+from rpojax.sensors.additional.landmark_scene import LandmarkScene
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.gps import Gps
 from rpojax.sensors.measurement_delay import Delivery, InTransit, MeasurementDelay
@@ -202,15 +213,32 @@ def _measure_additional(
     if params.landmarks is not None:
         seen_through = params.seen_through(flight.lens)
         view = camera_models.landmarks_in_view(scenario, seen_through, state.truth, sky, health)
-        picture, frame = exposed
-        if picture is not None:
-            found = camera_models.landmarks_found(scenario, seen_through, flight.camera, picture, frame)
-            view = replace(view, found=found)
-        scene = replace(scene, landmarks=view)
+        scene = replace(scene, landmarks=_with_found(loop, state, noise, sky, view, exposed))
     return {
         name: sensor.measure(params.additional_sensors[name], scene, noise.additional[name])
         for name, sensor in scenario.additional_sensors
     }
+
+
+def _with_found(
+    loop: Loop,
+    state: State,
+    noise: TickNoise,
+    sky: SunMoonPositions,
+    view: LandmarkScene,
+    exposed: tuple[Array | None, CameraFrame],
+) -> LandmarkScene:
+    """Landmarks with what a network finds of them in the picture, or what the statistics of one say."""
+    scenario, params, (picture, frame) = loop.scenario, loop.params.seen_through(state.flight.lens), exposed
+    if picture is not None:
+        found = camera_models.landmarks_found(scenario, params, state.flight.camera, picture, frame)
+        return replace(view, found=found)
+    lasting = state.sensor_errors.landmark_errors
+    if lasting is None:
+        return view
+    numbers = lasting, noise.additional[LANDMARKS]
+    found = camera_models.landmarks_drawn(scenario, params, state.truth, sky, state.tick, frame, view, numbers)
+    return replace(view, found=found)
 
 
 def measure_position(receiver: Gps, truth: Truth, bias_N: Vector, normals: Vector, health: Health) -> GpsMeasurement:
@@ -239,8 +267,19 @@ def advance_sensor_errors(scenario: Scenario, params: Params, state: State, nois
         box_edges = statistical_camera.advance_correlated_error(
             params.statistics, box_edges, turned, noise.box_edge_errors
         )
+    landmarks = state.sensor_errors.landmark_errors
+    if landmarks is not None:
+        assert params.statistics is not None
+        assert params.statistics.landmarks is not None
+        assert noise.landmark_errors is not None
+        rate_T = quaternion.rotate(
+            state.truth.q_TN, quaternion.rotate(quaternion.conjugate(state.truth.q_BN), state.truth.omega_BN_B)
+        )
+        turned = gradient_safe.norm(state.truth.omega_TN_T - rate_T) * scenario.tick_s
+        landmarks = statistical_landmarks.advance(params.statistics.landmarks, landmarks, turned, noise.landmark_errors)
     return SensorErrors(
         gps_bias_N=gps.advance_bias(params.gps, state.sensor_errors.gps_bias_N, noise.biases[:3], scenario.tick_s),
         gyro_bias_B=gyro.advance_bias(params.gyro, state.sensor_errors.gyro_bias_B, noise.biases[3:], scenario.tick_s),
         box_edge_errors=box_edges,
+        landmark_errors=landmarks,
     )

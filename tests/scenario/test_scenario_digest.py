@@ -66,7 +66,14 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     for key in ("delay_s", "delay_jitter_s", "processing_s", "time_tag_error_s"):
         del content["camera"][key]
     del content["camera"]["landmarks"], content["servicer"]["radius_m"], content["imaging"]["landmark_network"]
-    for key in ("tumble_sigma_deg_s", "tumble_walk_deg_s_sqrt_s", "inertia_ratio_sigma", "body_offset_sigma_m"):
+    network = ("network_turn_sigma_deg", "network_place_sigma", "network_angle_deg")
+    for key in (
+        "tumble_sigma_deg_s",
+        "tumble_walk_deg_s_sqrt_s",
+        "inertia_ratio_sigma",
+        "body_offset_sigma_m",
+        *network,
+    ):
         del content["navigation"][key]
     for key in (
         "ballistic_sigma_m2_kg",

@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +28,7 @@ from rpojax.sensors import statistical_camera, statistical_camera_file
 from rpojax.sensors.statistical_camera import WIDE_SIGMA_FACTOR, CameraStatistics
 from rpojax.vision.multilayer_perceptron import initialize_layers
 
+Statistics = TypeVar("Statistics")
 _STEPS = 4000
 _CHECK_STEPS = 100
 _BATCH_ROWS = 1024
@@ -35,7 +36,7 @@ _RATE = 4e-3
 _WEIGHT_DECAY = 1.0
 """Of the weights of layers, not of their biases."""
 _HELD_OUT_FRACTION = 0.15
-_MIN_OVERLAP = 0.1
+MIN_OVERLAP = 0.1
 _DEFAULT_FALSE_LOG_SIDE = (float(np.log(12.0)), 0.6)
 _DEFAULT_FALSE_SCORE = (0.5, 0.7)
 FRAMES = 24
@@ -87,10 +88,12 @@ def fit_camera(outcomes: DetectionOutcomes, threshold: float, seed: int = 0) -> 
             false_score=false_score,
         )
 
-    parameters = _maximise(assemble, parameters, train, check, seed)
+    parameters = maximise(assemble, _log_likelihood, parameters, train, check, seed)
     statistics = assemble(parameters)
     return CameraFit(
-        statistics, float(_mean_log_likelihood(statistics, train)), float(_mean_log_likelihood(statistics, check))
+        statistics,
+        float(_mean_log_likelihood(_log_likelihood, statistics, train)),
+        float(_mean_log_likelihood(_log_likelihood, statistics, check)),
     )
 
 
@@ -114,7 +117,7 @@ def normalised_errors(statistics: CameraStatistics, outcomes: DetectionOutcomes,
 def _likelihood_inputs(outcomes: DetectionOutcomes, threshold: float) -> dict[str, Array]:
     """Inputs of the likelihood by row: `kind` is 0 for no box, 1 for a box of the target, 2 for a false box."""
     seen = outcomes.score >= threshold
-    true = seen & outcomes.in_frame & (outcomes.overlap > _MIN_OVERLAP)
+    true = seen & outcomes.in_frame & (outcomes.overlap > MIN_OVERLAP)
     size = np.maximum(np.sqrt(np.prod(np.maximum(outcomes.outline[:, 2:] - outcomes.outline[:, :2], 0.1), axis=1)), 2.0)
     score = np.clip(outcomes.score, 1e-4, 1.0 - 1e-4)
     return {
@@ -143,28 +146,42 @@ def _log_likelihood(statistics: CameraStatistics, row: dict[str, Array]) -> Arra
     return kind + jnp.where(row["kind"] == 1, edges + score, 0.0)
 
 
-@jax.jit
-def _mean_log_likelihood(statistics: CameraStatistics, rows: dict[str, Array]) -> Array:
-    return jnp.mean(jax.vmap(partial(_log_likelihood, statistics))(rows))
+@partial(jax.jit, static_argnums=0)
+def _mean_log_likelihood(
+    likelihood: Callable[[Statistics, dict[str, Array]], Array], statistics: Statistics, rows: dict[str, Array]
+) -> Array:
+    return jnp.mean(jax.vmap(partial(likelihood, statistics))(rows))
 
 
-def _maximise(
-    assemble: Callable[[dict[str, Any]], CameraStatistics],
+def maximise(
+    assemble: Callable[[dict[str, Any]], Statistics],
+    likelihood: Callable[[Statistics, dict[str, Array]], Array],
     parameters: dict[str, Any],
     rows: dict[str, Array],
     check: dict[str, Array],
     seed: int,
 ) -> dict[str, Any]:
-    """Adam ascent of the likelihood with early stopping: the parameters with the greatest held-out likelihood."""
-    decayed = {"layers": tuple((True, False) for _ in parameters["layers"]), "wide": False}
+    """Adam ascent with early stopping: the parameters of the greatest likelihood of the rows of `check`.
+
+    Args:
+        assemble: statistics of parameters, of which `layers` are those of a network
+        likelihood: log of it, of statistics and one row
+        parameters: from where to start
+        rows: to be fitted, by name
+        check: by which the best step is chosen
+        seed: of the choice of rows of each step
+    """
+    decayed = dict.fromkeys(parameters, False) | {"layers": tuple((True, False) for _ in parameters["layers"])}
     optimiser = optax.adamw(optax.cosine_decay_schedule(_RATE, _STEPS), weight_decay=_WEIGHT_DECAY, mask=decayed)
-    count = rows["kind"].shape[0]
+    count = len(next(iter(rows.values())))
 
     def step(carry: Any, key: Array) -> tuple[Any, None]:
         parameters, state = carry
         chosen = jax.random.randint(key, (min(_BATCH_ROWS, count),), 0, count, jnp.int32)
         some = {name: value[chosen] for name, value in rows.items()}
-        gradient = jax.grad(lambda parameters: -_mean_log_likelihood(assemble(parameters), some))(parameters)
+        gradient = jax.grad(lambda parameters: -_mean_log_likelihood(likelihood, assemble(parameters), some))(
+            parameters
+        )
         with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
             change, state = optimiser.update(gradient, state, parameters)
         return (optax.apply_updates(parameters, change), state), None
@@ -173,9 +190,9 @@ def _maximise(
     carry, best, found = (parameters, optimiser.init(parameters)), -np.inf, parameters
     for keys in jnp.split(jax.random.split(jax.random.key(seed), _STEPS), _STEPS // _CHECK_STEPS):
         carry = advance(carry, keys)
-        likelihood = float(_mean_log_likelihood(assemble(carry[0]), check))
-        if likelihood > best:
-            best, found = likelihood, carry[0]
+        reached = float(_mean_log_likelihood(likelihood, assemble(carry[0]), check))
+        if reached > best:
+            best, found = reached, carry[0]
     return found
 
 
@@ -207,10 +224,12 @@ class TumbleSequences:
     turn_per_frame: np.ndarray
 
 
-def sample_tumble_sequences(file: ScenarioFile, count: int, seed: int) -> TumbleSequences:
+def sample_tumble_sequences(
+    file: ScenarioFile, count: int, seed: int, range_m: tuple[float, float] | None = None
+) -> TumbleSequences:
     """Sequences from random views, about random axes, at rates from slow to fast."""
     rng = np.random.default_rng([seed, 1])
-    first = sample_views(file, count, seed)
+    first = sample_views(file, count, seed, range_m)
     axis = random_directions(rng, count)
     turn = np.radians(np.exp(rng.uniform(np.log(_TURN_DEG[0]), np.log(_TURN_DEG[1]), count)))
     angle = turn[:, None] * np.arange(FRAMES)
@@ -232,7 +251,7 @@ def with_error_correlation(
     mixing = _edge_mixing(errors[~np.isnan(errors).any(axis=1)])
     independent = np.linalg.solve(mixing, errors.T).T
     sequences = np.clip(independent, -_MAX_ERROR_SIGMAS, _MAX_ERROR_SIGMAS).reshape(len(turn), FRAMES, 4)
-    share, angle = _fit_share_and_angle(*_pair_statistics(sequences, turn))
+    share, angle = fit_share_and_angle(*pair_statistics(sequences, turn))
     # Errors that are wide in single frames are less correlated than the others.
     wide = float(statistics.wide_share)
     share = min(
@@ -254,7 +273,7 @@ def _edge_mixing(errors: np.ndarray) -> np.ndarray:
     return np.linalg.cholesky(0.99 * correlation + 0.01 * np.eye(4))
 
 
-def _pair_statistics(sequences: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def pair_statistics(sequences: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Pairs of frames binned by the angle between them: mean angle, count, sum of squares, sum of products.
 
     Errors are scaled to a variance of 1.
@@ -275,7 +294,7 @@ def _pair_statistics(sequences: np.ndarray, turn: np.ndarray) -> tuple[np.ndarra
     return mean, count, np.bincount(bin_index, square, _BINS), np.bincount(bin_index, product, _BINS)
 
 
-def _fit_share_and_angle(
+def fit_share_and_angle(
     angle: np.ndarray, count: np.ndarray, square: np.ndarray, product: np.ndarray
 ) -> tuple[float, float]:
     """Share and decay angle [rad] of the greatest pairwise likelihood on a grid."""

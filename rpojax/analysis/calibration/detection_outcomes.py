@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from rpojax.core import quaternion
 from rpojax.core.constants import RADIUS_EARTH
-from rpojax.core.pytree import concatenate
+from rpojax.core.pytree import concatenate, pytree
 from rpojax.flight.guidance import detector_window
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.scenario import params
@@ -69,11 +69,11 @@ class Views:
     earth_turn: np.ndarray
 
 
-def sample_views(file: ScenarioFile, count: int, seed: int) -> Views:
-    """Random views in a somewhat wider range than that of the runs of a scenario."""
+def sample_views(file: ScenarioFile, count: int, seed: int, range_m: tuple[float, float] | None = None) -> Views:
+    """Random views in a range [m], by default a somewhat wider one than that of start and station of a scenario."""
     rng = np.random.default_rng(seed)
-    near, far = image_sampling.range_limits(file.model_dump())
-    distance = np.exp(rng.uniform(np.log(RANGE_FACTORS[0] * near), np.log(RANGE_FACTORS[1] * far), count))
+    near, far = range_m or _wider_range(file)
+    distance = np.exp(rng.uniform(np.log(near), np.log(far), count))
     away = random_directions(rng, count)
     place = random_directions(rng, count) * file.orbit.semi_major_axis_m / RADIUS_EARTH
     sun = _sun_directions(rng, file, away, place)
@@ -93,11 +93,14 @@ def sample_views(file: ScenarioFile, count: int, seed: int) -> Views:
     )
 
 
-def view_limits(file: ScenarioFile) -> dict[str, tuple[float, float]]:
+def view_limits(file: ScenarioFile, range_m: tuple[float, float] | None = None) -> dict[str, tuple[float, float]]:
     """Smallest and largest values of the sampled quantities, by the keys of `fitted_camera.view_limits`."""
-    found = fitted_camera.view_limits(file.model_dump())
-    near, far = found[fitted_camera.RANGE_KEY]
-    return {**found, fitted_camera.RANGE_KEY: (RANGE_FACTORS[0] * near, RANGE_FACTORS[1] * far)}
+    return {**fitted_camera.view_limits(file.model_dump()), fitted_camera.RANGE_KEY: range_m or _wider_range(file)}
+
+
+def _wider_range(file: ScenarioFile) -> tuple[float, float]:
+    near, far = fitted_camera.ranges_in_use(file.model_dump())
+    return RANGE_FACTORS[0] * near, RANGE_FACTORS[1] * far
 
 
 def _unit(values: np.ndarray) -> np.ndarray:
@@ -132,7 +135,26 @@ def _camera_attitude(line: np.ndarray, offset: np.ndarray, roll: float) -> np.nd
     return np.asarray(quaternion.multiply(quaternion.exp(jnp.asarray([*offset, 0.0])), q))
 
 
-@dataclass(frozen=True)
+@pytree
+class LandmarkOutcomes:
+    """What the landmark network tells of views, in the boxes that the detector found.
+
+    Attributes:
+        places: (n, k, 2) right and down [px]
+        sigma: (n, k) of a place [px]
+        probability: (n, k) that a landmark is in sight
+        true_places: (n, k, 2) [px]
+        R_KT: (n, 3, 3) true attitude of the target in camera axes
+    """
+
+    places: Array
+    sigma: Array
+    probability: Array
+    true_places: Array
+    R_KT: Array
+
+
+@pytree
 class DetectionOutcomes:
     """Detections in views.
 
@@ -142,18 +164,20 @@ class DetectionOutcomes:
         in_frame: (n,) bool, the target is in the frame
         edges: (n, 4) of the detected box [px]
         score: (n,) of the box
+        landmarks: of the target, None of a camera that finds none
     """
 
-    features: np.ndarray
-    outline: np.ndarray
-    in_frame: np.ndarray
-    edges: np.ndarray
-    score: np.ndarray
+    features: Array
+    outline: Array
+    in_frame: Array
+    edges: Array
+    score: Array
+    landmarks: LandmarkOutcomes | None = None
 
     @property
     def overlap(self) -> np.ndarray:
         """Intersection over union (n,) of box and outline."""
-        return intersection_over_union(self.edges, self.outline)
+        return np.asarray(intersection_over_union(self.edges, self.outline))
 
 
 def detect_in_views(
@@ -164,7 +188,7 @@ def detect_in_views(
     # The statistical camera to be fitted is not needed.
     tables["camera"]["model"] = "geometric"
     nominal = params.build_params(tables, file.camera.width_px, file.camera.height_px)
-    networks, rays = trained_files.load_networks(tables), image_sampling.image_sampling(tables)
+    networks, rays = trained_files.load_networks(tables, nominal.landmarks), image_sampling.image_sampling(tables)
     size = (file.camera.width_px, file.camera.height_px)
     lens = pinhole.pinhole_intrinsics(nominal.camera.field_of_view, *size)
     detect_batch = jax.jit(jax.vmap(partial(_detect_in_view, nominal, rays, size, lens), in_axes=(None, None, 0, 0)))
@@ -178,9 +202,9 @@ def detect_in_views(
         found = detect_batch(
             nominal.imaging, networks, jax.tree.map(jnp.asarray, dataclasses.asdict(chosen)), keys[rows]
         )
-        parts.append([np.asarray(value)[: count - first] for value in found])
+        parts.append(jax.tree.map(lambda value, kept=count - first: np.asarray(value)[:kept], found))
         on_progress(min(first + _BATCH_SIZE, count), count)
-    return DetectionOutcomes(*concatenate(parts))
+    return concatenate(parts)
 
 
 def _detect_in_view(
@@ -192,7 +216,7 @@ def _detect_in_view(
     networks: Networks,
     view: dict[str, Array],
     key: Array,
-) -> tuple[Array, ...]:
+) -> DetectionOutcomes:
     scene = rendered_camera.to_float32(_scene(view))
     hull_T = nominal.plant.target.hull
     R_KT, r_TK_K = scene.R_KT.astype(jnp.float64), quaternion.rotate(view["q_KN"], -view["r_ST_N"])
@@ -208,7 +232,25 @@ def _detect_in_view(
     edges = jnp.clip(corner + found.box_px[0, 0] * window.binning, 0.0, jnp.array([*size, *size], jnp.float32))
     visible, _ = view_features.visible_outline(outline, size)
     in_frame = view_features.is_in_frame(outline, size)
-    return view_features.features(scene, outline, size), visible, in_frame, edges, found.score[0, 0]
+    landmarks = None
+    if nominal.landmarks is not None:
+        shown = rendered_camera.landmarks_in_picture(networks, window, picture, edges, size)
+        places_K = jnp.sum(R_KT[None] * nominal.landmarks.positions[:, None, :], axis=2) + r_TK_K[None, :]
+        landmarks = LandmarkOutcomes(
+            places=shown.places,
+            sigma=shown.sigma,
+            probability=shown.visible_probability,
+            true_places=pinhole.project(lens, places_K).T,
+            R_KT=scene.R_KT,
+        )
+    return DetectionOutcomes(
+        features=view_features.features(scene, outline, size),
+        outline=visible,
+        in_frame=in_frame,
+        edges=edges,
+        score=found.score[0, 0],
+        landmarks=landmarks,
+    )
 
 
 def _scene(view: dict[str, Array]) -> Scene:

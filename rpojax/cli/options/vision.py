@@ -92,6 +92,14 @@ class CalibrateCameraModelCommand(Command):
     sequences: Annotated[
         int, arg(metavar="N", help="Sequences of tumbling targets for the correlation time of errors.")
     ] = 200
+    range_m: Annotated[
+        tuple[float, float] | None,
+        arg(
+            metavar="LOW HIGH",
+            help="Least and largest range [m], evenly in their logarithm; by default 0.6 and 1.5 times those of start, "
+            "station and phases.",
+        ),
+    ] = None
     seed: Annotated[int, arg(metavar="S", help="Seed of the views and of the fit.")] = 0
     overrides: Overrides = ()
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from rpojax.batching.jax_programs import any_of_batch
 from rpojax.core import quaternion
 from rpojax.core.kalman_update import MeasurementRows
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, product
@@ -102,6 +103,7 @@ def rows(
     known, pose = estimate.target.known, _Pose.of(estimate, view)
     layout, body_offset = estimate.layout, estimate.slow["body_offset"]
     shared = _shared_covariance(estimate, pose)
+    lasting = _lasting_errors(estimate, pose)
 
     def add(sums: tuple[Array, ...], landmark: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         place_T, measured, variance, present = landmark
@@ -121,10 +123,11 @@ def rows(
     information, evidence = _without_common_error(information, evidence, view.attitude_variance)
     factor, values, exists = _factorised(information, evidence)
     by_part = dict(zip(_PARTS, (factor[:, :3], factor[:, 3:6], factor[:, 6:]), strict=True))
+    by_error = {name: product(factor[:, place], effect) for name, (place, effect) in lasting.items()}
     # A centre of mass that is elsewhere in the body moves all landmarks alike.
     return MeasurementRows(
         residual=values,
-        jacobian=layout.rows(**by_part, body_offset=product(factor[:, :3], pose.R_NT)),
+        jacobian=layout.rows(**by_part, body_offset=product(factor[:, :3], pose.R_NT), **by_error),
         variance=jnp.ones_like(values),
         weight=jnp.where(exists & agree, 1.0, 0.0),
     )
@@ -132,17 +135,34 @@ def rows(
 
 def _shared_covariance(estimate: RelativeEstimate, pose: "_Pose") -> Float[Array, "8 8"]:
     """Covariance of what the rows are of: place of the landmarks' frame, attitude error and bearing."""
-    layout, P = estimate.layout, estimate.covariance
+    layout, lasting = estimate.layout, _lasting_errors(estimate, pose)
     position, attitude, bias = (layout[name] for name in _PARTS)
     offset = layout["body_offset"]
-    rows = jnp.concatenate([P[position] + product(pose.R_NT, P[offset]), P[attitude], P[bias]])
-    columns = [rows[:, position] + product(rows[:, offset], pose.R_NT.T), rows[:, attitude], rows[:, bias]]
-    return jnp.concatenate(columns, axis=1)
+
+    def shown(P: Array) -> Array:
+        parts = [P[position] + product(pose.R_NT, P[offset]), P[attitude]]
+        for name, (place, effect) in lasting.items():
+            part = place.start // 3
+            parts[part] = parts[part] + product(effect, P[layout[name]])
+        return jnp.concatenate([*parts, P[bias]])
+
+    return shown(shown(estimate.covariance).T)
+
+
+def _lasting_errors(estimate: RelativeEstimate, pose: "_Pose") -> dict[str, tuple[slice, Array]]:
+    """Effects (3, 3) of a unit of each lasting error of a landmark network, and on which of position and attitude."""
+    if "network_turn" not in estimate.layout:
+        return {}
+    distance = gradient_safe.norm(estimate.r_TS_N)
+    return {
+        "network_place": (slice(0, 3), distance * pose.R_KN.T),
+        "network_turn": (slice(3, 6), pose.R_KT.T),
+    }
 
 
 @pytree
 class _Pose:
-    """Estimated pose of the target before the camera.
+    """Estimated pose of the target before the camera, as the landmarks show it.
 
     Attributes:
         R_KN: (3, 3)
@@ -164,11 +184,16 @@ class _Pose:
         assert estimate.target is not None
         R_KN = quaternion.to_matrix(view.q_KN)
         R_NT = quaternion.to_matrix(quaternion.conjugate(target_attitude_ekf.attitude(estimate.target, estimate.slow)))
+        R_KT, center_K = product(R_KN, R_NT), jnp.sum(R_KN * estimate.r_TS_N[None, :], axis=1)
+        if "network_turn" in estimate.slow:
+            R_KT = product(quaternion.to_matrix(quaternion.exp(-estimate.slow["network_turn"])), R_KT)
+            R_NT = product(R_KN.T, R_KT)
+            center_K = center_K + gradient_safe.norm(estimate.r_TS_N) * estimate.slow["network_place"]
         return cls(
             R_KN=R_KN,
             R_NT=R_NT,
-            R_KT=product(R_KN, R_NT),
-            center_K=jnp.sum(R_KN * estimate.r_TS_N[None, :], axis=1),
+            R_KT=R_KT,
+            center_K=center_K,
             bearing_bias=estimate.slow["bearing_bias"],
         )
 
@@ -315,7 +340,15 @@ class _PoseErrors:
         shift = jnp.stack([jnp.stack([z, none[0, 0]]), jnp.stack([none[0, 0], z]), jnp.stack([-x, -y])])
         by_bearing = jnp.concatenate([product(R_KT.T, across), -product(R_NK, shift)])
         effects = jnp.concatenate([by_bearing, jnp.concatenate([none, -product(R_NK, R_KT)])], axis=1)
-        numbers = jnp.array([*layout.places("bearing_bias"), *layout.places("body_offset")])
+        names = ["bearing_bias", "body_offset"]
+        if "network_turn" in layout:
+            # The pose is turned and moved by them; what is to be added to it is the opposite.
+            by_place = -gradient_safe.norm(poses.r_TK_K[0]) * R_NK
+            by_network = jnp.concatenate(
+                [jnp.concatenate([none, -R_KT.T], axis=1), jnp.concatenate([by_place, none], axis=1)]
+            )
+            effects, names = jnp.concatenate([effects, by_network], axis=1), [*names, "network_place", "network_turn"]
+        numbers = jnp.array([place for name in names for place in layout.places(name)])
         with_state = product(effects, estimate.covariance[numbers])
         # An error of the attitude in T turns the other way in the camera.
         axes = jnp.concatenate([jnp.concatenate([-R_KT.T, none], axis=1), jnp.concatenate([none, R_NK], axis=1)])

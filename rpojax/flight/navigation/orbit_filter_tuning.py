@@ -131,6 +131,27 @@ class OrbitFilterTuning:
         above=0.0,
         default=0.01,
     )
+    network_turn_sigma: Array = number(
+        "error of the attitude that a landmark network shows from picture to picture alike, across and about the "
+        "boresight, per axis, 1 sigma; filter states. Used with `landmarks` of a rendered or statistical camera, as "
+        "are the next two",
+        unit="deg",
+        length=2,
+        above=0.0,
+        default=[1.5, 0.7],
+    )
+    network_place_sigma: Array = number(
+        "the same of the place of the target, across and along the boresight, over the range; filter states",
+        length=2,
+        above=0.0,
+        default=[0.0008, 0.012],
+    )
+    network_angle: Array = number(
+        "angle by which the target turns before the camera until the correlation of these errors is 1 / e",
+        unit="deg",
+        above=0.0,
+        default=13.0,
+    )
     bearing_bias_sigma: Array = number("constant bearing error per axis, 1 sigma; a state", unit="deg", above=0.0)
     attitude_sigma: Array = number("noise of the estimated camera attitude per axis, 1 sigma", unit="deg", at_least=0.0)
     acceleration_noise: Array = number("unmodelled acceleration of the servicer", unit="m_s2_sqrt_hz", at_least=0.0)

@@ -14,9 +14,11 @@ from typing import Final
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core import quaternion
 from rpojax.core.filter_state_layout import MOTION, StateLayout
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.vectors import apply
+from rpojax.core.vectors import apply, cross
 from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors, target_attitude_ekf
 from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -132,6 +134,36 @@ def _surface_process(
     return process
 
 
+def _network_variance(sigmas: Float[Array, "2"]) -> Vector:
+    """Variances of three axes of the camera from 1 sigma of the first two, and of the third."""
+    return sigmas[jnp.array([0, 0, 1])] ** 2
+
+
+def _network_process(
+    variance: Callable[[OrbitFilterTuning], Vector],
+) -> Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]:
+    """Process of an error of a landmark network, which changes as the target turns before the camera."""
+
+    def process(tuning: OrbitFilterTuning, errors: ShapeErrors, dt: float | Scalar) -> tuple[Array, Array]:
+        assert errors.landmark_decay_rate is not None
+        stationary = variance(tuning)
+        decay = jnp.exp(-dt * errors.landmark_decay_rate) * jnp.ones_like(stationary)
+        return decay, stationary * (1.0 - decay**2)
+
+    return process
+
+
+def _network_turn_variance(tuning: OrbitFilterTuning) -> Vector:
+    return _network_variance(tuning.network_turn_sigma)
+
+
+def _network_place_variance(tuning: OrbitFilterTuning) -> Vector:
+    return _network_variance(tuning.network_place_sigma)
+
+
+LANDMARK_NETWORK: Final = "landmark_network"
+"""Name among the sensors of a filter whose landmarks are those of a network."""
+
 SENSOR_STATES = (
     # Of the surface that a range finder meets from where it is on average, towards the servicer; slow and fast part.
     SlowState(
@@ -190,6 +222,24 @@ SENSOR_STATES = (
         lambda tuning, r_TS_N: jnp.full(3, lasting_variance(tuning.body_offset_sigma)),
         _constant(3),
         sensor="landmarks",
+    ),
+    # Small turn by which all landmarks of a picture are off, about the camera's axes.
+    SlowState(
+        "network_turn",
+        3,
+        "rad",
+        lambda tuning, r_TS_N: _network_turn_variance(tuning),
+        _network_process(_network_turn_variance),
+        sensor=LANDMARK_NETWORK,
+    ),
+    # Place by which they are off, over the range, along the camera's axes.
+    SlowState(
+        "network_place",
+        3,
+        "-",
+        lambda tuning, r_TS_N: _network_place_variance(tuning),
+        _network_process(_network_place_variance),
+        sensor=LANDMARK_NETWORK,
     ),
 )
 """Slow states that filters have besides where they believe a sensor; they come first, as burns do not show them."""
@@ -403,7 +453,18 @@ def process_variances(
 
 def _shape_errors(tuning: OrbitFilterTuning, estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector) -> ShapeErrors:
     time_constant = outline_correlation.correlation_time(estimate.outline)
-    return shape_errors.shape_errors(tuning, time_constant, estimate.slow["size"][0], r_TS_N, v_TS_N)
+    errors = shape_errors.shape_errors(tuning, time_constant, estimate.slow["size"][0], r_TS_N, v_TS_N)
+    if "network_turn" not in estimate.slow:
+        return errors
+    return replace(errors, landmark_decay_rate=_turn_rate(estimate, r_TS_N, v_TS_N) / tuning.network_angle)
+
+
+def _turn_rate(estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector) -> Scalar:
+    """Rate at which the target turns from the line of sight [rad/s]."""
+    assert estimate.target is not None
+    q_NT = quaternion.conjugate(target_attitude_ekf.attitude(estimate.target, estimate.slow))
+    of_line = cross(r_TS_N, v_TS_N) / jnp.sum(r_TS_N * r_TS_N, axis=0)
+    return gradient_safe.norm(quaternion.rotate(q_NT, estimate.slow["rate"]) - of_line)
 
 
 def slow_process(

@@ -32,6 +32,8 @@ class ShapeErrors:
         center_variance: () of the offset of the box centre from the centre of mass, per axis [m^2]
         center_time_constant: () [s]
         bearing_process_variance: () growth of the variance of a bearing by the lasting part of that offset [rad^2/s]
+        landmark_decay_rate: () inverse of the correlation time of the pose that a landmark network shows, by how fast
+            the target turns before the camera, None without one [1/s]
     """
 
     scale_variance: Array
@@ -39,6 +41,7 @@ class ShapeErrors:
     center_variance: Array
     center_time_constant: Array
     bearing_process_variance: Array
+    landmark_decay_rate: Array | None = None
 
 
 def shape_errors(

@@ -25,9 +25,6 @@ def check_wide_lens(file: ScenarioFile) -> None:
     if nearest is not None and lens.switch_range_m <= nearest:
         expected = f"more than {nearest:g}, the distance of the nearest station from the target"
         raise ScenarioError("wide_lens.switch_range_m", lens.switch_range_m, expected)
-    if file.camera.model == "statistical" and lens.statistics is None:
-        expected = "a file, as written by `rpojax calibrate-camera-model` for a camera with this lens alone"
-        raise ScenarioError("wide_lens.statistics", "none", expected)
     if file.servicers:
         raise ScenarioError("wide_lens", "a second lens with [[servicers]]", "one lens for all boxes of a team")
     if file.coverage.enabled:

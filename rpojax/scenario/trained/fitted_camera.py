@@ -1,12 +1,20 @@
 """Fitted camera statistics of a scenario, and the conditions under which the fit is valid."""
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
+from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
-from rpojax.scenario.trained.image_sampling import range_limits
-from rpojax.scenario.trained.trained_files import REQUIRED_KEYS, file_digest, file_path, of_wide_lens
+from rpojax.scenario.trained.trained_files import (
+    PACKAGED,
+    REQUIRED_KEYS,
+    file_digest,
+    file_path,
+    finds_landmarks,
+    of_wide_lens,
+)
 from rpojax.sensors import statistical_camera_file
 from rpojax.sensors.statistical_camera import CameraStatistics
 
@@ -24,20 +32,41 @@ def fitted_for(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 def made_with(tables: Mapping[str, Any]) -> dict[str, str]:
     """SHA-256 of the network files to which a camera is fitted, by key."""
-    return {f"imaging.{key}": file_digest(file_path(tables, key)) for key in REQUIRED_KEYS["rendered"]}
+    keys = [*REQUIRED_KEYS["rendered"], *(["landmark_network"] if finds_landmarks(tables) else [])]
+    return {f"imaging.{key}": file_digest(file_path(tables, key)) for key in keys}
 
 
-def view_limits(tables: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Least and greatest value of the viewing conditions of a scenario, by key."""
+def view_limits(tables: Mapping[str, Any], through_wide_lens: bool = False) -> dict[str, tuple[float, float]]:
+    """Least and greatest value of the viewing conditions of a scenario through a lens, by key."""
     camera = tables["camera"]
     return {
-        RANGE_KEY: range_limits(tables),
+        RANGE_KEY: ranges_in_use(tables, through_wide_lens),
         "camera.phase_limit_deg": (0.0, camera["phase_limit_deg"]),
         "camera.sun_exclusion_deg": (camera["sun_exclusion_deg"], 180.0),
     }
 
 
-def statistics_for_model(tables: Mapping[str, Any]) -> CameraStatistics | None:
+def ranges_in_use(tables: Mapping[str, Any], through_wide_lens: bool = False) -> tuple[float, float]:
+    """Least and greatest range [m] of start, station and phases at which a lens is in use.
+
+    It is that at which a target of scale 1 looks as large.
+    """
+    references = [phase["reference"] for phase in tables.get("phases") or ()]
+    positions = [tables["initial"]["relative_position_m"], tables["formation"]["desired_position_m"]]
+    positions += [each[key] for each in references for key in ("position_m", "end_position_m") if key in each]
+    ranges = [math.hypot(*position) for position in positions]
+    ranges += [each["radius_m"] for each in references if "radius_m" in each]
+    near, far = min(ranges), max(ranges)
+    if (lens := tables.get("wide_lens")) is not None:
+        if through_wide_lens:
+            far = min(far, lens["return_range_m"])
+        else:
+            near = min(max(near, lens["switch_range_m"]), far)
+    scale = tables["target"]["scale"]
+    return near / scale, far / scale
+
+
+def statistics_for_model(tables: Mapping[str, Any], through_wide_lens: bool = False) -> CameraStatistics | None:
     """Fitted statistics of a statistical camera, None for other camera models.
 
     Raises:
@@ -54,8 +83,10 @@ def statistics_for_model(tables: Mapping[str, Any]) -> CameraStatistics | None:
             raise ScenarioError(
                 key, value, f"{found}, as in imaging.statistics; `rpojax calibrate-camera-model` fits another"
             )
-    _check_card(tables, card)
-    return statistics
+    _check_card(tables, card, through_wide_lens)
+    if finds_landmarks(tables):
+        return statistics
+    return replace(statistics, landmarks=None)
 
 
 def wide_statistics_for_model(tables: Mapping[str, Any]) -> CameraStatistics | None:
@@ -67,13 +98,13 @@ def wide_statistics_for_model(tables: Mapping[str, Any]) -> CameraStatistics | N
     if tables["camera"]["model"] != "statistical" or (wide := of_wide_lens(tables)) is None:
         return None
     try:
-        return statistics_for_model(wide)
+        return statistics_for_model(wide, through_wide_lens=True)
     except ScenarioError as error:
-        name = tables["wide_lens"]["statistics"]
+        name = tables["wide_lens"].get("statistics") or PACKAGED
         raise ScenarioError("wide_lens.statistics", name, f"statistics of this lens: {error}") from None
 
 
-def _check_card(tables: Mapping[str, Any], card: Mapping[str, Any]) -> None:
+def _check_card(tables: Mapping[str, Any], card: Mapping[str, Any], through_wide_lens: bool) -> None:
     """Refuses statistics fitted to other networks, or for a smaller range of viewing conditions."""
     advice = "`rpojax calibrate-camera-model` fits another"
     networks, views = card.get("made_with"), card.get("limits")
@@ -82,7 +113,7 @@ def _check_card(tables: Mapping[str, Any], card: Mapping[str, Any]) -> None:
         if found != value:
             name = tables["imaging"][key.partition(".")[2]]
             raise ScenarioError(key, name, f"the file that imaging.statistics was fitted with; {advice}")
-    for key, (low, high) in view_limits(tables).items():
+    for key, (low, high) in view_limits(tables, through_wide_lens).items():
         found = views.get(key) if isinstance(views, dict) else None
         if not found or low < found[0] or high > found[1]:
             raise ScenarioError(key, (low, high), f"within {found}, as in imaging.statistics; {advice}")

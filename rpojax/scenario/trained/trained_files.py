@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
 from rpojax.scenario.sections import NO_LANDMARKS
 from rpojax.sensors.rendered_camera import Networks
@@ -36,26 +35,29 @@ def required_files(tables: Mapping[str, Any]) -> dict[str, Path]:
     Those of a second lens are by the key with its section.
     """
     found = {key: file_path(tables, key) for key in REQUIRED_KEYS[tables["camera"]["model"]]}
-    if _finds_landmarks_in_pictures(tables):
+    if tables["camera"]["model"] == "rendered" and finds_landmarks(tables):
         found["landmark_network"] = file_path(tables, "landmark_network")
     if (wide := of_wide_lens(tables)) and "statistics" in found:
         found["wide_lens.statistics"] = file_path(wide, "statistics")
     return found
 
 
-def _finds_landmarks_in_pictures(tables: Mapping[str, Any]) -> bool:
-    """Whether a network finds landmarks in the pictures of a rendered camera."""
-    camera = tables["camera"]
-    return camera["model"] == "rendered" and camera.get("landmarks", NO_LANDMARKS) != NO_LANDMARKS
+def finds_landmarks(tables: Mapping[str, Any]) -> bool:
+    """Whether the camera finds landmarks of the target."""
+    return tables["camera"].get("landmarks", NO_LANDMARKS) != NO_LANDMARKS
 
 
 def of_wide_lens(tables: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Tables of a scenario whose camera has its second lens alone, None without one that has statistics."""
+    """Tables of a scenario whose camera has its second lens alone, with the statistics of this lens; None without one.
+
+    Without statistics of its own they are the packaged ones.
+    """
     lens = tables.get("wide_lens")
-    if lens is None or lens.get("statistics") is None:
+    if lens is None:
         return None
     camera = {**tables["camera"], "field_of_view_deg": lens["field_of_view_deg"]}
-    return {**tables, "camera": camera, "imaging": {**tables["imaging"], "statistics": lens["statistics"]}}
+    imaging = {**tables["imaging"], "statistics": lens.get("statistics") or PACKAGED}
+    return {**tables, "camera": camera, "imaging": imaging}
 
 
 def file_path(tables: Mapping[str, Any], key: str) -> Path:
@@ -65,10 +67,20 @@ def file_path(tables: Mapping[str, Any], key: str) -> Path:
         ScenarioError: there is no such file.
     """
     name = tables["imaging"].get(key, PACKAGED)
-    path = weight_files.packaged_file(PACKAGED_FILES[key]) if name == PACKAGED else Path(name)
+    path = _packaged_path(tables, key) if name == PACKAGED else Path(name)
     if not is_regular(path):
         raise ScenarioError(f"imaging.{key}", name, f"'{PACKAGED}' or the path of a file")
     return path
+
+
+def _packaged_path(tables: Mapping[str, Any], key: str) -> Path:
+    """Path of a packaged file; statistics of the camera are those for its pixels and lens, where there are some."""
+    path = weight_files.packaged_file(PACKAGED_FILES[key])
+    if key != "statistics":
+        return path
+    camera = tables["camera"]
+    of_camera = path.with_name(f"target.camera.{camera['width_px']}px_{camera['field_of_view_deg']:g}deg.safetensors")
+    return of_camera if of_camera.is_file() else path
 
 
 def required_digests(tables: Mapping[str, Any]) -> dict[str, str]:
@@ -91,18 +103,19 @@ def networks_for_model(tables: Mapping[str, Any], landmarks: Landmarks | None = 
     Raises:
         WeightsError: a file is damaged, or the network is one for other landmarks.
     """
-    if tables["camera"]["model"] != "rendered":
-        return None
-    networks = load_networks(tables)
-    if landmarks is None:
-        return networks
-    return replace(networks, landmarks=load_network(landmarks, file_path(tables, "landmark_network"))[0])
+    return load_networks(tables, landmarks) if tables["camera"]["model"] == "rendered" else None
 
 
-def load_networks(tables: Mapping[str, Any]) -> Networks:
-    """Radiance field, detector and sky, for any camera model."""
+def load_networks(tables: Mapping[str, Any], landmarks: Landmarks | None = None) -> Networks:
+    """Radiance field, detector and sky, for any camera model, and the network for landmarks.
+
+    Raises:
+        WeightsError: a file is damaged, or the network is one for other landmarks.
+    """
+    path = None if landmarks is None else file_path(tables, "landmark_network")
     return Networks(
         field=load_field(file_path(tables, "field"))[0],
         detector=load_detector(file_path(tables, "detector"))[0],
         sky=random_sky(tables["imaging"]["sky_seed"]),
+        landmarks=None if path is None or landmarks is None else load_network(landmarks, path)[0],
     )

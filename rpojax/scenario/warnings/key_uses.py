@@ -321,6 +321,15 @@ _FLIGHT: Final = (
         lambda at: at.file.landmarks is not None,
     ),
     Use(
+        (
+            "navigation.network_turn_sigma_deg",
+            "navigation.network_place_sigma",
+            "navigation.network_angle_deg",
+        ),
+        "camera.landmarks of camera.model = 'rendered' or 'statistical'",
+        lambda at: at.file.landmarks is not None and at.file.camera.model != "geometric",
+    ),
+    Use(
         ("isolation.*",),
         "isolation.enabled and chamber_pressure.enabled = true with [[thrusters]]",
         lambda at: at.file.isolates_thrusters,

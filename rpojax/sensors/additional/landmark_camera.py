@@ -48,10 +48,10 @@ class LandmarkCamera(AdditionalSensor):
     ) -> "dict[str, jax.Array]":
         """Tangents right and down of the boresight (n,) of each landmark, NaN of those that are not found, and 1 sigma.
 
-        In a rendered picture they are those of the network. The settings, of the geometric model, are `noise`,
-        `shaded_noise` and `minimum_size` [px], `body_offset` (3,) [m] of the landmarks in T, and the probabilities of a
-        miss in light and shade, of a place anywhere on the target, and of a picture in which the landmarks are taken
-        for those of a symmetric attitude.
+        In a rendered picture they are those of the network, of a statistical camera those of its statistics. The
+        settings, of the geometric model, are `noise`, `shaded_noise` and `minimum_size` [px], `body_offset` (3,) [m] of
+        the landmarks in T, and the probabilities of a miss in light and shade, of a place anywhere on the target, and
+        of a picture in which the landmarks are taken for those of a symmetric attitude.
         """
         import jax.numpy as jnp
         from jax.scipy.special import ndtr

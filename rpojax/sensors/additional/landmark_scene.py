@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.pytree import pytree
 from rpojax.vision.surface.landmarks import Landmarks, are_free
 
 Vector = Float[Array, "3"]
@@ -33,7 +34,7 @@ class SeenLandmarks:
     half_size: Array
 
 
-@dataclass(frozen=True)
+@pytree
 class FoundInPicture:
     """Landmarks that a network found.
 
@@ -84,21 +85,31 @@ class LandmarkScene:
         """Landmarks that are `body_offset` [m] from where the file has them about the centre of mass."""
         places_T = self.scale * self.landmarks.positions + body_offset[None, :]
         camera_T = -jnp.sum(self.R_KT * self.r_TK_K[:, None], axis=0)
-        places_K = jnp.sum(self.R_KT[None] * places_T[:, None, :], axis=2) + self.r_TK_K[None, :]
+        places_K = self._in_camera(places_T)
         ratio = self.focal_px / self.nominal_focal_px
-        depth = jnp.maximum(places_K[:, 2], _NEAREST)
         middle_depth = jnp.maximum(self.r_TK_K[2], _NEAREST)
         to_sun = jnp.broadcast_to(self.sun_T, places_T.shape)
         sunlit = are_free(self.landmarks.visible, to_sun) & (jnp.sum(self.landmarks.normals * to_sun, axis=1) > 0.0)
         visible = are_free(self.landmarks.visible, camera_T[None, :] - places_T) & (places_K[:, 2] > _NEAREST)
         size = jnp.sqrt(jnp.max(jnp.sum(places_T * places_T, axis=1), axis=0))
         return SeenLandmarks(
-            tangents=ratio * places_K[:, :2] / depth[:, None],
+            tangents=self._projected(places_K),
             visible=visible,
             lit=jnp.where(self.by_lamp_alone, visible, sunlit),
             middle=ratio * self.r_TK_K[:2] / middle_depth,
             half_size=ratio * size / middle_depth,
         )
+
+    def tangents(self, places_T: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
+        """Tangents right and down of the boresight of places of the target, from its centre of mass in T [m]."""
+        return self._projected(self._in_camera(places_T))
+
+    def _in_camera(self, places_T: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+        return jnp.sum(self.R_KT[None] * places_T[:, None, :], axis=2) + self.r_TK_K[None, :]
+
+    def _projected(self, places_K: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
+        ratio = self.focal_px / self.nominal_focal_px
+        return ratio * places_K[:, :2] / jnp.maximum(places_K[:, 2], _NEAREST)[:, None]
 
     def order(self, swapped: Bool[Array, ""], which: Scalar) -> Array:
         """Landmark that each is taken for (n,): itself, or if `swapped` one by the symmetry `which`, from 0 to 1."""

@@ -30,6 +30,11 @@ class FoundLandmarks:
     covariance: Array
     visible_probability: Array
 
+    @property
+    def sigma(self) -> Float[Array, " k"]:
+        """1 sigma of a place along either axis [px], in the mean over both."""
+        return jnp.sqrt(0.5 * (self.covariance[:, 0, 0] + self.covariance[:, 1, 1]))
+
 
 def find_landmarks(
     params: Params, picture: Float[Array, "h w 3"], box: Float[Array, "4"], frame: Float[Array, "4"] | None = None

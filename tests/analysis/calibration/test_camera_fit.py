@@ -27,7 +27,9 @@ def known(seed: int) -> DetectionOutcomes:
     error = SIDE * (bias(features)[:, None] + SIGMA * rng.normal(size=(COUNT, 4)))
     edges = np.where(false[:, None], [90.0, 90.0, 100.0, 99.0], outline + error)
     score = np.where(seen | false, 0.9 + 0.02 * rng.normal(size=COUNT), 0.1)
-    return DetectionOutcomes(features, outline, np.ones(COUNT, bool), edges, score)
+    return DetectionOutcomes(
+        features=features, outline=outline, in_frame=np.ones(COUNT, bool), edges=edges, score=score
+    )
 
 
 def probability(features: np.ndarray) -> np.ndarray:
@@ -40,7 +42,13 @@ def bias(features: np.ndarray) -> np.ndarray:
 
 def test_a_detector_that_finds_nothing_has_no_accuracy() -> None:
     outlines, nothing = np.tile([40.0, 40.0, 70.0, 70.0], (3, 1)), np.zeros(3)
-    missed = DetectionOutcomes(np.zeros((3, FEATURE_COUNT)), outlines, np.ones(3, bool), outlines, nothing)
+    missed = DetectionOutcomes(
+        features=np.zeros((3, FEATURE_COUNT)),
+        outline=outlines,
+        in_frame=np.ones(3, bool),
+        edges=outlines,
+        score=nothing,
+    )
     assert outcome_summary(missed, 0.4) == {
         "detected_in_frame": 0.0,
         "false_boxes": 0.0,

@@ -32,7 +32,8 @@ def sequences(share: float, angle: float, turn: np.ndarray, wide: float = 0.0) -
     outline = np.tile([40.0, 40.0, 40.0 + SIDE, 40.0 + SIDE], (len(error), 1))
     score = np.where(rng.random(len(error)) < 0.05, 0.1, 0.9)
     features = rng.normal(size=(len(error), FEATURE_COUNT))
-    return DetectionOutcomes(features, outline, np.ones(len(error), bool), outline + SIDE * SIGMA * error, score)
+    edges, inside = outline + SIDE * SIGMA * error, np.ones(len(error), bool)
+    return DetectionOutcomes(features=features, outline=outline, in_frame=inside, edges=edges, score=score)
 
 
 @functools.cache

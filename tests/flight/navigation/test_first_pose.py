@@ -26,6 +26,10 @@ SIGMA, ATTITUDE_SIGMA = 1e-3, 5e-3
 """Of a tangent, and of the attitude filter about each axis; that one far larger than it is, so that it counts."""
 PRIOR = {"position": 1.0, "velocity": 0.01, "bearing_bias": 1e-2, "body_offset": 0.02}
 """Sigmas of the estimate before."""
+NETWORK = ("landmarks", "landmark_network")
+"""What a filter has states for whose landmarks are those of a network."""
+TURN_SIGMA, SHIFT_SIGMA = np.array([0.03, 0.03, 0.01]), np.array([1e-3, 1e-3, 0.01])
+"""Of its turn of the target [rad], and of its place over the range, in K."""
 LEARNT = {"bearing_bias": np.array([0.03, -0.02]), "body_offset": np.array([0.06, -0.05, 0.04])}
 """What it has of bearing and body, as where it has had an attitude before."""
 
@@ -51,17 +55,22 @@ class Case(NamedTuple):
 
 
 @functools.cache
-def tuning_and_target() -> tuple[OrbitFilterTuning, BelievedTarget, RelativeEstimate]:
+def tuning_and_target(
+    sensors: tuple[str, ...] = ("landmarks",),
+) -> tuple[OrbitFilterTuning, BelievedTarget, RelativeEstimate]:
     with jax.ensure_compile_time_eval():
         params = nominal_parameters(scenario_loader.load("pose_inspection"))[1]
         assert params.flight.target is not None
         target = replace(params.flight.target, landmarks=jnp.asarray(LANDMARKS))
-        states = relative_filter_state.states_with(["landmarks"])
+        states = relative_filter_state.states_with(sensors)
         start = jnp.array([6.0, 0.0, 0.0]), jnp.zeros(3)
         estimate = relative_filter_state.initial(params.flight.navigation, *start, states, target)
         sigma = np.sqrt(np.diag(np.asarray(estimate.covariance)))
         for name, value in PRIOR.items():
             sigma[estimate.layout[name]] = value
+        if "network_turn" in estimate.layout:
+            sigma[estimate.layout["network_turn"]] = TURN_SIGMA
+            sigma[estimate.layout["network_place"]] = SHIFT_SIGMA
         slow = estimate.slow | {name: jnp.asarray(value) for name, value in LEARNT.items()}
         covariance = jnp.diag(jnp.asarray(sigma**2))
         return params.flight.navigation, target, replace(estimate, slow=slow, covariance=covariance)
@@ -147,6 +156,48 @@ def test_first_poses_are_where_the_target_is_with_the_covariance_that_they_say()
     # The pose has told much: the filter had a metre.
     after, errors = acquired(case(0))
     assert np.linalg.norm(np.asarray(errors)[numbers_of("position")]) < 0.3
+
+
+def test_first_poses_of_a_network_have_its_lasting_errors_in_their_covariance() -> None:
+    tuning, target, estimate = tuning_and_target(NETWORK)
+    layout = estimate.layout
+    names = ("attitude", "position", "bearing_bias", "body_offset", "network_turn", "network_place")
+    numbers = np.array([number for name in names for number in layout.places(name)])
+    nees = []
+    for seed in range(CASES):
+        given, rng = case(seed), np.random.default_rng([seed, 1])
+        turn, shift = TURN_SIGMA * rng.normal(size=3), SHIFT_SIGMA * rng.normal(size=3)
+        seen = seen_by_network(given, turn, shift)
+        after = jax.jit(landmark_measurement.acquired)(
+            tuning, target, replace(estimate, r_TS_N=given.believed_N), replace(given.view, tangents=seen)
+        )
+        assert is_known(after), seed
+        assert after.target is not None
+        found = target_attitude_ekf.attitude(after.target, after.slow)
+        of = {
+            "attitude": quaternion.log(quaternion.multiply(given.q_TN, quaternion.conjugate(found))),
+            "position": given.r_TS_N - after.r_TS_N,
+            "bearing_bias": given.bearing_bias - after.slow["bearing_bias"],
+            "body_offset": given.body_offset - after.slow["body_offset"],
+            "network_turn": turn - after.slow["network_turn"],
+            "network_place": shift - after.slow["network_place"],
+        }
+        error = np.concatenate([np.asarray(of[name]) for name in names])
+        P = np.asarray(after.covariance)[np.ix_(numbers, numbers)]
+        nees.append(error @ np.linalg.solve(P, error))
+    assert np.mean(nees) == pytest.approx(17.0, abs=4.0 * np.sqrt(2.0 * 17.0 / CASES))
+
+
+def seen_by_network(given: Case, turn: np.ndarray, shift: np.ndarray) -> Array:
+    """Tangents of landmarks as a network shows them, of a target that is turned by `turn` and moved by `shift`."""
+    R_TN = np.asarray(quaternion.to_matrix(given.q_TN))
+    # The case has its camera by what flight software believes of it: the same to its own error.
+    R_KN = np.asarray(quaternion.to_matrix(given.view.q_KN))
+    place_K = R_KN @ np.asarray(given.r_TS_N)
+    body_K = (LANDMARKS + np.asarray(given.body_offset)) @ R_TN @ R_KN.T
+    true, shown = body_K + place_K, Rotation.from_rotvec(-turn).apply(body_K) + place_K
+    shown = shown + np.linalg.norm(place_K) * shift
+    return given.view.tangents + jnp.asarray(shown[:, :2] / shown[:, 2:] - true[:, :2] / true[:, 2:])
 
 
 def test_the_place_of_a_filter_that_knows_better_stays() -> None:

@@ -42,15 +42,19 @@ class Scene(NamedTuple):
     estimate: RelativeEstimate
 
 
+SENSORS = {"geometric": ("landmarks",), "network": ("landmarks", "landmark_network")}
+"""What the filter has states for, by where the landmarks come from."""
+
+
 @functools.cache
-def scene() -> Scene:
+def scene(source: str = "geometric") -> Scene:
     """An estimate with a known attitude as after a prediction, with correlated errors."""
     with jax.ensure_compile_time_eval():
         params = nominal_parameters(scenario_loader.load("pose_inspection"))[1]
         assert params.flight.target is not None
         target = replace(params.flight.target, landmarks=jnp.asarray(LANDMARKS))
         r_TS_N = quaternion.rotate(quaternion.conjugate(jnp.asarray(Q_KN)), jnp.asarray(PLACE))
-        states = relative_filter_state.states_with(["landmarks"])
+        states = relative_filter_state.states_with(SENSORS[source])
         made = relative_filter_state.initial(params.flight.navigation, r_TS_N, jnp.zeros(3), states, target)
         assert made.target is not None
         reference = replace(made.target, q_TN=jnp.asarray(Q_TN), known=jnp.ones((), dtype=bool))
@@ -59,6 +63,8 @@ def scene() -> Scene:
             "bearing_bias": jnp.array([1e-3, -2e-3]),
             "body_offset": jnp.array([0.01, -0.02, 0.005]),
         }
+        if "network_turn" in slow:
+            slow |= {"network_turn": jnp.array([0.02, -0.03, 0.01]), "network_place": jnp.array([1e-3, -2e-3, 0.01])}
         covariance = random_covariance(np.random.default_rng(3), np.full(made.layout.size, 0.01))
         estimate = replace(made, target=reference, slow=slow, covariance=jnp.asarray(covariance))
         return Scene(params.flight.navigation, target, estimate)
@@ -70,16 +76,26 @@ def tangents_of(estimate: RelativeEstimate, vector: Array, landmarks: Array) -> 
     assert moved.target is not None
     q_NT = quaternion.conjugate(target_attitude_ekf.attitude(moved.target, moved.slow))
     R_KN = quaternion.to_matrix(jnp.asarray(Q_KN))
-    places_N = (landmarks + moved.slow["body_offset"][None]) @ quaternion.to_matrix(q_NT).T + moved.r_TS_N[None]
-    places_K = places_N @ R_KN.T
+    turned_N = (landmarks + moved.slow["body_offset"][None]) @ quaternion.to_matrix(q_NT).T
+    places_K, place_K = turned_N @ R_KN.T, R_KN @ moved.r_TS_N
+    if "network_turn" in moved.slow:
+        # The network shows a target whose attitude is turned, the landmarks of which turn the other way in K.
+        known, further = estimate.slow["network_turn"], moved.slow["network_turn"] - estimate.slow["network_turn"]
+        turn = quaternion.to_matrix(quaternion.exp(-further)) @ quaternion.to_matrix(quaternion.exp(-known))
+        places_K = places_K @ turn.T
+        place_K = place_K + jnp.linalg.norm(estimate.r_TS_N) * moved.slow["network_place"]
+    places_K = places_K + place_K[None]
     return places_K[:, :2] / places_K[:, 2:] + moved.slow["bearing_bias"][None]
 
 
 def view_of(
-    variance_of_attitude: float, moved: np.ndarray | float = 0.0, present: np.ndarray | None = None
+    variance_of_attitude: float,
+    moved: np.ndarray | float = 0.0,
+    present: np.ndarray | None = None,
+    source: str = "geometric",
 ) -> LandmarkView:
     """Picture in which landmarks are off by some random sigmas, and `moved` (n, 2) [-] besides."""
-    _, _, estimate = scene()
+    _, _, estimate = scene(source)
     expected = np.asarray(tangents_of(estimate, estimate.vector, jnp.asarray(LANDMARKS)))
     sigma = SIGMA * np.linspace(0.7, 1.5, COUNT)
     noise = sigma[:, None] * np.random.default_rng(7).normal(size=(COUNT, 2))
@@ -92,14 +108,14 @@ def view_of(
     )
 
 
-@jax.jit
-def rows_of(view: LandmarkView) -> MeasurementRows:
-    return landmark_measurement.rows(*scene(), view)
+@functools.partial(jax.jit, static_argnums=1)
+def rows_of(view: LandmarkView, source: str = "geometric") -> MeasurementRows:
+    return landmark_measurement.rows(*scene(source), view)
 
 
-def dense(view: LandmarkView) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def dense(view: LandmarkView, source: str = "geometric") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Jacobian (2n, s) by automatic differentiation, residuals (2n,) and covariance of the noise (2n, 2n)."""
-    _, _, estimate = scene()
+    _, _, estimate = scene(source)
     chosen = np.flatnonzero(np.asarray(view.present))
     landmarks = jnp.asarray(LANDMARKS[chosen])
     expected = tangents_of(estimate, estimate.vector, landmarks)
@@ -112,13 +128,14 @@ def dense(view: LandmarkView) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 COMMON = {"no common error": TINY, "one like the noise": SIGMA**2, "a large one": (30.0 * SIGMA) ** 2}
 
 
+@pytest.mark.parametrize("source", SENSORS)
 @pytest.mark.parametrize("name", COMMON)
-def test_eight_rows_have_the_information_of_all_landmarks(name: str) -> None:
-    view = view_of(COMMON[name])
-    H, y, R = dense(view)
-    found = rows_of(view)
+def test_eight_rows_have_the_information_of_all_landmarks(name: str, source: str) -> None:
+    view = view_of(COMMON[name], source=source)
+    H, y, R = dense(view, source)
+    found = rows_of(view, source)
     J, values = np.asarray(found.jacobian), np.asarray(found.residual)
-    assert J.shape == (8, scene().estimate.layout.size)
+    assert J.shape == (8, scene(source).estimate.layout.size)
     np.testing.assert_array_equal(found.weight, 1.0)
     np.testing.assert_array_equal(found.variance, 1.0)
     expected = H.T @ np.linalg.solve(R, H)
@@ -170,19 +187,20 @@ def test_what_is_not_there_is_of_no_effect() -> None:
     np.testing.assert_array_equal(rows_of(other).jacobian, rows_of(view).jacobian)
 
 
-def test_the_gate_of_a_landmark_is_that_of_the_tuning() -> None:
-    _, _, estimate = scene()
-    tuning = scene().tuning
-    P, H = np.asarray(estimate.covariance), dense(view_of(SIGMA**2))[0][:2]
+@pytest.mark.parametrize("source", SENSORS)
+def test_the_gate_of_a_landmark_is_that_of_the_tuning(source: str) -> None:
+    _, _, estimate = scene(source)
+    tuning = scene(source).tuning
+    P, H = np.asarray(estimate.covariance), dense(view_of(SIGMA**2, source=source), source)[0][:2]
     S = H @ P @ H.T + (np.asarray(view_of(0.0).variance)[0] + SIGMA**2) * np.eye(2)
     expected = np.asarray(tangents_of(estimate, estimate.vector, jnp.asarray(LANDMARKS)))
     for share, is_used in ((0.99, True), (1.01, False)):
         # Along a direction of the residual's covariance, just within and beyond the gate.
         off = share * float(tuning.gate_sigma) * np.linalg.cholesky(S) @ np.array([0.6, 0.8])
-        view = view_of(SIGMA**2)
+        view = view_of(SIGMA**2, source=source)
         view = replace(view, tangents=view.tangents.at[0].set(expected[0] + off))
-        without = rows_of(replace(view, present=view.present.at[0].set(False)))
-        assert np.allclose(rows_of(view).jacobian, without.jacobian, rtol=1e-9) is not is_used
+        without = rows_of(replace(view, present=view.present.at[0].set(False)), source)
+        assert np.allclose(rows_of(view, source).jacobian, without.jacobian, rtol=1e-9) is not is_used
 
 
 def test_no_row_counts_where_most_landmarks_are_elsewhere() -> None:

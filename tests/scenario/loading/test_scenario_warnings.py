@@ -43,6 +43,21 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     "coverage.facet_size_m": ("inspection", ["coverage.facet_size_m=0.2"], "coverage.enabled = true"),
     "coverage.mesh_units": ("safety_ellipse", ["coverage.mesh_units=mm"], "a mesh file as coverage.surface"),
     "navigation.tumble_sigma_deg_s": ("inspection", ["navigation.tumble_sigma_deg_s=2"], "camera.landmarks"),
+    "navigation.network_turn_sigma_deg": (
+        "pose_inspection",
+        ["navigation.network_turn_sigma_deg=[2.0, 1.0]"],
+        "camera.landmarks of camera.model = 'rendered' or 'statistical'",
+    ),
+    "navigation.network_place_sigma": (
+        "pose_inspection",
+        ["navigation.network_place_sigma=[0.001, 0.02]"],
+        "camera.landmarks of camera.model = 'rendered' or 'statistical'",
+    ),
+    "navigation.network_angle_deg": (
+        "pose_inspection",
+        ["navigation.network_angle_deg=20.0"],
+        "camera.landmarks of camera.model = 'rendered' or 'statistical'",
+    ),
     "navigation.body_offset_sigma_m": ("inspection", ["navigation.body_offset_sigma_m=0.1"], "camera.landmarks"),
     "imaging.landmark_network": (
         "inspection", ["camera.model=rendered", "imaging.landmark_network=own.safetensors"], "camera.landmarks"

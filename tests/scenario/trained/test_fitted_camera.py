@@ -33,6 +33,17 @@ def test_the_packaged_statistics_fit_the_packaged_scenario() -> None:
     }
 
 
+def test_ranges_are_those_of_start_station_and_phases_through_each_lens() -> None:
+    inspection = scenario_loader.load("inspection").model_dump()
+    assert fitted_camera.ranges_in_use(inspection) == (30.0, 50.0)
+    approach = scenario_loader.load("final_approach").model_dump()
+    assert fitted_camera.ranges_in_use(approach) == (12.0, 100.0)
+    assert fitted_camera.ranges_in_use(approach, through_wide_lens=True) == (3.0, 15.0)
+    capture = scenario_loader.load("capture").model_dump()
+    assert fitted_camera.ranges_in_use(capture, through_wide_lens=True) == (1.5, 15.0)
+    assert fitted_camera.ranges_in_use(scenario_loader.load("fly_around").model_dump()) == (30.0, 45.0)
+
+
 def test_statistics_of_another_detector_or_smaller_range_of_views_are_refused(tmp_path: Path) -> None:
     other = tmp_path / "other.safetensors"
     other.write_bytes(b"another detector")
