@@ -35,7 +35,7 @@ from rpojax.campaign.storage import (
     labelled_results,
     provenance,
 )
-from rpojax.campaign.storage.arrays import zarr_encoding, zarr_reader
+from rpojax.campaign.storage.arrays import array_files, zarr_encoding, zarr_reader
 from rpojax.campaign.storage.arrays.zarr_encoding import NOT_RECORDED
 from rpojax.campaign.storage.arrays.zarr_writer import ZarrWriter
 from rpojax.campaign.storage.block_manifests import Manifest
@@ -412,7 +412,7 @@ class Campaign(Summarised):
     def history_ids(self) -> list[int]:
         """Numbers of the runs with a stored history."""
         options = self.configuration.options
-        return zarr_reader.stored_history_ids(self.directory, options.first_run, options.runs)
+        return array_files.stored_history_ids(self.directory, options.first_run, options.runs)
 
     def history(self, run_id: SupportsIndex, servicer: SupportsIndex | str | None = None) -> dict[str, np.ndarray]:
         """Stored history of a run, time first; of a team the servicers are the second axis.
