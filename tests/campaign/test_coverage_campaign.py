@@ -49,6 +49,9 @@ def test_rerun_and_resume_repeat_coverage_to_the_last_bit(covered: Campaign, tmp
     lost = (results / "surface" / "areas" / "c" / "0", results / "coverage" / "lit_samples" / "c" / "1" / "0")
     for path in lost:
         path.unlink()
+    (results / "surface" / "zarr.json").unlink()  # as where a process was killed while it wrote the facets
+    with pytest.raises(ResultError, match="surface: missing"):
+        _ = Campaign(covered.directory).surface
     resumed = resume_campaign(covered.directory)
     assert all(path.is_file() for path in lost)
     for name, values in resumed.coverage.items():

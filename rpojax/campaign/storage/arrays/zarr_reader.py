@@ -1,6 +1,7 @@
 """Verified reading of `results.zarr`: every array is compared with the digest that was recorded when it was written."""
 
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -222,14 +223,15 @@ def read_history(directory: Path, configuration: CampaignConfiguration, run_id: 
 
 
 def read_surface(directory: Path, configuration: CampaignConfiguration) -> dict[str, np.ndarray]:
-    """Facets of the target, empty if there are none.
+    """Facets of the target, empty if there are none: the metadata of their group, written last, say that there are.
 
     Raises:
         ResultError: an array is missing, cannot be read or is not what was written.
     """
     folder = directory / "results.zarr" / "surface"
     binding = array_binding(configuration.seal, "surface", 0, configuration.options.runs)
-    return _read_whole_group(directory, folder, binding) if folder.exists() else {}
+    is_complete = os.path.lexists(folder / array_files.METADATA)
+    return _read_whole_group(directory, folder, binding) if is_complete else {}
 
 
 def _read_whole_group(directory: Path, folder: Path, binding: str) -> dict[str, np.ndarray]:
