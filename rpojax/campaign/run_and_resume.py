@@ -22,7 +22,8 @@ from rpojax.campaign.options.campaign_options import (
     Shard,
 )
 from rpojax.campaign.options.history_retention import Retention
-from rpojax.campaign.storage import folder_creation, provenance
+from rpojax.campaign.storage import block_manifests, folder_creation, lost_results, provenance
+from rpojax.campaign.storage.arrays.array_files import LostFile
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
@@ -192,7 +193,7 @@ def resume_campaign(
     shard: Shard | None = None,
     executor: ExecutorFactory | None = None,
 ) -> Campaign:
-    """Simulates the missing blocks and histories of a campaign; a complete one is not changed.
+    """Simulates missing blocks and histories of a campaign, and those with lost files; a complete one is not changed.
 
     Progress is shown on stderr, or given to `on_progress`; with `progress=False` the call is silent. Metrics and stages
     that `run_campaign` got must be given again; with `allow_plugin` the Python file of the scenario's plugin is
@@ -206,6 +207,7 @@ def resume_campaign(
         plugin_registry.add(Plugin(metrics=metrics))
     campaign = Campaign(directory, allow_plugin=allow_plugin)
     folder_creation.remove_stale_files(campaign.directory)
+    release_lost(campaign, shard)
     campaign.verify()
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     if blocks:
@@ -226,6 +228,29 @@ def resume_campaign(
         with _progress_display(on_progress, progress, campaign.file.duration_s) as report_progress:
             _simulate_selected_histories(campaign, report_progress, stages)
     return campaign
+
+
+def release_lost(campaign: Campaign, shard: Shard | None = None) -> list[LostFile]:
+    """Makes blocks with a file that is missing or cut short unfinished, without such histories; returns the files.
+
+    Raises:
+        UnfinishedError: a manifest or history cannot be removed.
+        ResultError: a path leads out of the folder.
+    """
+    own = set((shard or ALL_BLOCKS).select(range(campaign.block_count)))
+    manifests = {block: entry for block, entry in campaign.manifests.items() if block in own}
+    lost = lost_results.lost_blocks(campaign.directory, campaign.configuration, manifests)
+    if lost:
+        lost_results.remove_lost_surface(campaign.directory)
+    for block in lost:
+        block_manifests.remove(campaign.directory, block)
+    # After the manifests: a resume that is killed in between finds the block unfinished, and goes on from here.
+    rewritten = own & set(campaign.missing_blocks())
+    for run_id in campaign.history_ids:
+        block = (run_id - campaign.configuration.options.first_run) // campaign.configuration.block_size
+        if block in rewritten and lost_results.lost_history(campaign.directory, run_id) is not None:
+            campaign.remove_history(run_id)
+    return list(lost.values())
 
 
 @contextmanager

@@ -3,12 +3,14 @@
 from pathlib import Path
 from typing import Any
 
-from rpojax.campaign.storage import block_manifests, campaign_configuration
+from rpojax.campaign.storage import block_manifests, campaign_configuration, lost_results
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 def status(directory: Path) -> dict[str, Any]:
     """Blocks and runs done and missing, failures by reason, speed, and the path of the report, None without one.
+
+    A block of which a file is missing or cut short counts as missing; `lost` has one such file of each.
 
     Raises:
         ResultError: the folder is no campaign, or one of its manifests cannot be read.
@@ -16,7 +18,9 @@ def status(directory: Path) -> dict[str, Any]:
     configuration = campaign_configuration.read(directory)
     blocks = configuration.block_count
     finished = block_manifests.finished_blocks(directory, blocks)
-    entries = block_manifests.read_all(directory, configuration, finished)
+    manifests = dict(zip(finished, block_manifests.read_all(directory, configuration, finished), strict=True))
+    lost = lost_results.lost_blocks(directory, configuration, manifests)
+    entries = [entry for block, entry in manifests.items() if block not in lost]
     page = directory / "report.html"
     ended = sum(entry.count for entry in entries)
     reasons = block_manifests.count_failure_reasons(entries)
@@ -29,7 +33,7 @@ def status(directory: Path) -> dict[str, Any]:
     return {
         "directory": str(directory),
         "name": configuration.name,
-        "blocks": {"total": blocks, "done": len(finished), "missing": blocks - len(finished)},
+        "blocks": {"total": blocks, "done": len(entries), "missing": blocks - len(entries)},
         "runs": {
             "requested": configuration.options.runs,
             "completed": completed,
@@ -39,6 +43,7 @@ def status(directory: Path) -> dict[str, Any]:
             "outcomes": outcomes,
         },
         "reasons": reasons,
+        "lost": [{"block": block, "file": str(file.path), "found": file.words} for block, file in lost.items()],
         "begun": [{"block": block, "attempts": count} for block, count in attempts.items()],
         "timing": block_manifests.timing(entries, _duration_s(configuration.scenario)),
         "report": str(page) if page.is_file() else None,

@@ -87,6 +87,8 @@ def show_status(found: Mapping[str, Any]) -> None:
     line(f"runs: {_count_text(runs)}")
     for reason, count in found["reasons"].items():
         line(f"failed: {count} x {reason}")
+    for entry in found["lost"]:
+        line(f"lost: block {entry['block']}, as {entry['file']} is {entry['found']}; a resume simulates it again")
     for entry in found["begun"]:
         line(f"begun: block {entry['block']}, attempt {entry['attempts']}")
     if timing:

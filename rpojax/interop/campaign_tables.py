@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import warnings
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import numpy as np
 from rpojax.campaign.storage.arrays.zarr_encoding import array_units
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically
 from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
-from rpojax.errors import RpojaxError
+from rpojax.errors import Notice, RpojaxError
 from rpojax.metrics import metric_catalogue
 from rpojax.optional_packages import require_package
 from rpojax.scenario.plugins import plugin_registry
@@ -290,6 +291,8 @@ def export_tables(
 ) -> list[Path]:
     """Writes tables of a campaign, as `rpojax.export` does; returns the paths of the files.
 
+    A `Notice` says how many runs are left out because they are not simulated yet.
+
     Raises:
         RpojaxError: there is no such run or table, or the run has no history.
         OutputError: a file exists already or cannot be written.
@@ -301,6 +304,14 @@ def export_tables(
             raise RpojaxError.of_argument("what", f"found {name!r}, expected some of {', '.join(TABLE_NAMES)}")
     check_replaceable(paths_of_tables(out, names, form).values(), force)
     tables = [make_table(campaign, name, run_id) for name in names]
+    all_runs, finished = campaign.configuration.options.runs, len(campaign.run_ids)
+    if run_id is None and finished < all_runs:
+        warnings.warn(
+            f"warning: {campaign.directory}: found {finished} of {all_runs} runs finished, expected all; the tables "
+            "lack the others until `rpojax resume` has simulated them",
+            Notice,
+            stacklevel=2,
+        )
     return write_tables(tables, out, form, _identity(campaign))
 
 

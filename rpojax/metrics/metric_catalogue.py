@@ -149,9 +149,14 @@ def is_of_campaigns(name: str) -> bool:
     return metric is not None and metric.source != "simulation"
 
 
-def worst_first(name: str, values: np.ndarray) -> np.ndarray:
-    """Rows with a defined value of a metric in `values` (runs,), sorted from worst to best; the sort is stable."""
+def worst_first(name: str, values: np.ndarray, low_is_bad: bool | None = None) -> np.ndarray:
+    """Rows with a defined value of a metric in `values` (runs,), sorted from worst to best; the sort is stable.
+
+    Which side is bad is that of the metric, unless a requirement says it: low values are where it has a least value.
+    """
     defined = np.flatnonzero(np.isfinite(values))
-    metric = find(name)
-    goodness = values[defined] if metric is not None and metric.low_is_bad else -values[defined]
+    if low_is_bad is None:
+        metric = find(name)
+        low_is_bad = metric is not None and metric.low_is_bad
+    goodness = values[defined] if low_is_bad else -values[defined]
     return defined[np.argsort(goodness, kind="stable")]

@@ -118,8 +118,9 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
     names = ", ".join(map(title, study["judged"]))
     found.append(
         f"A step breaks if a greater share of its {runs} runs violates a requirement than that allows, or fails "
-        f"(completion); judged: {names}. The margin is the last step that holds; the first that breaks lies within a "
-        "tenth beyond it. Steps go to 16 sigma, or to where the quantity would vanish."
+        f"(completion); judged: {names}. The margin is the last step that holds; the first that breaks lies at most a "
+        "tenth of itself, or a sixteenth of a sigma, beyond it. Steps go to 16 sigma, or to where the "
+        "quantity would vanish."
     )
     unseen = 100.0 * (1.0 - success_bounds(0, runs, DEFAULT_RISK)[0])
     found.append(

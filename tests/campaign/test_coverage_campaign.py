@@ -45,10 +45,19 @@ def test_rerun_and_resume_repeat_coverage_to_the_last_bit(covered: Campaign, tmp
     maps, again = covered.coverage, repeated.campaign.coverage
     for name, values in maps.items():
         np.testing.assert_array_equal(again[name][0], values[1])
-    (covered.directory / "manifest" / "000001.json").unlink()
+    facets, results = covered.surface, covered.directory / "results.zarr"
+    lost = (results / "surface" / "areas" / "c" / "0", results / "coverage" / "lit_samples" / "c" / "1" / "0")
+    for path in lost:
+        path.unlink()
+    (results / "surface" / "zarr.json").unlink()  # as where a process was killed while it wrote the facets
+    with pytest.raises(ResultError, match="surface: missing"):
+        _ = Campaign(covered.directory).surface
     resumed = resume_campaign(covered.directory)
+    assert all(path.is_file() for path in lost)
     for name, values in resumed.coverage.items():
         np.testing.assert_array_equal(values, maps[name])
+    for name, values in resumed.surface.items():
+        np.testing.assert_array_equal(values, facets[name])
 
 
 def test_changed_facets_are_refused(covered: Campaign) -> None:

@@ -110,7 +110,10 @@ def test_a_tuning_that_changes_nothing_says_so() -> None:
     from rpojax.cli.commands.analysis.tune import _verdict
 
     same = {"ratio_95": (0.98, 1.03)}
-    assert "about as good as it gets" in _verdict({"formation_error_rms_m": same}, {})
+    wide = {**same, "ratio_95": (0.6, 1.7)}
+    told = _verdict({"formation_error_rms_m": same, "delta_v_m_s": wide}, {})
+    assert told.startswith("No error or effort differs from the start's beyond chance; what these runs leave open is ")
+    assert told.endswith("delta_v_m_s of 0.600 to 1.70 times the start's.")
     more = {"ratio_95": (1.1, 1.2)}
     worse = _verdict({"formation_error_rms_m": more, "delta_v_m_s": same}, {})
     assert worse == "Beyond chance, worse than the start: formation_error_rms_m."

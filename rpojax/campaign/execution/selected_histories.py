@@ -13,6 +13,9 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.metrics.metric_catalogue import metrics_of_scenario, worst_first
 from rpojax.scenario.plugins import plugin_registry
 
+RequiredMetric = tuple[str, bool]
+"""Metric of a requirement, and whether low values violate it."""
+
 
 def pending_histories(campaign: Campaign) -> list[int]:
     """Numbers of the runs whose history is to be kept for their results and is not stored yet.
@@ -43,11 +46,11 @@ def _selected_run_ids(campaign: Campaign) -> set[int]:
         return selected_by_result(retention, campaign.run_ids, campaign.failed, campaign.metrics, required)
 
 
-def _required_metrics(campaign: Campaign) -> list[str]:
+def _required_metrics(campaign: Campaign) -> list[RequiredMetric]:
     """Metrics of requirements whose worst run keeps a history."""
     # Selected runs may have to be simulated again, and the images of a rendered camera would all be rendered again.
     wanted = [] if campaign.file.camera.model == "rendered" else campaign.file.requirements
-    return [requirement.metric_name for requirement in wanted]
+    return [(requirement.metric_name, requirement.bound == "at least") for requirement in wanted]
 
 
 class SelectionSoFar:
@@ -57,8 +60,8 @@ class SelectionSoFar:
         run_ids: their numbers
     """
 
-    def __init__(self, retention: Retention, required: Sequence[str]) -> None:
-        """`required` are the metrics of the scenario's requirements."""
+    def __init__(self, retention: Retention, required: Sequence[RequiredMetric]) -> None:
+        """`required` are the metrics of the scenario's requirements, each with the side that violates it."""
         self._retention = retention
         self._required = required
         self._failed = np.zeros(0, dtype=bool)
@@ -87,7 +90,7 @@ class SelectionSoFar:
 
         all_ids = np.concatenate([self.run_ids, run_ids])[order]
         all_failed = np.concatenate([self._failed, failed])[order]
-        decisive = {*self._required, *(metric for metric, _ in self._retention.worst_kept)}
+        decisive = {metric for metric, _ in (*self._required, *self._retention.worst_kept)}
         all_metrics = {name: joined(name) for name in decisive}
         selected = selected_by_result(self._retention, all_ids, all_failed, all_metrics, self._required)
         kept = np.isin(all_ids, sorted(selected))
@@ -101,7 +104,7 @@ def selected_by_result(
     run_ids: np.ndarray,
     failed: np.ndarray,
     metrics: Mapping[str, np.ndarray],
-    required: Sequence[str] = (),
+    required: Sequence[RequiredMetric] = (),
 ) -> set[int]:
     """Numbers of the runs whose histories are kept because of their results.
 
@@ -110,10 +113,11 @@ def selected_by_result(
         run_ids: (runs,) run numbers
         failed: (runs,) whether the run failed
         metrics: name -> (runs,), nan if undefined
-        required: metrics of the scenario's requirements
+        required: metrics of the scenario's requirements, each with the side that violates it
     """
     kept: set[int] = set(run_ids[failed].tolist()) if retention.keeps_failures else set()
-    worst_kept = [(metric, 1) for metric in required] if retention.keeps_requirements else []
-    for metric, count in (*retention.worst_kept, *worst_kept):
+    for metric, count in retention.worst_kept:
         kept.update(run_ids[worst_first(metric, metrics[metric])[:count]].tolist())
+    for metric, low_is_bad in required if retention.keeps_requirements else ():
+        kept.update(run_ids[worst_first(metric, metrics[metric], low_is_bad)[:1]].tolist())
     return kept

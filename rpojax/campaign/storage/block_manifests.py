@@ -82,6 +82,21 @@ def write(directory: Path, block: int, manifest: Manifest) -> None:
     _attempts_path(directory, block).unlink(missing_ok=True)
 
 
+def remove(directory: Path, block: int) -> None:
+    """Removes a block's manifest, so that the block is unfinished.
+
+    Raises:
+        UnfinishedError: it cannot be removed.
+        ResultError: its path contains a symbolic link.
+    """
+    path = manifest_path(directory, block)
+    safe_paths.check_no_links(directory, path)
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise atomic_files.write_error(path, error) from None
+
+
 def finished_blocks(directory: Path, blocks: int) -> list[int]:
     """Numbers of the blocks with a manifest, in order.
 

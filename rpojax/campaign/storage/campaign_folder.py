@@ -35,7 +35,7 @@ from rpojax.campaign.storage import (
     labelled_results,
     provenance,
 )
-from rpojax.campaign.storage.arrays import zarr_encoding, zarr_reader
+from rpojax.campaign.storage.arrays import array_files, zarr_encoding, zarr_reader
 from rpojax.campaign.storage.arrays.zarr_encoding import NOT_RECORDED
 from rpojax.campaign.storage.arrays.zarr_writer import ZarrWriter
 from rpojax.campaign.storage.block_manifests import Manifest
@@ -262,7 +262,7 @@ class Campaign(Summarised):
             self._read(group)
         for run_id in self.history_ids:
             zarr_reader.read_history(self.directory, self.configuration, run_id)
-        zarr_reader.read_surface(self.directory, self.configuration)
+        _ = self.surface
         folder_creation.check_scenario_copy(self.directory, self.configuration)
 
     def _check_status(self, status: Mapping[str, np.ndarray], finished: Iterable[Manifest]) -> None:
@@ -399,7 +399,11 @@ class Campaign(Summarised):
         Raises:
             ResultError: they cannot be read.
         """
-        return zarr_reader.read_surface(self.directory, self.configuration)
+        found = zarr_reader.read_surface(self.directory, self.configuration)
+        if not found and any("coverage" in entry.sha256 for entry in self.manifests.values()):
+            place = self.directory / "results.zarr" / "surface"
+            raise ResultError(f"{place}: missing, expected the facets of the target (`rpojax resume` makes them again)")
+        return found
 
     @property
     def trace_time_s(self) -> np.ndarray:
@@ -412,7 +416,7 @@ class Campaign(Summarised):
     def history_ids(self) -> list[int]:
         """Numbers of the runs with a stored history."""
         options = self.configuration.options
-        return zarr_reader.stored_history_ids(self.directory, options.first_run, options.runs)
+        return array_files.stored_history_ids(self.directory, options.first_run, options.runs)
 
     def history(self, run_id: SupportsIndex, servicer: SupportsIndex | str | None = None) -> dict[str, np.ndarray]:
         """Stored history of a run, time first; of a team the servicers are the second axis.

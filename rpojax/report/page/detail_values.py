@@ -37,9 +37,12 @@ class WorstRun:
 
 def worst_runs(campaign: CampaignResults, content: Mapping[str, Any], median_run: int | None) -> list[WorstRun]:
     """Worst run of every requirement, the weakest first; without requirements of the metrics that the report ranks."""
-    names = [str(entry.get("of", entry["metric"])) for entry in _weakest_first(content["requirements"])]
-    names = names or [str(entry["metric"]) for entry in content["worst_runs"]]
-    found = [_worst_run(campaign, name, median_run) for name in dict.fromkeys(names)]
+    ranked: list[tuple[str, bool | None]] = [
+        (str(entry.get("of", entry["metric"])), entry["bound"] == "at least")
+        for entry in _weakest_first(content["requirements"])
+    ]
+    ranked = ranked or [(str(entry["metric"]), None) for entry in content["worst_runs"]]
+    found = [_worst_run(campaign, name, low_is_bad, median_run) for name, low_is_bad in dict.fromkeys(ranked)]
     return [one for one in found if one is not None]
 
 
@@ -55,11 +58,13 @@ def _weakest_first(requirements: Sequence[Mapping[str, Any]]) -> list[Mapping[st
     return sorted(requirements, key=badness)
 
 
-def _worst_run(campaign: CampaignResults, name: str, median_run: int | None) -> WorstRun | None:
+def _worst_run(
+    campaign: CampaignResults, name: str, low_is_bad: bool | None, median_run: int | None
+) -> WorstRun | None:
     values = campaign.metrics.get(name)
     if values is None:
         return None
-    ranked = [int(campaign.run_ids[row]) for row in worst_first(name, values)]
+    ranked = [int(campaign.run_ids[row]) for row in worst_first(name, values, low_is_bad)]
     kept = set(campaign.history_ids)
     shown = next((run for run in ranked if run in kept), None)
     if shown is None or len(ranked) < 2:

@@ -47,7 +47,21 @@ def scenario_warnings(file: ScenarioFile, replaced: Collection[str] = ()) -> lis
 
     Stages are `replaced` beside those of the scenario's plugin.
     """
-    return [*mission_warnings(file), *unused_key_warnings(file, replaced)]
+    return [*mission_warnings(file), *bad_side_warnings(file), *unused_key_warnings(file, replaced)]
+
+
+def bad_side_warnings(file: ScenarioFile) -> list[str]:
+    """One line for each metric of a plugin of which only values on the side that it calls good violate requirements."""
+    found: list[str] = []
+    for name, metric in plugin_registry.metrics_of(file).items():
+        bounds = {entry.bound for entry in file.requirements if entry.metric == name}
+        if metric.source == "plugin" and bounds == {"at most" if metric.low_is_bad else "at least"}:
+            side = "high" if metric.low_is_bad else "low"
+            found.append(
+                f"requirements: found {name!r} {bounds.pop()!r}, expected `low_is_bad={not metric.low_is_bad}` of "
+                f"`rpojax.metric`, since tables and comparisons take its {side} values for the better ones"
+            )
+    return found
 
 
 def unused_key_warnings(file: ScenarioFile, replaced: Collection[str] = ()) -> list[str]:

@@ -56,7 +56,7 @@ def test_runs_selected_by_results(rule: str, kept: set[int]) -> None:
 
 
 def test_worst_run_of_each_requirement_is_kept_by_default() -> None:
-    required = ["min_range_m", "formation_error_rms_m"]
+    required = [("min_range_m", True), ("formation_error_rms_m", False)]
     assert DEFAULT_HISTORIES.rule == "8+requirements"
     assert selected_by_result(DEFAULT_HISTORIES, IDS, FAILED, METRICS, required) == {11}
     assert selected_by_result(Retention("8"), IDS, FAILED, METRICS, required) == set()

@@ -167,7 +167,7 @@ def test_blocks_of_an_older_version_are_read_beside_those_of_this_one(empty: Cam
     assert (event.raised_at_s, event.cleared_at_s) == (600.0, 700.0)
     missing = next((empty.directory / "results.zarr" / "events" / "code").rglob("c/1/0"))
     missing.unlink()
-    with pytest.raises(ResultError, match="code: missing, expected the values of block"):
+    with pytest.raises(ResultError, match="code/c/1/0: missing, expected the values of block"):
         _ = Campaign(empty.directory).events
 
 

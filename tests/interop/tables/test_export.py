@@ -2,6 +2,8 @@
 
 import csv
 import json
+import shutil
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ import scipy.io
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import Notice, OutputError, RpojaxError
 from rpojax.interop import campaign_tables
 from rpojax.interop.campaign_tables import TABLE_NAMES
 from rpojax.interop.export import ExportOptions, export, export_as
@@ -128,6 +130,18 @@ def test_one_run_is_exported_alone(three_runs: Campaign, tmp_path: Path) -> None
     with np.load(tmp_path / "r.npz") as content:
         assert content["metrics/run_id"].tolist() == [2]
         assert set(content["history/run_id"].tolist()) == {2}
+
+
+def test_tables_of_an_unfinished_campaign_say_how_many_runs_they_lack(three_runs: Campaign, tmp_path: Path) -> None:
+    part = tmp_path / "part"
+    shutil.copytree(three_runs.directory, part)
+    (part / "manifest" / "000001.json").unlink()
+    with pytest.warns(Notice, match="part: found 2 of 3 runs finished, expected all"):
+        export(part, tmp_path / "all.csv", what=["metrics"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Notice)
+        export(part, tmp_path / "one.csv", what=["metrics"], run_id=0)
+        export(three_runs, tmp_path / "whole.csv", what=["metrics"])
 
 
 def test_names_of_fields_are_those_of_matlab_and_differ() -> None:

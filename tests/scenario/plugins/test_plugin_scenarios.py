@@ -18,6 +18,7 @@ import rpojax
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.metrics import metric_catalogue, running_reduction
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.loading.scenario_warnings import bad_side_warnings
 from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
 from rpojax.scenario.plugins import custom_metrics, plugin_registry
 from rpojax.scenario.plugins.plugin import described_plugin
@@ -52,6 +53,20 @@ def off_track_m(rho_H):
 
 def end_range_m(range_m, time_s):
     return range_m[np.argmax(time_s)]
+
+
+@pytest.mark.parametrize("low_is_bad", [False, True])
+def test_a_requirement_that_contradicts_the_bad_side_of_its_metric_is_warned_of(low_is_bad: bool) -> None:
+    marked = rpojax.metric(None, low_is_bad=low_is_bad)(lambda range_m: range_m[-1])
+    plugin = rpojax.Plugin(metrics={"last_range_m": marked})
+    entry = {"metric": "last_range_m", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
+    for bound, is_warned in (("at least", not low_is_bad), ("at most", low_is_bad)):
+        tables = scenario_loader.load("inspection").model_dump(exclude_unset=True) | plugin_registry.add(plugin)
+        file = scenario_loader.validate(tables | {"requirements": [entry | {"bound": bound}]})
+        found = bad_side_warnings(file)
+        assert [f"low_is_bad={not low_is_bad}" in line for line in found] == [True] * is_warned
+        both = [entry | {"bound": each} for each in ("at least", "at most")]
+        assert bad_side_warnings(scenario_loader.validate(tables | {"requirements": both})) == []
 
 
 def test_the_page_shows_the_files_of_the_example() -> None:

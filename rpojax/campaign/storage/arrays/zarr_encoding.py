@@ -13,6 +13,7 @@ import numpy as np
 import zarr
 from zarr.storage import MemoryStore
 
+from rpojax.campaign.storage.arrays.array_files import chunk_key
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario.numbers import key_units
 from rpojax.simulation.metrics import decimated_traces, phase_records
@@ -135,11 +136,6 @@ def _uncompressed(layout: ArrayLayout, values: np.ndarray) -> bytes:
 def _chunk_runs(block_size: int) -> int:
     """Largest divisor of the block size that is at most `_MAX_CHUNK_RUNS`."""
     return next(size for size in range(min(_MAX_CHUNK_RUNS, block_size), 0, -1) if block_size % size == 0)
-
-
-def chunk_key(dimensions: int, block: int) -> str:
-    """Path, in an array's folder, of the file that holds a block."""
-    return "/".join(["c", str(block), *["0"] * (dimensions - 1)])
 
 
 def group_metadata(attributes: Mapping[str, Any] | None = None) -> bytes:

@@ -13,7 +13,8 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import MemoryStore
 
 from rpojax.campaign.storage import atomic_files, safe_paths
-from rpojax.campaign.storage.arrays import zarr_encoding
+from rpojax.campaign.storage.arrays import array_files, zarr_encoding
+from rpojax.campaign.storage.arrays.array_files import LostFile
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_seal import array_binding
@@ -57,7 +58,7 @@ def read_rows(directory: Path, path: Path, configuration: CampaignConfiguration,
         _values(path, array, slice(low * size, high * size + configuration.runs_in_block(high)))
         for low, high in _consecutive_ranges(wanted)
     ]
-    keys = {block: zarr_encoding.chunk_key(array.ndim, block) for block in wanted}
+    keys = {block: array_files.chunk_key(array.ndim, block) for block in wanted}
     return Rows(np.concatenate(parts), frozenset(block for block, key in keys.items() if key in chunks))
 
 
@@ -71,7 +72,7 @@ def read_whole(directory: Path, path: Path) -> np.ndarray:
     dimensions = _dimensions(path, metadata)
     chunks = _chunks(directory, path, dimensions, [0])
     if not chunks:
-        place = path / zarr_encoding.chunk_key(dimensions, 0)
+        place = path / array_files.chunk_key(dimensions, 0)
         raise ResultError(f"{place}: missing, expected the values of a channel")
     _check_size(path, metadata, sum(map(len, chunks.values())))
     return _values(path, _open(path, metadata, chunks), slice(None))
@@ -93,7 +94,7 @@ def _chunks(directory: Path, path: Path, dimensions: int, blocks: Iterable[int])
     """Content of the files of some blocks, by their keys; files that do not exist are left out."""
     found = {}
     for block in blocks:
-        key = zarr_encoding.chunk_key(dimensions, block)
+        key = array_files.chunk_key(dimensions, block)
         safe_paths.check_no_links(directory, path / key)
         if is_regular(path / key):
             found[key] = _read(directory, path / key, FileKind.ARRAY_CHUNK)
@@ -186,21 +187,29 @@ def read_group(
             return {}
         raise ResultError(f"{directory / 'manifest'}: found no digest of {name!r}, expected one in every manifest")
     folder = directory / "results.zarr" / name
+    lost = array_files.lost_of_group(directory, name, manifests)
+    for block, file in lost.items():
+        if file.is_there:
+            raise _lost(file, block)
     found = {path: read_rows(directory, path, configuration, manifests) for path in _array_folders(directory, folder)}
     first = 0
     for block, entry in manifests.items():
         there = {path.name: rows.values[first : first + entry.count] for path, rows in found.items() if block in rows}
         binding = array_binding(configuration.seal, name, configuration.options.first_run + entry.first, entry.count)
         if (zarr_encoding.digest(there, binding) if there else None) != entry.sha256.get(name):
-            for path, rows in found.items():
-                if block not in rows:
-                    raise ResultError(f"{path}: missing, expected the values of block {block}")
+            if block in lost:
+                raise _lost(lost[block], block)
             raise ResultError(
                 f"{folder}: found other values in block {block}, expected those that its manifest names "
                 "(without the manifest, a resume runs the block again)"
             )
         first += entry.count
     return {path.name: rows.values for path, rows in found.items()}
+
+
+def _lost(file: LostFile, block: int) -> ResultError:
+    found = "found a file cut short, expected readable arrays with" if file.is_there else "missing, expected"
+    return ResultError(f"{file.path}: {found} the values of block {block} (`rpojax resume` simulates it again)")
 
 
 def read_history(directory: Path, configuration: CampaignConfiguration, run_id: int) -> dict[str, np.ndarray]:
@@ -214,14 +223,15 @@ def read_history(directory: Path, configuration: CampaignConfiguration, run_id: 
 
 
 def read_surface(directory: Path, configuration: CampaignConfiguration) -> dict[str, np.ndarray]:
-    """Facets of the target, empty if there are none.
+    """Facets of the target, empty if there are none: the metadata of their group, written last, say that there are.
 
     Raises:
         ResultError: an array is missing, cannot be read or is not what was written.
     """
     folder = directory / "results.zarr" / "surface"
     binding = array_binding(configuration.seal, "surface", 0, configuration.options.runs)
-    return _read_whole_group(directory, folder, binding) if folder.exists() else {}
+    is_complete = os.path.lexists(folder / array_files.METADATA)
+    return _read_whole_group(directory, folder, binding) if is_complete else {}
 
 
 def _read_whole_group(directory: Path, folder: Path, binding: str) -> dict[str, np.ndarray]:
@@ -231,18 +241,6 @@ def _read_whole_group(directory: Path, folder: Path, binding: str) -> dict[str, 
     if not isinstance(attributes, dict) or attributes.get("sha256") != zarr_encoding.digest(channels, binding):
         raise ResultError(f"{folder}: found other values, expected readable arrays with the digest in its zarr.json")
     return channels
-
-
-def stored_history_ids(directory: Path, first_run: int, runs: int) -> list[int]:
-    """Numbers of the runs with a complete history: one whose group metadata, written last, exists."""
-    folder = directory / "results.zarr" / "histories"
-    safe_paths.check_no_links(directory, folder)
-    try:
-        names = [path.name for path in folder.iterdir() if os.path.lexists(path / "zarr.json")]
-    except OSError:
-        return []
-    numbers = [int(name) for name in names if name.isdecimal() and name.isascii() and len(name) <= 10]
-    return sorted(number for number in numbers if str(number) in names and first_run <= number < first_run + runs)
 
 
 def _array_folders(directory: Path, folder: Path) -> list[Path]:

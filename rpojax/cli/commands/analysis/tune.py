@@ -152,7 +152,12 @@ def _verdict(means: dict[str, Any], weights: Mapping[str, float]) -> str:
     better = [name for name, (_, high) in ends.items() if high < 0.0]
     worse = [name for name, (low, _) in ends.items() if low > 0.0]
     if not better and not worse:
-        return "No error or effort differs from the start's beyond chance: this start was about as good as it gets."
+        widest = max(ends, key=lambda name: max(abs(math.log(end)) for end in means[name]["ratio_95"]))
+        low, high = (format_number(end, 3) for end in means[widest]["ratio_95"])
+        return (
+            "No error or effort differs from the start's beyond chance; what these runs leave open is "
+            f"{widest} of {low} to {high} times the start's."
+        )
     if worse:
         return f"Beyond chance, worse than the start: {', '.join(worse)}."
     return ""

@@ -71,6 +71,8 @@ def resume(asked: ResumeCommand) -> int:
     shard = asked.executor.parse_shard()
     found = Campaign(asked.directory)
     fuse_loops_of(found.configuration.scenario)
+    for lost in run_and_resume.release_lost(found, shard):
+        print(f"rpojax: {lost.path}: {lost.words}; its block is simulated again", file=sys.stderr)
     if run_and_resume.is_complete(found):
         folder_creation.remove_stale_files(found.directory)
         found.verify()

@@ -66,6 +66,14 @@ def test_worst_run_of_each_requirement_the_most_violated_first(build):
     assert (thirsty.run_id, thirsty.remark) == (2, "")
 
 
+def test_the_worst_run_of_a_requirement_is_on_the_side_that_violates_it(build):
+    campaign = build(runs=30, kept=(0, 1, 2, 3))
+    campaign.metrics["min_range_m"][[1, 2]] = [12.0, 90.0]
+    entry = {"metric": "min_range_m", "bound": "at most", "limit": 80.0, "worst": 90.0, "violations": 1}
+    (far,) = worst_runs(campaign, {"requirements": [entry], "worst_runs": []}, 0)
+    assert (far.run_id, far.worst_id, far.remark) == (2, 2, "")
+
+
 def test_scene_has_mesh_sphere_and_every_path_with_its_kind(campaign):
     hull = [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
     campaign.info["scenario"] |= {"target": {"hull_m": hull}}
