@@ -278,7 +278,7 @@ def _failed_tests(tick: ObservedTick) -> Array:
 def _estimated_attitude(tick: ObservedTick) -> Float[Array, "4"]:
     """Estimated attitude of the target, NaN before it was found."""
     q_TN = target_attitude_ekf.attitude(tick.target_reference, tick.telemetry.flight.orbit.relative.slow)
-    return jnp.where(tick.target_reference.known, q_TN, jnp.nan)
+    return jnp.where(tick.target_reference.certain, q_TN, jnp.nan)
 
 
 def _estimated_place(tick: ObservedTick) -> Vector:
@@ -453,9 +453,9 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     "docking_axis_error_T_deg": _docking_axis_error,
     "target_rate_error_T_deg_s": lambda tick: jnp.rad2deg(tick.pose_error[3:]),
     "target_attitude_sigma_T_deg": lambda tick: jnp.rad2deg(gradient_safe.sqrt(jnp.diagonal(tick.pose_covariance)[:3])),
-    "target_attitude_known": lambda tick: tick.target_reference.known,
+    "target_attitude_known": lambda tick: tick.target_reference.certain,
     "nees_pose": lambda tick: jnp.where(
-        tick.target_reference.known,
+        tick.target_reference.certain,
         squared_mahalanobis_and_log_determinant(tick.pose_covariance, tick.pose_error)[0],
         jnp.nan,
     ),
