@@ -28,6 +28,8 @@ INERTIA: Final = {
     4: [[3.2, 0.0, 0.0], [0.0, 3.2, 0.0], [0.0, 0.0, 4.4]],
 }
 """By the number of attitudes that look alike [kg m^2]."""
+DIRECTIONS: Final = {2: 64, 4: 256}
+"""In which the corners that are farthest out make the hull: of the corners of four panels 64 miss one."""
 
 
 def box(middle: tuple[float, float, float], half: tuple[float, float, float]) -> np.ndarray:
@@ -61,7 +63,7 @@ def write_mesh(path: Path, folds: int) -> None:
 def scenario(mesh: Path, landmarks: Path, folds: int) -> str:
     """`pose_inspection` with this target, as TOML."""
     target = mesh_files.load_mesh(mesh)
-    hull = target_mesh.outline_vertices(target)
+    hull = target_mesh.outline_vertices(target, DIRECTIONS[folds])
     return f"""extends = "pose_inspection"
 name = "pose_symmetric"
 description = "Attitude of a target that looks the same in {folds} attitudes, from 15 m"
