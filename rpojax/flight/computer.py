@@ -37,6 +37,7 @@ from rpojax.flight.navigation import (
     relative_filter_state,
     relative_orbit_ekf,
     retrodiction,
+    symmetric_landmarks,
     target_attitude_ekf,
     thrust_estimator,
 )
@@ -235,6 +236,7 @@ def _with_target_attitude(
     of_body = [state.name for state in shown if state.name in relative.slow]
     relative = relative_filter_state.reset_to_prior(params.navigation, relative, of_body, lost)
     relative = retrodiction.to_exposure(relative, exposure)
+    relative = symmetric_landmarks.weighed(params.navigation, params.target, relative, picture, used)
     relative = landmark_measurement.acquired(params.navigation, params.target, relative, picture)
     return replace(orbit, relative=retrodiction.from_exposure(relative, exposure))
 

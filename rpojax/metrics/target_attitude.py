@@ -1,5 +1,6 @@
 """Metrics of the estimated attitude and rate of the target."""
 
+import math
 from typing import Final
 
 from rpojax.metrics.metric_definition import Metric, WeightedValue
@@ -56,6 +57,22 @@ METRICS: Final = (
         window="late",
         has_derivative=True,
         degrees_of_freedom=6,
+        needs="landmarks",
+    ),
+    Metric(
+        "pose_surprise",
+        "-",
+        title="Pose surprise",
+        meaning="Negative log likelihood of the true attitude and rate of the target under the estimate, per "
+        f"component, {_WINDOW}.",
+        inputs=("nees_pose", "pose_log_determinant", "target_attitude_known"),
+        value=lambda xp, nees, log_determinant, known: WeightedValue(
+            xp.where(known, 0.5 * ((nees + log_determinant) / 6.0 + math.log(2.0 * math.pi)), 0.0), known
+        ),
+        reduction="mean",
+        window="late",
+        has_derivative=True,
+        source="simulation",
         needs="landmarks",
     ),
     Metric(

@@ -28,6 +28,7 @@ from rpojax.flight.control.thruster_allocation import ThrusterLayout
 from rpojax.flight.cooperation.team_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance.lens_choice import BelievedWideLens, LensInUse
+from rpojax.flight.navigation import symmetric_attitudes
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
 from rpojax.flight.team_guidance.team_situation import TeamTuning
@@ -296,7 +297,9 @@ def _hull_faces(tables: Mapping[str, Any]) -> HullFaces | None:
 
 def _believed_target(tables: Mapping[str, Any], landmarks: Landmarks) -> BelievedTarget:
     """The nominal target, of the size that flight software believes."""
-    return BelievedTarget(inertia=array(tables["target"]["inertia_kg_m2"]), landmarks=landmarks.positions)
+    symmetries = symmetric_attitudes.of_body(landmarks.symmetries, landmarks.shifts, landmarks.permutations)
+    inertia = array(tables["target"]["inertia_kg_m2"])
+    return BelievedTarget(inertia=inertia, landmarks=landmarks.positions, symmetries=symmetries)
 
 
 def _reach_without_light(tables: Mapping[str, Any]) -> Array | None:

@@ -136,7 +136,7 @@ MEANINGS: Final[dict[str, str]] = {
     "tuning.formation": "weight of the logarithm of the formation error",
     "tuning.delta_v": "weight of the logarithm of the velocity change",
     "tuning.pointing": "weight of the logarithm of the pointing error",
-    "tuning.metrics": "weights of the logarithms of further metrics, by name",
+    "tuning.metrics": "weights of the logarithms of further metrics, by name; of `pose_surprise` without a logarithm",
     "phases.name": "of the phase",
     "phases.reference.kind": "kind of the reference trajectory",
     "phases.frame": "axes of reference, corridor and arrival box: the `hill` frame, or that of the `target`, which "

@@ -118,6 +118,11 @@ class ObservedTick:
         numbers = jnp.array([*relative.layout.places("attitude"), *relative.layout.places("rate")])
         return relative.covariance[numbers][:, numbers]
 
+    @cached_property
+    def pose_density(self) -> tuple[Scalar, Scalar]:
+        """Squared Mahalanobis norm of that error, and log determinant of its covariance."""
+        return squared_mahalanobis_and_log_determinant(self.pose_covariance, self.pose_error)
+
     @property
     def port(self) -> tuple[Vector, Vector]:
         """Place of the docking port from the origin of the target's mesh [m], and unit vector out of it, in T."""
@@ -278,7 +283,7 @@ def _failed_tests(tick: ObservedTick) -> Array:
 def _estimated_attitude(tick: ObservedTick) -> Float[Array, "4"]:
     """Estimated attitude of the target, NaN before it was found."""
     q_TN = target_attitude_ekf.attitude(tick.target_reference, tick.telemetry.flight.orbit.relative.slow)
-    return jnp.where(tick.target_reference.known, q_TN, jnp.nan)
+    return jnp.where(tick.target_reference.certain, q_TN, jnp.nan)
 
 
 def _estimated_place(tick: ObservedTick) -> Vector:
@@ -453,12 +458,8 @@ LANDMARK_CHANNELS: Final[ChannelFunctions] = {
     "docking_axis_error_T_deg": _docking_axis_error,
     "target_rate_error_T_deg_s": lambda tick: jnp.rad2deg(tick.pose_error[3:]),
     "target_attitude_sigma_T_deg": lambda tick: jnp.rad2deg(gradient_safe.sqrt(jnp.diagonal(tick.pose_covariance)[:3])),
-    "target_attitude_known": lambda tick: tick.target_reference.known,
-    "nees_pose": lambda tick: jnp.where(
-        tick.target_reference.known,
-        squared_mahalanobis_and_log_determinant(tick.pose_covariance, tick.pose_error)[0],
-        jnp.nan,
-    ),
+    "target_attitude_known": lambda tick: tick.target_reference.certain,
+    "nees_pose": lambda tick: jnp.where(tick.target_reference.certain, tick.pose_density[0], jnp.nan),
     "landmarks_found": lambda tick: landmark_measurement.count(tick.telemetry.measurements.additional).astype(jnp.int8),
 }
 """Attitude of the target, in scenarios whose camera finds landmarks; errors are small turns in T, true by estimate."""

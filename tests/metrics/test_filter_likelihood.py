@@ -7,6 +7,7 @@ from scipy import stats
 
 from rpojax.core.pytree import replace
 from rpojax.flight.navigation.sensor_innovation import SensorInnovation
+from rpojax.metrics import target_attitude
 from rpojax.metrics.filter_likelihood import METRICS
 from rpojax.metrics.metric_definition import Metric, WeightedValue
 
@@ -79,3 +80,15 @@ def test_the_estimate_surprise_is_minus_the_log_density_a_component() -> None:
     found = BY_NAME["estimate_surprise"].value(np, nees, log_determinant)
     expected = -stats.multivariate_normal.logpdf(error, cov=P) / 12.0
     np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_the_pose_surprise_is_minus_the_log_density_a_component_while_the_attitude_is_known() -> None:
+    rng = np.random.default_rng(1)
+    P, error = np.cov(rng.normal(size=(6, 40))), rng.normal(size=6)
+    nees, log_determinant = error @ np.linalg.solve(P, error), np.linalg.slogdet(P)[1]
+    metric = {each.name: each for each in target_attitude.METRICS}["pose_surprise"]
+    known = np.array([True, False])
+    found = metric.value(np, np.array([nees, np.nan]), np.full(2, log_determinant), known)
+    expected = -stats.multivariate_normal.logpdf(error, cov=P) / 6.0
+    np.testing.assert_allclose(found.value, [expected, 0.0], rtol=1e-12)
+    np.testing.assert_array_equal(found.weight, known)

@@ -103,7 +103,7 @@ class TuneCommand(Command):
         UseAppendAction[tuple[str, ...]],
         arg(
             metavar="NAMES",
-            help="What to tune: navigation, gate, formation, attitude, schedule, or keys.",
+            help="What to tune: navigation, pose, gate, formation, attitude, schedule, or keys.",
             help_behavior_hint="(default: navigation)",
         ),
     ] = ()

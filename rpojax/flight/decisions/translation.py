@@ -71,7 +71,7 @@ def may_follow(software: FlightSoftware, memory: FlightMemory) -> Bool[Array, ""
     ratio = line_of_sight_uncertainty.relative_range_sigma(memory.orbit)
     bridges = is_expected_unseen & (ratio < params.formation.range_uncertainty_limit)
     turns = constant_of_phase(memory.mission.phase, software.mission.in_target_frame)
-    return jnp.where(turns, relative.target.known & (sees | bridges), sees)
+    return jnp.where(turns, relative.target.certain & (sees | bridges), sees)
 
 
 def _following(software: FlightSoftware, memory: FlightMemory, time: Scalar) -> Vector:

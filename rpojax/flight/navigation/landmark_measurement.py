@@ -17,7 +17,12 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, product
-from rpojax.flight.navigation import perspective_n_point, relative_filter_state, target_attitude_ekf
+from rpojax.flight.navigation import (
+    perspective_n_point,
+    relative_filter_state,
+    symmetric_attitudes,
+    target_attitude_ekf,
+)
 from rpojax.flight.navigation.believed_sensor import SensorView
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.relative_filter_state import RelativeEstimate
@@ -215,6 +220,20 @@ def _linearised(pose: _Pose, place_T: Vector) -> tuple[Float[Array, "2"], Float[
     return tangents + pose.bearing_bias, jnp.concatenate(parts, axis=1)
 
 
+def expected(
+    target: BelievedTarget, estimate: RelativeEstimate, view: LandmarkView
+) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
+    """Tangents of all landmarks that an estimate with the target's attitude expects, and their covariance by it."""
+    pose = _Pose.of(estimate, view)
+    shared = _shared_covariance(estimate, pose)
+
+    def of_one(place_T: Vector) -> tuple[Array, Array]:
+        tangents, jacobian = _linearised(pose, place_T)
+        return tangents, product(product(jacobian, shared), jacobian.T)
+
+    return jax.vmap(of_one)(target.landmarks + estimate.slow["body_offset"][None, :])
+
+
 def _is_inside(
     tuning: OrbitFilterTuning, shared: Float[Array, "8 8"], noise: Scalar, residual: Array, jacobian: Array
 ) -> Bool[Array, ""]:
@@ -305,6 +324,7 @@ def _with_first_pose(
         q_TN=jnp.where(take, quaternion.normalize(q_TN), reference.q_TN),
         known=reference.known | take,
         unexplained_s=jnp.where(take, 0.0, reference.unexplained_s),
+        votes=symmetric_attitudes.begun(reference.votes, take),
     )
     anew = relative_filter_state.reset_to_prior(tuning, estimate, ("attitude", "rate"), take)
     with_attitude = replace(anew, covariance=_with_attitude(anew, errors))

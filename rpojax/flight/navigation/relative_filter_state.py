@@ -357,12 +357,12 @@ class RelativeEstimate:
 
     @property
     def attitude_sigma(self) -> Scalar:
-        """1-sigma of the attitude of the target about the least known axis of T [rad], infinite if not known."""
+        """1-sigma of the attitude of the target about the least known axis of T [rad], infinite if not certain."""
         if self.target is None:
             return jnp.full_like(self.covariance[0, 0], jnp.inf)
         place = self.layout["attitude"]
         variance = jnp.max(jnp.diagonal(self.covariance)[place], axis=0)
-        return jnp.where(self.target.known, jnp.sqrt(variance), jnp.inf)
+        return jnp.where(self.target.certain, jnp.sqrt(variance), jnp.inf)
 
     @property
     def position_covariance(self) -> Float[Array, "3 3"]:

@@ -17,6 +17,8 @@ from rpojax.core.numerics.short_scan import short_scan
 from rpojax.core.numerics.small_systems import inverse_positive_definite
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply, cross, product
+from rpojax.flight.navigation import symmetric_attitudes
+from rpojax.flight.navigation.symmetric_attitudes import BodySymmetries
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -30,10 +32,12 @@ class BelievedTarget:
     Attributes:
         inertia: (3, 3) about the centre of mass, T; only its ratios count [kg m^2]
         landmarks: (n, 3) in T, from where the centre of mass is thought to be [m]
+        symmetries: turns that exchange landmarks, None of a body that looks alike in no other attitude
     """
 
     inertia: Array
     landmarks: Array
+    symmetries: BodySymmetries | None = None
 
 
 @pytree
@@ -45,22 +49,31 @@ class TargetAttitude:
         inertia: (3, 3) as in `BelievedTarget`
         known: () bool, it was found and has not been lost
         unexplained_s: () for how long landmarks have contradicted it, less the time for which they agreed [s]
+        votes: (s,) pictures that speak for each attitude in which the target looks alike, this one first; None of a
+            body that looks alike in no other
     """
 
     q_TN: Array
     inertia: Array
     known: Array
     unexplained_s: Array
+    votes: Array | None = None
+
+    @property
+    def certain(self) -> Bool[Array, ""]:
+        """Whether it is known, and told from all others in which the target looks alike."""
+        return self.known if self.votes is None else self.known & symmetric_attitudes.is_certain(self.votes)
 
 
 def unknown(target: BelievedTarget) -> TargetAttitude:
     """Before it was found."""
-    zero = jnp.zeros_like(target.inertia[0, 0])
+    zero, alike = jnp.zeros_like(target.inertia[0, 0]), target.symmetries
     return TargetAttitude(
         q_TN=jnp.array([1.0, 0.0, 0.0, 0.0], dtype=zero.dtype),
         inertia=target.inertia,
         known=jnp.zeros((), dtype=bool),
         unexplained_s=zero,
+        votes=None if alike is None else jnp.zeros(alike.turns.shape[0], dtype=zero.dtype),
     )
 
 

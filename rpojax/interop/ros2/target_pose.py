@@ -46,5 +46,5 @@ def target_pose(relative: RelativeEstimate, q_KN: Float[Array, "4"]) -> TargetPo
         position=quaternion.rotate(q_KN, relative.r_TS_N),
         orientation=orientation_from_quaternion(q_TK),
         covariance=jacobian @ relative.covariance[numbers][:, numbers] @ jacobian.T,
-        known=relative.target.known,
+        known=relative.target.certain,
     )

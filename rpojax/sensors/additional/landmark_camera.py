@@ -83,10 +83,11 @@ class LandmarkCamera(AdditionalSensor):
         beliefs: "Mapping[str, jax.Array]", view: "SensorView", measured: "Mapping[str, jax.Array]"
     ) -> "MeasurementRows":
         """Eight rows of all landmarks that are where the filter expects them."""
-        from rpojax.flight.navigation import landmark_measurement
+        from rpojax.flight.navigation import landmark_measurement, symmetric_landmarks
 
         assert view.target is not None
         found = landmark_measurement.picture(beliefs, view, measured)
+        found = symmetric_landmarks.as_held(view.tuning, view.target, view.relative, found)
         return landmark_measurement.rows(view.tuning, view.target, view.relative, found)
 
 

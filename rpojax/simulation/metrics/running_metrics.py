@@ -73,6 +73,11 @@ _OF_MISSIONS: Final[ChannelFunctions] = {
     "approach_axis_H": _approach_axis,
 }
 
+_OF_LANDMARKS: Final[ChannelFunctions] = {
+    **LANDMARK_CHANNELS,
+    "pose_log_determinant": lambda tick: tick.pose_density[1],
+}
+
 
 @pytree
 class RunningSums:
@@ -135,7 +140,7 @@ def _functions(metrics: Sequence[Metric], scenario: Scenario, telemetry: Telemet
         **sensor_channels(telemetry.flight.rejected_s),
         **(_OF_MISSIONS if scenario.mission.is_managed else {}),
         **(PLUME_CHANNELS if scenario.effects.plume else {}),
-        **(LANDMARK_CHANNELS if telemetry.flight.orbit.relative.target is not None else {}),
+        **(_OF_LANDMARKS if telemetry.flight.orbit.relative.target is not None else {}),
         **(PORT_CHANNELS if scenario.mission.ends_in_target_frame else {}),
         **(ISOLATION_CHANNELS if scenario.effects.faults and scenario.isolation else {}),
     }

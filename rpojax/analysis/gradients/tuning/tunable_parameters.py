@@ -99,6 +99,12 @@ GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordina
         "navigation.burn_scale_sigma": LogCoordinate(),
         "navigation.burn_direction_sigma_deg": LogCoordinate(),
     },
+    "pose": {
+        "navigation.tumble_sigma_deg_s": LogCoordinate(),
+        "navigation.tumble_walk_deg_s_sqrt_s": LogCoordinate(),
+        "navigation.inertia_ratio_sigma": LogCoordinate(),
+        "navigation.body_offset_sigma_m": LogCoordinate(),
+    },
     "gate": {"navigation.gate_sigma": LogitCoordinate(1.5, 12.0)},
     "formation": dict.fromkeys(_WEIGHTS, LogCoordinate()),
     "attitude": {

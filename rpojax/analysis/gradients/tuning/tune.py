@@ -308,7 +308,7 @@ def tune(
 
     Args:
         file: scenario to tune; its section `tuning` holds the weights of the objective
-        parameters: groups (navigation, gate, formation, attitude, schedule) and scenario keys
+        parameters: groups (navigation, pose, gate, formation, attitude, schedule) and scenario keys
         runs: per step
         steps: of the gradient descent
         horizon_s: simulated time of a run [s]; None for 2000 s at most, of several phases for all of them

@@ -39,9 +39,12 @@ _RANGE: Final = {
     "formation": (1e-9, 1e7),
     "delta_v": (1e-3, 1e4),
     "pointing": (1e-3, 180.0),
+    "pose_surprise": (-1e3, 1e3),
 }
 """Least and greatest value of a run; the greatest are about the radius of an orbit [m], more than any propellant gives
 [m/s], and the greatest angle [deg]."""
+_OF_LIKELIHOOD: Final = ("innovations", "estimate", "pose_surprise")
+"""Parts that are logarithms already, and of either sign."""
 _RANGE_OF_ANY: Final = (1e-9, 1e9)
 """That of a metric with a weight of its own, in its unit."""
 _LOST_NEES_RATIO: Final = 10.0
@@ -91,7 +94,7 @@ class Objective:
             ScenarioError: a metric with a weight of its own is negative, which has no logarithm.
         """
         for name, values in zip(self.metric_names, np.asarray(metrics).T, strict=True):
-            if name in self.weights and np.any(values < 0.0):
+            if name in self.weights and name not in _OF_LIKELIHOOD and np.any(values < 0.0):
                 expected = "0 or more in every run, since its logarithm counts"
                 raise ScenarioError(weight_key(name), float(np.nanmin(values)), expected)
         value, parts = self._value(jnp.asarray(metrics), jnp.ones(len(metrics)))
@@ -139,7 +142,7 @@ def _part(name: str, columns: dict[str, Array], counted: Array, more_is_better: 
     least, greatest = _RANGE.get(name, _RANGE_OF_ANY)
     values, is_defined = _defined(columns[part_metrics(name)[0]])
     values = jnp.where(is_defined, jnp.clip(values, least, greatest), least if more_is_better else greatest)
-    return _masked_mean(values if name in ("innovations", "estimate") else jnp.log(values), counted)
+    return _masked_mean(values if name in _OF_LIKELIHOOD else jnp.log(values), counted)
 
 
 def _defined(values: Float[Array, " runs"]) -> tuple[Array, Array]:

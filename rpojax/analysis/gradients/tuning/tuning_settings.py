@@ -16,7 +16,7 @@ class TuningSettings:
     The command `rpojax tune` has the fields as options, and `parameters` in its own form.
 
     Attributes:
-        parameters: names of groups (navigation, gate, formation, attitude, schedule) and scenario keys
+        parameters: names of groups (navigation, pose, gate, formation, attitude, schedule) and scenario keys
         runs: per step
         steps: of the descent
         horizon_s: simulated time of a run [s]; None for 2000 s at most, of several phases for all of them

@@ -26,10 +26,18 @@ def test_every_tunable_key_is_a_number_of_flight_software(key: str) -> None:
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_start_of_a_group_is_the_scenario_as_it_is(group: str) -> None:
-    chosen = tunable_parameters.select_parameters(INSPECTION, [group])
+    file = rpojax.load("pose_inspection") if group == "pose" else INSPECTION
+    chosen = tunable_parameters.select_parameters(file, [group])
     assert len(chosen.names) == chosen.count == len(chosen.initial)
     for key, value in chosen.values(jnp.asarray(chosen.initial)).items():
-        np.testing.assert_allclose(value, nominal_of_key(INSPECTION, key), rtol=1e-12)
+        np.testing.assert_allclose(value, nominal_of_key(file, key), rtol=1e-12)
+
+
+def test_the_pose_filter_is_tuned_only_where_there_are_landmarks() -> None:
+    chosen = tunable_parameters.select_parameters(rpojax.load("pose_inspection"), ["pose"])
+    assert chosen.count == 4 and not chosen.held_fixed
+    with pytest.raises(ScenarioError, match="parameters: found 'pose', expected at least one number"):
+        tunable_parameters.select_parameters(INSPECTION, ["pose"])
 
 
 def test_a_weight_of_zero_is_held_fixed_in_its_group() -> None:
@@ -52,7 +60,7 @@ def test_names_may_overlap() -> None:
 @pytest.mark.parametrize(
     ("names", "overrides", "message"),
     [
-        (["navigate"], [], "parameters: found 'navigate', expected one of navigation, gate, formation,"),
+        (["navigate"], [], "parameters: found 'navigate', expected one of navigation, pose, gate, formation,"),
         (["navigation.edge_noise"], [], "did you mean 'navigation.edge_noise_px'"),
         (["servicer.mass_kg"], [], "parameters: found 'servicer.mass_kg'"),
         (["formation.velocity_weight"], [], r"formation.velocity_weight: found \[0.0, 0.0, 0.0\], expected a positive"),

@@ -89,7 +89,8 @@ def with_weight(name: str, weight: float) -> Objective:
 
 @pytest.mark.parametrize("others", [1e-3, 1.0, 50.0])
 @pytest.mark.parametrize(
-    ("name", "weight"), [*((part, 1.0) for part in PART_METRICS), ("min_range_m", -1.0), ("final_range_m", 1.0)]
+    ("name", "weight"),
+    [*((part, 1.0) for part in PART_METRICS), ("min_range_m", -1.0), ("final_range_m", 1.0), ("pose_surprise", 1.0)],
 )
 def test_no_objective_improves_when_a_run_loses_a_value(name: str, weight: float, others: float) -> None:
     made = with_weight(name, weight)
@@ -105,6 +106,12 @@ def test_no_objective_improves_when_a_run_loses_a_value(name: str, weight: float
         if name == "consistency":
             before[-1] = [2.0 * value, value]
         assert made(before)[0] <= worst + 1e-12 * abs(worst)
+
+
+def test_a_likelihood_with_a_weight_of_its_own_counts_as_it_is_and_may_be_negative() -> None:
+    made, metrics = with_weight("pose_surprise", 2.0), np.array([[-7.0], [1.0]])
+    assert made(metrics)[0] == pytest.approx(-6.0)
+    np.testing.assert_allclose(gradient(made, metrics), [[1.0], [1.0]])
 
 
 def test_a_negative_value_of_a_metric_with_a_weight_of_its_own_is_refused() -> None:
