@@ -228,12 +228,16 @@ def _with_target_attitude(
     contradicted = landmark_measurement.contradicts(picture, used)
     place = relative.layout["attitude"]
     variance = jnp.diagonal(relative.covariance[place, place])
-    reference, lost = target_attitude_ekf.given_up(orbit.relative.target, variance, used, contradicted, software.tick_s)
+    changes = relative_filter_state.landmark_decay_rate(params.navigation, relative)
+    renewal = None if changes is None else software.tick_s * changes
+    shown = variance, used, contradicted
+    reference, lost = target_attitude_ekf.given_up(orbit.relative.target, *shown, software.tick_s, renewal)
+    reference = target_attitude_ekf.agreed_after(reference, used, renewal)
     # A wrong attitude has moved the target, too.
     added = relative_orbit_ekf.recovery_variance(params.navigation, relative.layout, relative.r_TS_N, lost)
     relative = replace(relative, target=reference, covariance=relative.covariance + jnp.diag(added))
-    shown = relative_filter_state.states_with([LANDMARKS, LANDMARK_NETWORK], ())
-    of_body = [state.name for state in shown if state.name in relative.slow]
+    states = relative_filter_state.states_with([LANDMARKS, LANDMARK_NETWORK], ())
+    of_body = [state.name for state in states if state.name in relative.slow]
     relative = relative_filter_state.reset_to_prior(params.navigation, relative, of_body, lost)
     relative = retrodiction.to_exposure(relative, exposure)
     relative = symmetric_landmarks.weighed(params.navigation, params.target, relative, picture, used)

@@ -53,11 +53,13 @@ def _names(estimate: RelativeEstimate) -> list[str]:
     """Names of the errors that last among the filter's states.
 
     None where it has no state that acts on the motion: servicers that share estimates or boxes take theirs from a joint
-    filter, which does not adapt.
+    filter, which does not adapt. The bearing bias does not where landmarks of a network have lasting errors beside it:
+    what they show of it by chance would be taken for it.
     """
     states = [state for state in relative_filter_state.SLOW_STATES if state.name in estimate.slow]
     adapts = any(state.acts_on_motion for state in states)
-    return [state.name for state in states if state.is_lasting and adapts]
+    left_out = {"bearing_bias"} if "network_place" in estimate.slow else set[str]()
+    return [state.name for state in states if state.is_lasting and adapts and state.name not in left_out]
 
 
 def _variance(estimate: RelativeEstimate) -> Float[Array, " k"]:

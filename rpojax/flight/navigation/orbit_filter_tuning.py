@@ -144,7 +144,7 @@ class OrbitFilterTuning:
         "the same of the place of the target, across and along the boresight, over the range; filter states",
         length=2,
         above=0.0,
-        default=[0.0008, 0.012],
+        default=[0.0012, 0.02],
     )
     network_angle: Array = number(
         "angle by which the target turns before the camera until the correlation of these errors is 1 / e",

@@ -397,8 +397,12 @@ def initial(
         slow={state.name: jnp.zeros(state.size, dtype=r_TS_N.dtype) for state in states},
         covariance=jnp.diag(jnp.concatenate([initial_sigma(tuning) ** 2, *variance])),
         outline=outline_correlation.initial(),
-        target=None if target is None else target_attitude_ekf.unknown(target),
+        target=None if target is None else target_attitude_ekf.unknown(target, _has_network(states)),
     )
+
+
+def _has_network(states: tuple[SlowState, ...]) -> bool:
+    return any(state.sensor == LANDMARK_NETWORK for state in states)
 
 
 def moved_to(
@@ -457,6 +461,11 @@ def _shape_errors(tuning: OrbitFilterTuning, estimate: RelativeEstimate, r_TS_N:
     if "network_turn" not in estimate.slow:
         return errors
     return replace(errors, landmark_decay_rate=_turn_rate(estimate, r_TS_N, v_TS_N) / tuning.network_angle)
+
+
+def landmark_decay_rate(tuning: OrbitFilterTuning, estimate: RelativeEstimate) -> Scalar | None:
+    """Rate at which the errors of a landmark network become others [1/s], None without one."""
+    return _shape_errors(tuning, estimate, estimate.r_TS_N, estimate.v_TS_N).landmark_decay_rate
 
 
 def _turn_rate(estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector) -> Scalar:

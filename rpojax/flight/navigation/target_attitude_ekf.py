@@ -51,6 +51,7 @@ class TargetAttitude:
         unexplained_s: () for how long landmarks have contradicted it, less the time for which they agreed [s]
         votes: (s,) pictures that speak for each attitude in which the target looks alike, this one first; None of a
             body that looks alike in no other
+        agreed: () number of pictures without common errors that have agreed with it, None but of a landmark network
     """
 
     q_TN: Array
@@ -58,14 +59,18 @@ class TargetAttitude:
     known: Array
     unexplained_s: Array
     votes: Array | None = None
+    agreed: Array | None = None
 
     @property
     def certain(self) -> Bool[Array, ""]:
-        """Whether it is known, and told from all others in which the target looks alike."""
-        return self.known if self.votes is None else self.known & symmetric_attitudes.is_certain(self.votes)
+        """Whether it is known, told from all others in which the target looks alike, and not by one wrong picture."""
+        certain = self.known
+        if self.votes is not None:
+            certain = certain & symmetric_attitudes.is_certain(self.votes)
+        return certain if self.agreed is None else certain & (self.agreed >= _INDEPENDENT_PICTURES)
 
 
-def unknown(target: BelievedTarget) -> TargetAttitude:
+def unknown(target: BelievedTarget, by_network: bool = False) -> TargetAttitude:
     """Before it was found."""
     zero, alike = jnp.zeros_like(target.inertia[0, 0]), target.symmetries
     return TargetAttitude(
@@ -74,6 +79,7 @@ def unknown(target: BelievedTarget) -> TargetAttitude:
         known=jnp.zeros((), dtype=bool),
         unexplained_s=zero,
         votes=None if alike is None else jnp.zeros(alike.turns.shape[0], dtype=zero.dtype),
+        agreed=zero if by_network else None,
     )
 
 
@@ -196,13 +202,18 @@ def given_up(
     used: Bool[Array, ""],
     contradicted: Bool[Array, ""],
     dt: float,
+    renewal: Scalar | None = None,
 ) -> tuple[TargetAttitude, Bool[Array, ""]]:
     """Reference `dt` [s] after the tick before, and whether the attitude was given up.
 
     That is where landmarks contradict it, and where its error, of that `variance` (3,), is too large for the filter to
-    be linear: from the next pictures a first pose is surer.
+    be linear: from the next pictures a first pose is surer. Of a network of whose errors a share `renewal` is new in
+    each picture, pictures with the same errors contradict a certain attitude once.
     """
-    change = jnp.where(contradicted & reference.known, dt, 0.0) - jnp.where(used, dt, 0.0)
+    against = jnp.full_like(variance[0], dt)
+    if renewal is not None:
+        against = jnp.where(reference.certain, _LOST_AFTER / _INDEPENDENT_PICTURES * renewal, against)
+    change = jnp.where(contradicted & reference.known, against, 0.0) - jnp.where(used, dt, 0.0)
     unexplained = jnp.maximum(reference.unexplained_s + change, 0.0)
     doubtful = jnp.max(variance, axis=0) > LARGEST_SIGMA**2
     lost = reference.known & ((unexplained >= _LOST_AFTER) | doubtful)
@@ -210,6 +221,17 @@ def given_up(
     return replace(reference, known=known, unexplained_s=jnp.where(lost, 0.0, unexplained)), lost
 
 
+def agreed_after(reference: TargetAttitude, used: Bool[Array, ""], renewal: Scalar | None) -> TargetAttitude:
+    """Reference after a picture of which a share `renewal` () of the errors is new, and that may have been used."""
+    if reference.agreed is None or renewal is None:
+        return reference
+    more = reference.agreed + jnp.where(used & reference.known, renewal, 0.0)
+    return replace(reference, agreed=jnp.where(reference.known, more, 0.0))
+
+
+_INDEPENDENT_PICTURES = 3.0
+"""Pictures with errors of their own that have to agree with an attitude until it is certain. A network that takes one
+picture in twenty for that of a turned target does so in three of them once in ten thousand times."""
 _LOST_AFTER = 10.0
 """Time for which landmarks contradict the attitude longer than they agree, until it is looked for anew [s]. A wrong one
 is in agreement with chance landmarks every now and then."""
