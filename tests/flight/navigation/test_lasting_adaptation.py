@@ -8,7 +8,7 @@ import rendezvous_scene
 
 from rpojax.core.pytree import replace
 from rpojax.flight.flight_records import FlightParams
-from rpojax.flight.navigation import lasting_adaptation
+from rpojax.flight.navigation import lasting_adaptation, relative_filter_state
 from rpojax.flight.navigation.lasting_adaptation import LastingPriors
 from rpojax.flight.navigation.relative_filter_state import SIGMA_MARGIN, RelativeEstimate
 
@@ -81,3 +81,12 @@ def test_beyond_two_sigma_it_is_the_posterior_of_the_wider_prior(
     np.testing.assert_allclose(np.where(known, after.covariance, 0.0) / np.where(known, units, 1.0),
                                np.where(known, P, 0.0) / np.where(known, units, 1.0), atol=1e-9)  # fmt: skip
     assert ratio == pytest.approx(sigmas, rel=0.05)
+
+
+def test_the_bearing_bias_does_not_adapt_beside_lasting_errors_of_a_network(flight: FlightParams) -> None:
+    alone = rendezvous_scene.estimate(flight).relative
+    assert lasting_adaptation.initial(alone).declared.shape == (6,)
+    states = relative_filter_state.states_with(["landmarks", "landmark_network"])
+    beside = relative_filter_state.initial(flight.navigation, alone.r_TS_N, alone.v_TS_N, states)
+    # Burn scale, two angles of the thrust and the difference of drag are left.
+    assert lasting_adaptation.initial(beside).declared.shape == (4,)

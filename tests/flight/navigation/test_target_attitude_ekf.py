@@ -224,3 +224,29 @@ def test_an_attitude_too_uncertain_for_a_linear_filter_is_given_up(sigma: float,
 def test_larger_ratios_are_larger_moments_about_their_axes() -> None:
     found = target_attitude_ekf.inertia_of(jnp.diag(jnp.array([3.0, 4.0, 5.0])), jnp.log(jnp.array([1.2, 0.9])))
     np.testing.assert_allclose(found, np.diag([3.6, 3.6, 5.0]), rtol=1e-14)
+
+
+def test_pictures_of_a_network_count_by_what_is_new_in_them() -> None:
+    given = estimate()
+    assert given.target is not None
+    yes, no, tenth = jnp.ones((), dtype=bool), jnp.zeros((), dtype=bool), jnp.asarray(0.1)
+    reference = replace(given.target, known=yes, agreed=jnp.zeros(()))
+    ticks = 0
+    while not bool(reference.certain):
+        reference = target_attitude_ekf.agreed_after(reference, yes, tenth)
+        ticks += 1
+    assert ticks == 30
+    # One that is not certain is given up after ten seconds, a certain one after three pictures of their own.
+    for start, seconds in ((replace(reference, agreed=jnp.zeros(())), 10), (reference, 30)):
+        contradicted, lost, ticks = start, no, 0
+        while not bool(lost):
+            contradicted, lost = target_attitude_ekf.given_up(contradicted, SURE, no, yes, 1.0, tenth)
+            ticks += 1
+        assert ticks == seconds
+        assert not bool(contradicted.certain)
+        assert float(target_attitude_ekf.agreed_after(contradicted, no, tenth).agreed) == 0.0
+    # Where the view stays, nothing is new.
+    still, lost = target_attitude_ekf.given_up(reference, SURE, no, yes, 1.0, jnp.zeros(()))
+    assert not bool(lost)
+    assert float(still.unexplained_s) == 0.0
+    assert target_attitude_ekf.agreed_after(given.target, yes, None) is given.target
