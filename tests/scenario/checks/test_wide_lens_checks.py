@@ -21,7 +21,6 @@ LENS = ["wide_lens.field_of_view_deg=45", "wide_lens.switch_range_m=32", "wide_l
         (["wide_lens.field_of_view_deg=10"], "wide_lens.field_of_view_deg", "more than camera.field_of_view_deg = 10"),
         (["wide_lens.return_range_m=32"], "wide_lens.return_range_m", "more than switch_range_m = 32"),
         (["wide_lens.switch_range_m=30"], "wide_lens.switch_range_m", "more than 30"),
-        (["camera.model=statistical"], "wide_lens.statistics", "calibrate-camera-model"),
         (["coverage.enabled=true"], "coverage.enabled", "false with [wide_lens]"),
     ],
 )
@@ -44,8 +43,9 @@ def test_a_linear_covariance_has_one_lens() -> None:
         rpojax.linear_covariance(rpojax.load("inspection", LENS))
 
 
-def test_statistics_of_another_lens_are_refused() -> None:
-    file = rpojax.load("inspection", [*LENS, "camera.model=statistical", "wide_lens.statistics=packaged"])
+@pytest.mark.parametrize("named", [[], ["wide_lens.statistics=packaged"]])
+def test_packaged_statistics_of_another_lens_are_refused(named: list[str]) -> None:
+    file = rpojax.load("inspection", [*LENS, "camera.model=statistical", *named])
     assert "wide_lens.statistics" in trained_files.required_digests(file.model_dump())
     with pytest.raises(ScenarioError) as refused:
         fitted_camera.wide_statistics_for_model(file.model_dump())
