@@ -229,7 +229,7 @@ def _with_target_attitude(
     place = relative.layout["attitude"]
     variance = jnp.diagonal(relative.covariance[place, place])
     changes = relative_filter_state.landmark_decay_rate(params.navigation, relative)
-    renewal = None if changes is None else software.tick_s * changes
+    renewal = None if changes is None else 1.0 - jnp.exp(-software.tick_s * changes)
     shown = variance, used, contradicted
     reference, lost = target_attitude_ekf.given_up(orbit.relative.target, *shown, software.tick_s, renewal)
     reference = target_attitude_ekf.agreed_after(reference, used, renewal)

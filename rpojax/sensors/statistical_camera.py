@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.sensors.camera import CameraFrame
-from rpojax.sensors.statistical_landmarks import LandmarkStatistics
+from rpojax.sensors.statistical_landmarks import LandmarkStatistics, advance
 from rpojax.sensors.view_features import features, is_in_frame, visible_outline
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
@@ -126,8 +126,7 @@ def advance_correlated_error(
     normals: Float[Array, "4"],
 ) -> Float[Array, "4"]:
     """Correlated part of the edge errors (independent, 1 sigma = 1) after a rotation of the target [rad]."""
-    kept = jnp.exp(-target_rotation / statistics.lasting_angle.astype(target_rotation.dtype))
-    return kept * correlated_error + jnp.sqrt(jnp.maximum(1.0 - kept * kept, 0.0)) * normals
+    return advance(statistics.lasting_angle, correlated_error, target_rotation, normals)
 
 
 def measure(

@@ -16,6 +16,8 @@ from rpojax.core.pytree import pytree
 from rpojax.sensors.additional.landmark_scene import FoundInPicture, LandmarkScene
 from rpojax.vision.multilayer_perceptron import Layers, apply_layers
 
+IN_SIGHT = 0.5
+"""Probability above which a landmark counts as in sight [-]."""
 _FEATURE_CLIP_SIGMA = 4.0
 """Features are clipped to this many sigma of the views of the fit: one of 16,000 normal ones is beyond."""
 _LOG_SIGMA_START = 4.0
@@ -85,10 +87,10 @@ def landmark_distribution(
 
 
 def advance(
-    statistics: LandmarkStatistics, lasting: Float[Array, " m"], turn: Float[Array, ""], normals: Float[Array, " m"]
+    lasting_angle: Float[Array, ""], lasting: Float[Array, " m"], turn: Float[Array, ""], normals: Float[Array, " m"]
 ) -> Float[Array, " m"]:
-    """Lasting errors (independent, 1 sigma = 1) after a turn of the target before the camera [rad]."""
-    kept = jnp.exp(-turn / statistics.lasting_angle.astype(turn.dtype))
+    """Lasting errors (independent, 1 sigma = 1) after a turn of the target [rad], from normal numbers."""
+    kept = jnp.exp(-turn / lasting_angle.astype(turn.dtype))
     return kept * lasting + jnp.sqrt(jnp.maximum(1.0 - kept * kept, 0.0)) * normals
 
 

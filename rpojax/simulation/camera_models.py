@@ -182,12 +182,8 @@ def landmarks_found(
     return FoundInPicture(
         tangents=(found.places.astype(focal.dtype) - middle[None]) / focal,
         sigma=found.sigma.astype(focal.dtype) / focal,
-        present=frame.box.present & (found.visible_probability > _IN_SIGHT),
+        present=frame.box.present & (found.visible_probability > statistical_landmarks.IN_SIGHT),
     )
-
-
-_IN_SIGHT = 0.5
-"""Probability above which a landmark counts as in sight [-]."""
 
 
 def camera_format(scenario: Scenario) -> CameraFormat:

@@ -5,7 +5,7 @@ from typing import Any, Final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import quaternion
+from rpojax.core import quaternion, vectors
 from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
@@ -272,14 +272,18 @@ def advance_sensor_errors(scenario: Scenario, params: Params, state: State, nois
         assert params.statistics is not None
         assert params.statistics.landmarks is not None
         assert noise.landmark_errors is not None
-        rate_T = quaternion.rotate(
-            state.truth.q_TN, quaternion.rotate(quaternion.conjugate(state.truth.q_BN), state.truth.omega_BN_B)
-        )
-        turned = gradient_safe.norm(state.truth.omega_TN_T - rate_T) * scenario.tick_s
-        landmarks = statistical_landmarks.advance(params.statistics.landmarks, landmarks, turned, noise.landmark_errors)
+        turned = scenario.tick_s * turn_rate_before_camera(state.truth)
+        angle = params.statistics.landmarks.lasting_angle
+        landmarks = statistical_landmarks.advance(angle, landmarks, turned, noise.landmark_errors)
     return SensorErrors(
         gps_bias_N=gps.advance_bias(params.gps, state.sensor_errors.gps_bias_N, noise.biases[:3], scenario.tick_s),
         gyro_bias_B=gyro.advance_bias(params.gyro, state.sensor_errors.gyro_bias_B, noise.biases[3:], scenario.tick_s),
         box_edge_errors=box_edges,
         landmark_errors=landmarks,
     )
+
+
+def turn_rate_before_camera(truth: Truth) -> Scalar:
+    """Rate at which the target turns from the line of sight [rad/s]: how the camera points does not change its view."""
+    of_line_N = vectors.cross(truth.r_ST_N, truth.v_ST_N) / jnp.sum(truth.r_ST_N * truth.r_ST_N, axis=0)
+    return gradient_safe.norm(truth.omega_TN_T - quaternion.rotate(truth.q_TN, of_line_N))

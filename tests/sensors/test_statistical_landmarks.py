@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array
+from scipy.spatial.transform import Rotation
 from synthetic_camera_statistics import fitted
 
 from rpojax.core import quaternion
@@ -24,7 +25,7 @@ from tests import surface_meshes
 COUNT, DRAWS = 8, 4000
 FOUND, SIGMA_SHARE, SIZE, FOCAL = 0.8, 0.02, 100.0, 400.0
 SHARE, ANGLE = 0.7, 0.2
-HALF_TURN = (0.0, 0.0, 0.0, 1.0)
+TURN = Rotation.from_rotvec(np.radians(70.0) * np.array([2.0, -1.0, 2.0]) / 3.0)
 OFFSET = np.array([0.02, 0.0, -0.01])
 
 
@@ -51,7 +52,7 @@ def statistics(false: float) -> LandmarkStatistics:
         tail=jnp.asarray(0.5, jnp.float32),
         lasting_share=jnp.asarray(SHARE, jnp.float32),
         lasting_angle=jnp.asarray(ANGLE, jnp.float32),
-        false_turn=jnp.asarray(HALF_TURN, jnp.float32),
+        false_turn=jnp.asarray(np.roll(TURN.as_quat(), 1), jnp.float32),
     )
 
 
@@ -106,10 +107,9 @@ def test_landmarks_are_where_they_are_with_the_errors_of_the_statistics() -> Non
 
 def test_a_share_of_pictures_shows_a_target_that_is_turned() -> None:
     found = drawn(0.1, numbers(2), numbers(3))
-    half = np.diag([-1.0, -1.0, 1.0])
     right, turned = (
         np.asarray(scene().tangents(jnp.asarray(np.asarray(cube().positions) @ turn.T + OFFSET)))
-        for turn in (np.eye(3), half)
+        for turn in (np.eye(3), TURN.as_matrix())
     )
     off = [np.linalg.norm(np.asarray(found.tangents) - each, axis=2).mean(axis=1) for each in (right, turned)]
     is_false = off[1] < off[0]
@@ -120,7 +120,9 @@ def test_a_share_of_pictures_shows_a_target_that_is_turned() -> None:
 def test_errors_of_two_pictures_are_alike_by_share_and_turn() -> None:
     turn, given = 0.1, statistics(1e-9)
     first = numbers(4)
-    later = jax.vmap(lambda a, b: statistical_landmarks.advance(given, a, jnp.asarray(turn), b))(first, numbers(5))
+    later = jax.vmap(lambda a, b: statistical_landmarks.advance(given.lasting_angle, a, jnp.asarray(turn), b))(
+        first, numbers(5)
+    )
     assert np.asarray(later).std() == pytest.approx(1.0, abs=0.02)
     plain = replace(given, tail=jnp.asarray(1e-3, jnp.float32))
     places = [

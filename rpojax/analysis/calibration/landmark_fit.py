@@ -19,13 +19,11 @@ from rpojax.core.pytree import replace
 from rpojax.flight.navigation import perspective_n_point
 from rpojax.scenario.sections import CameraSection
 from rpojax.sensors import statistical_camera_file
-from rpojax.sensors.statistical_landmarks import LandmarkStatistics, landmark_distribution, output_count
+from rpojax.sensors.statistical_landmarks import IN_SIGHT, LandmarkStatistics, landmark_distribution, output_count
 from rpojax.vision.multilayer_perceptron import initialize_layers
 from rpojax.vision.pinhole import Intrinsics, pinhole_intrinsics
 from rpojax.vision.surface.landmarks import Landmarks
 
-IN_SIGHT = 0.5
-"""Probability above which a landmark counts as in sight [-]."""
 _FALSE_SIGMAS = 4.0
 """Median error of the landmarks of a picture over their sigma above which it is false. A choice: of errors that are
 normal 3e-4 are beyond."""

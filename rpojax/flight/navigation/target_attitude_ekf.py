@@ -210,10 +210,10 @@ def given_up(
     be linear: from the next pictures a first pose is surer. Of a network of whose errors a share `renewal` is new in
     each picture, pictures with the same errors contradict a certain attitude once.
     """
-    against = jnp.full_like(variance[0], dt)
+    counts = jnp.full_like(variance[0], dt)
     if renewal is not None:
-        against = jnp.where(reference.certain, _LOST_AFTER / _INDEPENDENT_PICTURES * renewal, against)
-    change = jnp.where(contradicted & reference.known, against, 0.0) - jnp.where(used, dt, 0.0)
+        counts = jnp.where(reference.certain, _LOST_AFTER / _INDEPENDENT_PICTURES * renewal, counts)
+    change = jnp.where(contradicted & reference.known, counts, 0.0) - jnp.where(used, counts, 0.0)
     unexplained = jnp.maximum(reference.unexplained_s + change, 0.0)
     doubtful = jnp.max(variance, axis=0) > LARGEST_SIGMA**2
     lost = reference.known & ((unexplained >= _LOST_AFTER) | doubtful)
@@ -230,8 +230,9 @@ def agreed_after(reference: TargetAttitude, used: Bool[Array, ""], renewal: Scal
 
 
 _INDEPENDENT_PICTURES = 3.0
-"""Pictures with errors of their own that have to agree with an attitude until it is certain. A network that takes one
-picture in twenty for that of a turned target does so in three of them once in ten thousand times."""
+"""Pictures with errors of their own that have to agree with an attitude until it is certain. Of a network that takes one
+picture in twenty for that of a turned target, in false views of 17 to 21 deg, one wrong first pose in a thousand to
+seven thousand passes."""
 _LOST_AFTER = 10.0
 """Time for which landmarks contradict the attitude longer than they agree, until it is looked for anew [s]. A wrong one
 is in agreement with chance landmarks every now and then."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
+from rpojax.scenario.trained import target_landmarks
 from rpojax.scenario.trained.trained_files import (
     PACKAGED,
     REQUIRED_KEYS,
@@ -17,8 +18,10 @@ from rpojax.scenario.trained.trained_files import (
 )
 from rpojax.sensors import statistical_camera_file
 from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.vision.surface.landmark_file import landmark_digest
 
 RANGE_KEY = "range of start and station [m]"
+LANDMARKS_KEY = "camera.landmarks"
 _CAMERA_KEYS = ("width_px", "height_px", "field_of_view_deg")
 _IMAGING_KEYS = ("exposure", "full_well", "read_noise", "blur_px", "score_threshold")
 
@@ -32,8 +35,12 @@ def fitted_for(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 def made_with(tables: Mapping[str, Any]) -> dict[str, str]:
     """SHA-256 of the network files to which a camera is fitted, by key."""
-    keys = [*REQUIRED_KEYS["rendered"], *(["landmark_network"] if finds_landmarks(tables) else [])]
-    return {f"imaging.{key}": file_digest(file_path(tables, key)) for key in keys}
+    found = {f"imaging.{key}": file_digest(file_path(tables, key)) for key in REQUIRED_KEYS["rendered"]}
+    landmarks = target_landmarks.landmarks_for_camera(tables)
+    if landmarks is None:
+        return found
+    found["imaging.landmark_network"] = file_digest(file_path(tables, "landmark_network"))
+    return {**found, LANDMARKS_KEY: landmark_digest(landmarks)}
 
 
 def view_limits(tables: Mapping[str, Any], through_wide_lens: bool = False) -> dict[str, tuple[float, float]]:
@@ -111,7 +118,8 @@ def _check_card(tables: Mapping[str, Any], card: Mapping[str, Any], through_wide
     for key, value in made_with(tables).items():
         found = networks.get(key) if isinstance(networks, dict) else None
         if found != value:
-            name = tables["imaging"][key.partition(".")[2]]
+            section, _, leaf = key.partition(".")
+            name = tables[section][leaf]
             raise ScenarioError(key, name, f"the file that imaging.statistics was fitted with; {advice}")
     for key, (low, high) in view_limits(tables, through_wide_lens).items():
         found = views.get(key) if isinstance(views, dict) else None

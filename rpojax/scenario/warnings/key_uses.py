@@ -233,8 +233,8 @@ _CAMERA: Final = (
     Use(("imaging.sky_seed",), "camera.model = 'rendered'", lambda at: at.file.camera.model == "rendered"),
     Use(
         ("imaging.landmark_network",),
-        "camera.landmarks in pictures of camera.model = 'rendered'",
-        lambda at: at.file.camera.model == "rendered" and at.file.landmarks is not None,
+        "camera.landmarks of camera.model = 'rendered' or 'statistical'",
+        lambda at: at.file.camera.model != "geometric" and at.file.landmarks is not None,
     ),
     Use(("imaging.statistics",), "camera.model = 'statistical'", lambda at: at.file.camera.model == "statistical"),
     Use(
@@ -268,13 +268,15 @@ _CAMERA: Final = (
             "landmarks.outlier_probability",
             "landmarks.minimum_size_px",
         ),
-        "another camera.model than 'rendered', in whose pictures a network finds landmarks",
-        lambda at: at.file.camera.model != "rendered",
+        "camera.model = 'geometric': with others they are those that a network finds, or its statistics",
+        lambda at: at.file.camera.model == "geometric",
     ),
     Use(
         ("landmarks.swap_probability",),
-        "landmarks of a body with a symmetry",
-        lambda at: at.file.landmarks is None or _looks_alike_in_other_attitudes(at),
+        "landmarks of a body with a symmetry, and camera.model = 'geometric'",
+        lambda at: (
+            at.file.landmarks is None or (at.file.camera.model == "geometric" and _looks_alike_in_other_attitudes(at))
+        ),
     ),
 )
 

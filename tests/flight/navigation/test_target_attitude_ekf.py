@@ -245,6 +245,13 @@ def test_pictures_of_a_network_count_by_what_is_new_in_them() -> None:
         assert ticks == seconds
         assert not bool(contradicted.certain)
         assert float(target_attitude_ekf.agreed_after(contradicted, no, tenth).agreed) == 0.0
+    # Pictures that agree count as those that contradict: of four in five against it, 18 more in 30 are needed.
+    mixed, lost, ticks = reference, no, 0
+    while not bool(lost):
+        agrees = jnp.asarray(ticks % 5 == 4)
+        mixed, lost = target_attitude_ekf.given_up(mixed, SURE, agrees, ~agrees, 1.0, tenth)
+        ticks += 1
+    assert 40 < ticks < 52
     # Where the view stays, nothing is new.
     still, lost = target_attitude_ekf.given_up(reference, SURE, no, yes, 1.0, jnp.zeros(()))
     assert not bool(lost)

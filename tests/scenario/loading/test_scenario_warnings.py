@@ -64,7 +64,7 @@ CASES: dict[str, tuple[str, list[str], str]] = {
     ),
     "servicer.radius_m": ("inspection", ["servicer.radius_m=0.5"], "a last phase with frame"),
     "landmarks.noise_px": (
-        "pose_inspection", ["camera.model=rendered", "landmarks.noise_px=1"], "another camera.model than 'rendered'"
+        "pose_inspection", ["camera.model=rendered", "landmarks.noise_px=1"], "camera.model = 'geometric': with others"
     ),
     "landmarks.swap_probability": (
         "pose_inspection", ["landmarks.swap_probability=0.1"], "landmarks of a body with a symmetry"
