@@ -230,8 +230,8 @@ def agreed_after(reference: TargetAttitude, used: Bool[Array, ""], renewal: Scal
 
 
 _INDEPENDENT_PICTURES = 3.0
-"""Pictures with errors of their own that have to agree with an attitude until it is certain. Of a network that takes one
-picture in twenty for that of a turned target, in false views of 17 to 21 deg, one wrong first pose in a thousand to
+"""Pictures with errors of their own that have to agree with an attitude until it is certain. Of a network that takes
+one picture in twenty for that of a turned target, in false views of 17 to 21 deg, one wrong first pose in a thousand to
 seven thousand passes."""
 _LOST_AFTER = 10.0
 """Time for which landmarks contradict the attitude longer than they agree, until it is looked for anew [s]. A wrong one
