@@ -11,6 +11,7 @@ import pytest
 from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
 from rpojax.scenario.static_settings import Scenario
+from rpojax.sensors.additional.landmark_camera import MOST, LandmarkCamera
 from rpojax.sensors.additional.range_finder import RangeFinder
 from rpojax.simulation import noise
 
@@ -48,6 +49,7 @@ def test_numbers_of_a_tick_come_from_their_streams(
         "chamber_pressure": normal(now[Stream.CHAMBER_PRESSURE], 1)[0],
         "biases": normal(later, 6),
         "box_edge_errors": normal(fold_in(later, 1), 4) if model == "statistical" else None,
+        "landmark_errors": None,
     }
     assert {*expected, "additional", "thrusters", "pressures_at_rest", "delays"} == {
         field.name for field in dataclasses.fields(drawn)
@@ -58,6 +60,25 @@ def test_numbers_of_a_tick_come_from_their_streams(
     np.testing.assert_array_equal(drawn.additional["range_finder"], normal(fold_in(sensor, tick), 1))
     for name, values in expected.items():
         np.testing.assert_array_equal(getattr(drawn, name), values, err_msg=name)
+
+
+def test_statistical_landmarks_have_numbers_of_their_own_that_change_no_other(
+    inspection: Scenario, keys: jax.Array
+) -> None:
+    seen = dataclasses.replace(inspection, additional_sensors=(("landmarks", LandmarkCamera),))
+    by_model = {
+        model: draw_tick_noise(dataclasses.replace(seen, camera_model=model), keys, jnp.asarray(5))
+        for model in ("geometric", "statistical", "rendered")
+    }
+    drawn = by_model["statistical"].landmark_errors
+    sensor = fold_in(keys[Stream.ADDITIONAL_SENSORS], zlib.crc32(b"landmark_errors") & 0x7FFFFFFF)
+    np.testing.assert_array_equal(drawn, normal(fold_in(sensor, 5), 3 * MOST + 1))
+    for model in ("geometric", "rendered"):
+        assert by_model[model].landmark_errors is None
+        np.testing.assert_array_equal(by_model[model].gps, by_model["statistical"].gps)
+        np.testing.assert_array_equal(
+            by_model[model].additional["landmarks"], by_model["statistical"].additional["landmarks"]
+        )
 
 
 def test_thrusters_have_numbers_of_thrust_and_pressure_that_change_no_other(
