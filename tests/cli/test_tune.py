@@ -129,7 +129,7 @@ def test_a_tuning_that_changes_nothing_says_so() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--parameters", "navigaton"], "--parameters: found 'navigaton', expected one of navigation, gate,"),
+        (["--parameters", "navigaton"], "--parameters: found 'navigaton', expected one of navigation, pose, gate,"),
         (["--steps", "0"], "--steps: found 0, expected at least 1"),
         (["--runs", "0"], "--runs: found 0, expected at least 1"),
         (["--judge", "1"], "--judge: found 1, expected 0 or at least 2"),
