@@ -34,12 +34,12 @@ def main() -> None:
         within = np.mean((one >= other.min()) & (one <= other.max()))
         middle = f"{np.median(one):.3g}, {np.median(other):.3g}"
         tail = f"{np.quantile(one, 0.95):.3g}, {np.quantile(other, 0.95):.3g}"
-        p = ks_2samp(one, other).pvalue
+        p = float(np.asarray(ks_2samp(one, other))[1])
         print(f"{name:36s} {len(one):3d}, {len(other):4d}   {middle:18s}  {tail:18s}  {within:5.2f}   {p:.3f}")
     came = [np.isfinite(np.asarray(each[METRICS[0]], dtype=float)) for each in (rendered, statistical)]
     table = [[int(each.sum()), int((~each).sum())] for each in came]
     shares = [f"{row[0]} of {sum(row)}" for row in table]
-    print(f"came to the port: {shares[0]}, {shares[1]}, p {fisher_exact(table)[1]:.3f}")
+    print(f"came to the port: {shares[0]}, {shares[1]}, p {float(np.asarray(fisher_exact(table))[1]):.3f}")
 
 
 if __name__ == "__main__":
