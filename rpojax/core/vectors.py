@@ -14,6 +14,11 @@ def cross(a: Vector, b: Vector) -> Vector:
     return jnp.concatenate([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+def line_of_sight_rate(r: Vector, v: Vector) -> Vector:
+    """Rate [rad/s] at which the direction of a place (3,) [m] turns that moves by `v` (3,) [m/s]."""
+    return cross(r, v) / jnp.sum(r * r, axis=0)
+
+
 def apply(matrix: Float[Array, "m n"], vector: Float[Array, " n"]) -> Float[Array, " m"]:
     """Product of a matrix and a vector."""
     return jnp.sum(matrix * vector[None, :], axis=1)

@@ -228,7 +228,7 @@ def _with_target_attitude(
     contradicted = landmark_measurement.contradicts(picture, used)
     place = relative.layout["attitude"]
     variance = jnp.diagonal(relative.covariance[place, place])
-    changes = relative_filter_state.landmark_decay_rate(params.navigation, relative)
+    changes = relative_filter_state.landmark_decay_rate(params.navigation, relative, relative.r_TS_N, relative.v_TS_N)
     renewal = None if changes is None else 1.0 - jnp.exp(-software.tick_s * changes)
     shown = variance, used, contradicted
     reference, lost = target_attitude_ekf.given_up(orbit.relative.target, *shown, software.tick_s, renewal)

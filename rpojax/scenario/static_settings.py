@@ -70,17 +70,21 @@ class Scenario:
     isolation: bool = False
 
     @property
+    def _believed_sensors(self) -> list[tuple[str, type[AdditionalSensor]]]:
+        """Names and classes of the additional sensors that the filter believes."""
+        return [(name, each) for name, each in self.additional_sensors if each.is_believed()]
+
+    @property
     def filter_settings(self) -> FilterSettings:
         """Static settings of the orbit filter."""
-        believed = [(name, each) for name, each in self.additional_sensors if each.is_believed()]
-        sensors = tuple(BelievedSensor(name, each.rows, each.row_count) for name, each in believed)
+        sensors = tuple(BelievedSensor(name, each.rows, each.row_count) for name, each in self._believed_sensors)
         memory = 0 if self.delays is None or not self.delays.compensated else self.delays.slots
         return FilterSettings(self.box_gating, self.navigation_zonal_degree, sensors, memory)
 
     @property
     def shown_states(self) -> list[str]:
         """Names of what gives states to the filter beside those of all: the sensors that it believes, and a network."""
-        believed = [name for name, each in self.additional_sensors if each.is_believed()]
+        believed = [name for name, _ in self._believed_sensors]
         by_network = self.has_landmarks and self.camera_model != "geometric"
         return [*believed, LANDMARK_NETWORK] if by_network else believed
 
@@ -92,7 +96,7 @@ class Scenario:
     @property
     def direction_sensors(self) -> list[str]:
         """Names of the sensors whose use by the filter shows that the target is where it should be."""
-        additional = [name for name, each in self.additional_sensors if each.is_believed() and each.shows_direction]
+        additional = [name for name, each in self._believed_sensors if each.shows_direction]
         return ["box", *additional]
 
     @property

@@ -13,11 +13,11 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core.pytree import pytree
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.statistical_landmarks import LandmarkStatistics, advance
-from rpojax.sensors.view_features import features, is_in_frame, visible_outline
+from rpojax.sensors.view_features import features, is_in_frame, outputs_for, visible_outline
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
 from rpojax.vision.imaging.image_formation import Scene
-from rpojax.vision.multilayer_perceptron import Layers, apply_layers
+from rpojax.vision.multilayer_perceptron import Layers
 
 OUTPUT_COUNT = 12
 """Outputs of the network: two logits, bias and log sigma of four edges, and mean and log sigma of the score."""
@@ -37,8 +37,6 @@ _SCORE_START = 2.0
 """Logit of the score where the network gives zero, 0.88, and the greatest log of its sigma either way."""
 _LEAST_UNIFORM = 1e-12
 """Least uniform number whose logarithm is taken: 7.4 sigma."""
-_FEATURE_CLIP_SIGMA = 4.0
-"""Features are clipped to this many sigma of the views of the fit: one of 16,000 normal ones is beyond."""
 WIDE_SIGMA_FACTOR = 3.0
 """Ratio of the sigmas of the two normal distributions whose mixture the edge errors are. A choice: the share of the
 wide one is fitted."""
@@ -98,10 +96,7 @@ def frame_distribution(
     statistics: CameraStatistics, view_features: Float[Array, " features"], in_frame: Bool[Array, ""]
 ) -> FrameDistribution:
     """Distribution of a frame for the features of its view; a target that is not in the frame has no box."""
-    standard = jnp.clip(
-        (view_features - statistics.mean) / statistics.spread, -_FEATURE_CLIP_SIGMA, _FEATURE_CLIP_SIGMA
-    )
-    raw = apply_layers(statistics.layers, standard)
+    raw = outputs_for(statistics.mean, statistics.spread, statistics.layers, view_features)
     logits = jnp.stack([jnp.zeros((), jnp.float32), jnp.where(in_frame, raw[0], _NO_BOX_LOGIT), raw[1]])
     none, true, false = jax.nn.log_softmax(logits)
     return FrameDistribution(

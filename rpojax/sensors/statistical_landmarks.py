@@ -14,12 +14,9 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import quaternion
 from rpojax.core.pytree import pytree
 from rpojax.sensors.additional.landmark_scene import FoundInPicture, LandmarkScene
-from rpojax.vision.multilayer_perceptron import Layers, apply_layers
+from rpojax.sensors.view_features import outputs_for
+from rpojax.vision.multilayer_perceptron import Layers
 
-IN_SIGHT = 0.5
-"""Probability above which a landmark counts as in sight [-]."""
-_FEATURE_CLIP_SIGMA = 4.0
-"""Features are clipped to this many sigma of the views of the fit: one of 16,000 normal ones is beyond."""
 _LOG_SIGMA_START = 4.0
 """Minus the log of the sigma of a landmark over the target's size where the network gives zero: 2 %."""
 
@@ -78,8 +75,7 @@ def landmark_distribution(
     statistics: LandmarkStatistics, view_features: Float[Array, " features"]
 ) -> LandmarkDistribution:
     """Distribution for the features of a view."""
-    standard = (view_features - statistics.mean) / statistics.spread
-    raw = apply_layers(statistics.layers, jnp.clip(standard, -_FEATURE_CLIP_SIGMA, _FEATURE_CLIP_SIGMA))
+    raw = outputs_for(statistics.mean, statistics.spread, statistics.layers, view_features)
     count = (raw.shape[0] - 1) // 2
     return LandmarkDistribution(
         false_logit=raw[0], found_logit=raw[1 : 1 + count], log_sigma=raw[1 + count :] - _LOG_SIGMA_START

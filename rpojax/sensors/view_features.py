@@ -6,11 +6,14 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.vision import bounding_box
 from rpojax.vision.imaging.image_formation import Scene
+from rpojax.vision.multilayer_perceptron import Layers, apply_layers
 
 FEATURE_COUNT = 20
 """Numbers of `features`."""
 MIN_OUTLINE_PX = 2.0
 """Smallest size of the visible outline, which scales the edge errors [px]. A choice: half of what is detected."""
+_FEATURE_CLIP_SIGMA = 4.0
+"""Features are clipped to this many sigma of the views of the fit: one of 16,000 normal ones is beyond."""
 _LEAST_SQUARE = 1e-12
 """Added to the square of a distance that is divided by [m^2]."""
 _LEAST_AREA = 1e-6
@@ -53,6 +56,12 @@ def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int])
             (middle - half) / half,
         ]
     )
+
+
+def outputs_for(mean: Array, spread: Array, layers: Layers, view_features: Float[Array, " features"]) -> Array:
+    """Outputs of a fitted network for features, of which the fit had that mean and 1 sigma (FEATURE_COUNT,)."""
+    standard = jnp.clip((view_features - mean) / spread, -_FEATURE_CLIP_SIGMA, _FEATURE_CLIP_SIGMA)
+    return apply_layers(layers, standard)
 
 
 def visible_outline(outline: Float[Array, "4"], size_px: tuple[int, int]) -> tuple[Float[Array, "4"], Float[Array, ""]]:

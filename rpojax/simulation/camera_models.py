@@ -30,6 +30,7 @@ from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import elapsed_time
 from rpojax.vision import box_projection, pinhole
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene
+from rpojax.vision.landmark_network.find_landmarks import IN_SIGHT
 
 
 def expose(
@@ -182,7 +183,7 @@ def landmarks_found(
     return FoundInPicture(
         tangents=(found.places.astype(focal.dtype) - middle[None]) / focal,
         sigma=found.sigma.astype(focal.dtype) / focal,
-        present=frame.box.present & (found.visible_probability > statistical_landmarks.IN_SIGHT),
+        present=frame.box.present & (found.visible_probability > IN_SIGHT),
     )
 
 

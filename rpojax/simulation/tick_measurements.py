@@ -285,5 +285,5 @@ def advance_sensor_errors(scenario: Scenario, params: Params, state: State, nois
 
 def turn_rate_before_camera(truth: Truth) -> Scalar:
     """Rate at which the target turns from the line of sight [rad/s]: how the camera points does not change its view."""
-    of_line_N = vectors.cross(truth.r_ST_N, truth.v_ST_N) / jnp.sum(truth.r_ST_N * truth.r_ST_N, axis=0)
+    of_line_N = vectors.line_of_sight_rate(truth.r_ST_N, truth.v_ST_N)
     return gradient_safe.norm(truth.omega_TN_T - quaternion.rotate(truth.q_TN, of_line_N))

@@ -36,7 +36,6 @@ _RATE = 4e-3
 _WEIGHT_DECAY = 1.0
 """Of the weights of layers, not of their biases."""
 _HELD_OUT_FRACTION = 0.15
-MIN_OVERLAP = 0.1
 _DEFAULT_FALSE_LOG_SIDE = (float(np.log(12.0)), 0.6)
 _DEFAULT_FALSE_SCORE = (0.5, 0.7)
 FRAMES = 24
@@ -61,15 +60,12 @@ class CameraFit:
 def fit_camera(outcomes: DetectionOutcomes, threshold: float, seed: int = 0) -> CameraFit:
     """Maximum-likelihood camera; boxes with a score below the `threshold` count as none."""
     rows = _likelihood_inputs(outcomes, threshold)
-    held = max(1, round(_HELD_OUT_FRACTION * len(outcomes.score)))
-    train, check = ({name: value[part] for name, value in rows.items()} for part in (slice(held, None), slice(held)))
+    train, check = held_out(rows)
     parameters = {
         "layers": initialize_layers(jax.random.key(seed), statistical_camera_file.LAYER_WIDTHS),
         "wide": jnp.full((), -2.0, jnp.float32),
     }
-    mean, spread = train["features"].mean(axis=0), train["features"].std(axis=0)
-    # A feature that is constant in the views has no information, and must keep a small effect elsewhere.
-    spread = jnp.where(spread < 1e-3, jnp.float32(1.0), spread)
+    mean, spread = mean_and_spread(train["features"])
     sides = outcomes.edges[:, 2:] - outcomes.edges[:, :2]
     wrong = np.asarray(rows["kind"]) == 2
     false_side = _mean_and_sigma(np.log(np.maximum(sides[wrong], 1.0)), _DEFAULT_FALSE_LOG_SIDE)
@@ -97,6 +93,19 @@ def fit_camera(outcomes: DetectionOutcomes, threshold: float, seed: int = 0) -> 
     )
 
 
+def held_out(rows: dict[str, Array]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Rows to be fitted, and those that choose the best step."""
+    held = max(1, round(_HELD_OUT_FRACTION * len(next(iter(rows.values())))))
+    return {name: value[held:] for name, value in rows.items()}, {name: value[:held] for name, value in rows.items()}
+
+
+def mean_and_spread(features: Array) -> tuple[Array, Array]:
+    """Mean and 1 sigma of features (n, f)."""
+    spread = features.std(axis=0)
+    # A feature that is constant in the views has no information, and must keep a small effect elsewhere.
+    return features.mean(axis=0), jnp.where(spread < 1e-3, jnp.float32(1.0), spread)
+
+
 def _mean_and_sigma(values: np.ndarray, default: tuple[float, float]) -> Array:
     """Mean and standard deviation of values, or a default with fewer than eight."""
     return jnp.asarray((values.mean(), max(values.std(), 0.1)) if len(values) >= 8 else default, jnp.float32)
@@ -117,14 +126,13 @@ def normalised_errors(statistics: CameraStatistics, outcomes: DetectionOutcomes,
 def _likelihood_inputs(outcomes: DetectionOutcomes, threshold: float) -> dict[str, Array]:
     """Inputs of the likelihood by row: `kind` is 0 for no box, 1 for a box of the target, 2 for a false box."""
     seen = outcomes.score >= threshold
-    true = seen & outcomes.in_frame & (outcomes.overlap > MIN_OVERLAP)
-    size = np.maximum(np.sqrt(np.prod(np.maximum(outcomes.outline[:, 2:] - outcomes.outline[:, :2], 0.1), axis=1)), 2.0)
+    true = outcomes.is_target(threshold)
     score = np.clip(outcomes.score, 1e-4, 1.0 - 1e-4)
     return {
         "features": jnp.asarray(outcomes.features, jnp.float32),
         "in_frame": jnp.asarray(outcomes.in_frame),
         "kind": jnp.asarray(np.where(true, 1, np.where(seen, 2, 0)).astype(np.int32)),
-        "error": jnp.asarray((outcomes.edges - outcomes.outline) / size[:, None], jnp.float32),
+        "error": jnp.asarray((outcomes.edges - outcomes.outline) / outcomes.size[:, None], jnp.float32),
         "logit": jnp.asarray(np.log(score / (1.0 - score)), jnp.float32),
     }
 

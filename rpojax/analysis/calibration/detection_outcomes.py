@@ -42,6 +42,8 @@ _PENUMBRA_FRACTION = 0.1
 RANGE_FACTORS = (0.6, 1.5)
 """Range of the views over the nearest and the farthest of start and station."""
 _BATCH_SIZE = 16
+_MIN_OVERLAP = 0.1
+"""Intersection over union of box and outline below which the box is a false one."""
 OnProgress = Callable[[int, int], None]
 """Called with the number of rendered views, and of all views."""
 
@@ -178,6 +180,16 @@ class DetectionOutcomes:
     def overlap(self) -> np.ndarray:
         """Intersection over union (n,) of box and outline."""
         return np.asarray(intersection_over_union(self.edges, self.outline))
+
+    @property
+    def size(self) -> np.ndarray:
+        """Geometric mean (n,) of the sides of the visible outline [px], at least that which scales errors."""
+        sides = np.asarray(self.outline)[:, 2:] - np.asarray(self.outline)[:, :2]
+        return np.maximum(np.sqrt(np.prod(np.maximum(sides, 0.1), axis=1)), view_features.MIN_OUTLINE_PX)
+
+    def is_target(self, threshold: float) -> np.ndarray:
+        """Whether there is a box of the target (n,); those with a score below the threshold count as none."""
+        return np.asarray((self.score >= threshold) & self.in_frame & (self.overlap > _MIN_OVERLAP))
 
 
 def detect_in_views(

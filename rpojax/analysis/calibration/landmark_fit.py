@@ -12,14 +12,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.analysis.calibration.camera_fit import MIN_OVERLAP, fit_share_and_angle, maximise, pair_statistics
+from rpojax.analysis.calibration.camera_fit import (
+    fit_share_and_angle,
+    held_out,
+    maximise,
+    mean_and_spread,
+    pair_statistics,
+)
 from rpojax.analysis.calibration.detection_outcomes import DetectionOutcomes
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight.navigation import perspective_n_point
 from rpojax.scenario.sections import CameraSection
 from rpojax.sensors import statistical_camera_file
-from rpojax.sensors.statistical_landmarks import IN_SIGHT, LandmarkStatistics, landmark_distribution, output_count
+from rpojax.sensors.statistical_landmarks import LandmarkStatistics, landmark_distribution, output_count
+from rpojax.vision.landmark_network.find_landmarks import IN_SIGHT
 from rpojax.vision.multilayer_perceptron import initialize_layers
 from rpojax.vision.pinhole import Intrinsics, pinhole_intrinsics
 from rpojax.vision.surface.landmarks import Landmarks
@@ -31,7 +38,6 @@ _ALIKE_DEG = 30.0
 """Turns of false pictures that are this near one another are the same."""
 _FEWEST_FALSE = 5
 _MAX_ERROR_SIGMAS = 4.0
-_HELD_OUT_FRACTION = 0.15
 
 
 def fit_landmarks(
@@ -42,8 +48,7 @@ def fit_landmarks(
     field_of_view = jnp.asarray(np.radians(camera.field_of_view_deg))
     lens = pinhole_intrinsics(field_of_view, camera.width_px, camera.height_px)
     turn = _false_turn(outcomes, landmarks, lens, np.flatnonzero(seen)[np.asarray(rows["is_false"])])
-    mean, spread = rows["features"].mean(axis=0), rows["features"].std(axis=0)
-    spread = jnp.where(spread < 1e-3, jnp.float32(1.0), spread)
+    mean, spread = mean_and_spread(rows["features"])
     count = rows["found"].shape[1]
     widths = (*statistical_camera_file.LAYER_WIDTHS[:-1], output_count(count))
     parameters = {"layers": initialize_layers(jax.random.key(seed), widths), "errors": jnp.zeros(2, jnp.float32)}
@@ -60,9 +65,7 @@ def fit_landmarks(
             false_turn=jnp.asarray(turn, jnp.float32),
         )
 
-    held = max(1, round(_HELD_OUT_FRACTION * len(rows["features"])))
-    train, check = ({name: value[part] for name, value in rows.items()} for part in (slice(held, None), slice(held)))
-    found = assemble(maximise(assemble, _log_likelihood, parameters, train, check, seed))
+    found = assemble(maximise(assemble, _log_likelihood, parameters, *held_out(rows), seed))
     right = ~np.asarray(rows["is_false"])[:, None] & np.asarray(rows["found"])
     figures = {
         "false_pictures": float(np.mean(np.asarray(rows["is_false"]))),
@@ -101,11 +104,10 @@ def _rows(outcomes: DetectionOutcomes, threshold: float) -> tuple[dict[str, Arra
     """Inputs of the likelihood of the views with a box of the target, and which these are (n,)."""
     assert outcomes.landmarks is not None
     shown = outcomes.landmarks
-    seen = np.asarray((outcomes.score >= threshold) & outcomes.in_frame & (outcomes.overlap > MIN_OVERLAP))
+    seen = outcomes.is_target(threshold)
     places, sigma = np.asarray(shown.places)[seen], np.asarray(shown.sigma)[seen]
     error = (places - np.asarray(shown.true_places)[seen]) / sigma[:, :, None]
     found = np.asarray(shown.probability)[seen] > IN_SIGHT
-    size = np.sqrt(np.prod(np.maximum(outcomes.outline[seen, 2:] - outcomes.outline[seen, :2], 0.1), axis=1))
     beyond = np.where(found, np.linalg.norm(error, axis=2), np.nan)
     some = found.any(axis=1)
     is_false = np.zeros(len(found), bool)
@@ -114,7 +116,7 @@ def _rows(outcomes: DetectionOutcomes, threshold: float) -> tuple[dict[str, Arra
         "features": jnp.asarray(outcomes.features[seen], jnp.float32),
         "found": jnp.asarray(found),
         "is_false": jnp.asarray(is_false),
-        "log_sigma": jnp.asarray(np.log(sigma / np.maximum(size, 2.0)[:, None]), jnp.float32),
+        "log_sigma": jnp.asarray(np.log(sigma / outcomes.size[seen, None]), jnp.float32),
         "error": jnp.asarray(error, jnp.float32),
     }
     return rows, seen

@@ -120,6 +120,18 @@ def _flush_folder(folder: Path) -> None:
         os.close(handle)
 
 
+def remove(path: Path) -> None:
+    """Removes a file, if it is there.
+
+    Raises:
+        UnfinishedError: it cannot be removed.
+    """
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise write_error(path, error) from None
+
+
 def write_error(path: Path, error: OSError) -> UnfinishedError:
     """Error of a campaign that cannot write a file."""
     expected = "room for the results" if error.errno in _DISK_FULL_ERRORS else "a file that can be written"

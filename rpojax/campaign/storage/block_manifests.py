@@ -91,10 +91,7 @@ def remove(directory: Path, block: int) -> None:
     """
     path = manifest_path(directory, block)
     safe_paths.check_no_links(directory, path)
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise atomic_files.write_error(path, error) from None
+    atomic_files.remove(path)
 
 
 def finished_blocks(directory: Path, blocks: int) -> list[int]:

@@ -7,6 +7,7 @@ when it is read, and never replaced without a word.
 from collections.abc import Mapping
 from pathlib import Path
 
+from rpojax.campaign.storage import atomic_files, safe_paths
 from rpojax.campaign.storage.arrays import array_files
 from rpojax.campaign.storage.arrays.array_files import LostFile
 from rpojax.campaign.storage.block_manifests import Manifest
@@ -85,6 +86,13 @@ def _surface_metadata(directory: Path) -> Path:
 
 
 def remove_lost_surface(directory: Path) -> None:
-    """Removes what says that the target's surface is whole, if a file of it is lost; the next block writes it anew."""
+    """Removes what says that the target's surface is whole, if a file of it is lost; the next block writes it anew.
+
+    Raises:
+        UnfinishedError: it cannot be removed.
+        ResultError: its path contains a symbolic link.
+    """
     if _lost_surface(directory) is not None:
-        _surface_metadata(directory).unlink(missing_ok=True)
+        metadata = _surface_metadata(directory)
+        safe_paths.check_no_links(directory, metadata)
+        atomic_files.remove(metadata)

@@ -107,8 +107,8 @@ def rows(
     assert estimate.target is not None
     known, pose = estimate.target.known, _Pose.of(estimate, view)
     layout, body_offset = estimate.layout, estimate.slow["body_offset"]
-    shared = _shared_covariance(estimate, pose)
     lasting = _lasting_errors(estimate, pose)
+    shared = _shared_covariance(estimate, pose, lasting)
 
     def add(sums: tuple[Array, ...], landmark: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
         place_T, measured, variance, present = landmark
@@ -127,41 +127,45 @@ def rows(
     agree = count >= _SHARE * jnp.sum(jnp.where(view.present, 1.0, 0.0), axis=0)
     information, evidence = _without_common_error(information, evidence, view.attitude_variance)
     factor, values, exists = _factorised(information, evidence)
-    by_part = dict(zip(_PARTS, (factor[:, :3], factor[:, 3:6], factor[:, 6:]), strict=True))
-    by_error = {name: product(factor[:, place], effect) for name, (place, effect) in lasting.items()}
+    parts = factor[:, :3], factor[:, 3:6], factor[:, 6:]
+    by_part = dict(zip(_PARTS, parts, strict=True))
+    by_error = {name: product(parts[acts_as], effect) for name, (acts_as, effect) in lasting.items()}
     # A centre of mass that is elsewhere in the body moves all landmarks alike.
     return MeasurementRows(
         residual=values,
-        jacobian=layout.rows(**by_part, body_offset=product(factor[:, :3], pose.R_NT), **by_error),
+        jacobian=layout.rows(**by_part, body_offset=product(parts[0], pose.R_NT), **by_error),
         variance=jnp.ones_like(values),
         weight=jnp.where(exists & agree, 1.0, 0.0),
     )
 
 
-def _shared_covariance(estimate: RelativeEstimate, pose: "_Pose") -> Float[Array, "8 8"]:
+def _shared_covariance(estimate: RelativeEstimate, pose: "_Pose", lasting: "_LastingErrors") -> Float[Array, "8 8"]:
     """Covariance of what the rows are of: place of the landmarks' frame, attitude error and bearing."""
-    layout, lasting = estimate.layout, _lasting_errors(estimate, pose)
+    layout = estimate.layout
     position, attitude, bias = (layout[name] for name in _PARTS)
     offset = layout["body_offset"]
 
     def shown(P: Array) -> Array:
         parts = [P[position] + product(pose.R_NT, P[offset]), P[attitude]]
-        for name, (place, effect) in lasting.items():
-            part = place.start // 3
-            parts[part] = parts[part] + product(effect, P[layout[name]])
+        for name, (acts_as, effect) in lasting.items():
+            parts[acts_as] = parts[acts_as] + product(effect, P[layout[name]])
         return jnp.concatenate([*parts, P[bias]])
 
     return shown(shown(estimate.covariance).T)
 
 
-def _lasting_errors(estimate: RelativeEstimate, pose: "_Pose") -> dict[str, tuple[slice, Array]]:
-    """Effects (3, 3) of a unit of each lasting error of a landmark network, and on which of position and attitude."""
+_LastingErrors = dict[str, tuple[int, Array]]
+"""Lasting errors of a landmark network by name: number of the part of the rows as which each acts, and its effect."""
+
+
+def _lasting_errors(estimate: RelativeEstimate, pose: "_Pose") -> _LastingErrors:
+    """Effects (3, 3) of a unit of each lasting error of a landmark network; none of another source of landmarks."""
     if "network_turn" not in estimate.layout:
         return {}
     distance = gradient_safe.norm(estimate.r_TS_N)
     return {
-        "network_place": (slice(0, 3), distance * pose.R_KN.T),
-        "network_turn": (slice(3, 6), pose.R_KT.T),
+        "network_place": (_PARTS.index("position"), distance * pose.R_KN.T),
+        "network_turn": (_PARTS.index("attitude"), pose.R_KT.T),
     }
 
 
@@ -225,7 +229,7 @@ def expected(
 ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
     """Tangents of all landmarks that an estimate with the target's attitude expects, and their covariance by it."""
     pose = _Pose.of(estimate, view)
-    shared = _shared_covariance(estimate, pose)
+    shared = _shared_covariance(estimate, pose, _lasting_errors(estimate, pose))
 
     def of_one(place_T: Vector) -> tuple[Array, Array]:
         tangents, jacobian = _linearised(pose, place_T)
@@ -238,10 +242,15 @@ def _is_inside(
     tuning: OrbitFilterTuning, shared: Float[Array, "8 8"], noise: Scalar, residual: Array, jacobian: Array
 ) -> Bool[Array, ""]:
     """Whether a landmark is where the filter expects it, within `gate_sigma`."""
-    S = product(product(jacobian, shared), jacobian.T)
-    a, b, c = S[0, 0] + noise, S[0, 1], S[1, 1] + noise
+    square, determinant = squared_residual(product(product(jacobian, shared), jacobian.T), noise, residual)
+    return square < tuning.gate_sigma**2 * determinant
+
+
+def squared_residual(spread: Float[Array, "2 2"], noise: Scalar, residual: Float[Array, "2"]) -> tuple[Scalar, Scalar]:
+    """Squared residual in sigmas times the determinant of its covariance, and that determinant."""
+    a, b, c = spread[0, 0] + noise, spread[0, 1], spread[1, 1] + noise
     x, y = residual[0], residual[1]
-    return c * x * x - 2.0 * b * x * y + a * y * y < tuning.gate_sigma**2 * (a * c - b * b)
+    return c * x * x - 2.0 * b * x * y + a * y * y, a * c - b * b
 
 
 def _without_common_error(

@@ -18,7 +18,7 @@ from rpojax.core import quaternion
 from rpojax.core.filter_state_layout import MOTION, StateLayout
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.vectors import apply, cross
+from rpojax.core.vectors import apply, line_of_sight_rate
 from rpojax.flight.navigation import burn_execution_error, outline_correlation, shape_errors, target_attitude_ekf
 from rpojax.flight.navigation.lasting_error_effects import LastingEffects
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -134,35 +134,27 @@ def _surface_process(
     return process
 
 
-def _network_variance(sigmas: Float[Array, "2"]) -> Vector:
-    """Variances of three axes of the camera from 1 sigma of the first two, and of the third."""
-    return sigmas[jnp.array([0, 0, 1])] ** 2
+LANDMARK_NETWORK: Final = "landmark_network"
+"""Name among the sensors of a filter whose landmarks are those of a network."""
 
 
-def _network_process(
-    variance: Callable[[OrbitFilterTuning], Vector],
-) -> Callable[[OrbitFilterTuning, ShapeErrors, float | Scalar], tuple[Array, Array]]:
-    """Process of an error of a landmark network, which changes as the target turns before the camera."""
+def _network_error(name: str, unit: str, sigmas: Callable[[OrbitFilterTuning], Float[Array, "2"]]) -> SlowState:
+    """An error of a landmark network in the axes of the camera, which changes as the target turns before it.
+
+    `sigmas` are its 1 sigma of the first two axes, and of the third.
+    """
+
+    def stationary(tuning: OrbitFilterTuning) -> Vector:
+        return sigmas(tuning)[jnp.array([0, 0, 1])] ** 2
 
     def process(tuning: OrbitFilterTuning, errors: ShapeErrors, dt: float | Scalar) -> tuple[Array, Array]:
         assert errors.landmark_decay_rate is not None
-        stationary = variance(tuning)
-        decay = jnp.exp(-dt * errors.landmark_decay_rate) * jnp.ones_like(stationary)
-        return decay, stationary * (1.0 - decay**2)
+        variance = stationary(tuning)
+        decay = jnp.exp(-dt * errors.landmark_decay_rate) * jnp.ones_like(variance)
+        return decay, variance * (1.0 - decay**2)
 
-    return process
+    return SlowState(name, 3, unit, lambda tuning, r_TS_N: stationary(tuning), process, sensor=LANDMARK_NETWORK)
 
-
-def _network_turn_variance(tuning: OrbitFilterTuning) -> Vector:
-    return _network_variance(tuning.network_turn_sigma)
-
-
-def _network_place_variance(tuning: OrbitFilterTuning) -> Vector:
-    return _network_variance(tuning.network_place_sigma)
-
-
-LANDMARK_NETWORK: Final = "landmark_network"
-"""Name among the sensors of a filter whose landmarks are those of a network."""
 
 SENSOR_STATES = (
     # Of the surface that a range finder meets from where it is on average, towards the servicer; slow and fast part.
@@ -224,23 +216,9 @@ SENSOR_STATES = (
         sensor="landmarks",
     ),
     # Small turn by which all landmarks of a picture are off, about the camera's axes.
-    SlowState(
-        "network_turn",
-        3,
-        "rad",
-        lambda tuning, r_TS_N: _network_turn_variance(tuning),
-        _network_process(_network_turn_variance),
-        sensor=LANDMARK_NETWORK,
-    ),
+    _network_error("network_turn", "rad", lambda tuning: tuning.network_turn_sigma),
     # Place by which they are off, over the range, along the camera's axes.
-    SlowState(
-        "network_place",
-        3,
-        "-",
-        lambda tuning, r_TS_N: _network_place_variance(tuning),
-        _network_process(_network_place_variance),
-        sensor=LANDMARK_NETWORK,
-    ),
+    _network_error("network_place", "-", lambda tuning: tuning.network_place_sigma),
 )
 """Slow states that filters have besides where they believe a sensor; they come first, as burns do not show them."""
 
@@ -458,22 +436,22 @@ def process_variances(
 def _shape_errors(tuning: OrbitFilterTuning, estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector) -> ShapeErrors:
     time_constant = outline_correlation.correlation_time(estimate.outline)
     errors = shape_errors.shape_errors(tuning, time_constant, estimate.slow["size"][0], r_TS_N, v_TS_N)
+    return replace(errors, landmark_decay_rate=landmark_decay_rate(tuning, estimate, r_TS_N, v_TS_N))
+
+
+def landmark_decay_rate(
+    tuning: OrbitFilterTuning, estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector
+) -> Scalar | None:
+    """Rate [1/s] at which the errors of a landmark network become others, None without one.
+
+    It is by how fast a target turns from the line of sight that is at `r_TS_N` [m] and moves by `v_TS_N` [m/s].
+    """
     if "network_turn" not in estimate.slow:
-        return errors
-    return replace(errors, landmark_decay_rate=_turn_rate(estimate, r_TS_N, v_TS_N) / tuning.network_angle)
-
-
-def landmark_decay_rate(tuning: OrbitFilterTuning, estimate: RelativeEstimate) -> Scalar | None:
-    """Rate at which the errors of a landmark network become others [1/s], None without one."""
-    return _shape_errors(tuning, estimate, estimate.r_TS_N, estimate.v_TS_N).landmark_decay_rate
-
-
-def _turn_rate(estimate: RelativeEstimate, r_TS_N: Vector, v_TS_N: Vector) -> Scalar:
-    """Rate at which the target turns from the line of sight [rad/s]."""
+        return None
     assert estimate.target is not None
     q_NT = quaternion.conjugate(target_attitude_ekf.attitude(estimate.target, estimate.slow))
-    of_line = cross(r_TS_N, v_TS_N) / jnp.sum(r_TS_N * r_TS_N, axis=0)
-    return gradient_safe.norm(quaternion.rotate(q_NT, estimate.slow["rate"]) - of_line)
+    turning_N = quaternion.rotate(q_NT, estimate.slow["rate"]) - line_of_sight_rate(r_TS_N, v_TS_N)
+    return gradient_safe.norm(turning_N) / tuning.network_angle
 
 
 def slow_process(

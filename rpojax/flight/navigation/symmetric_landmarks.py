@@ -44,9 +44,8 @@ def mismatches(
     def of_one(order: Int[Array, " n"]) -> Array:
         named = _renamed(view, order)
         noise = named.variance + named.attitude_variance
-        a, b, c = spread[:, 0, 0] + noise, spread[:, 0, 1], spread[:, 1, 1] + noise
-        x, y = (named.tangents[:, axis] - expected[:, axis] for axis in range(2))
-        squares = (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b)
+        square, determinant = jax.vmap(landmark_measurement.squared_residual)(spread, noise, named.tangents - expected)
+        squares = square / determinant
         return jnp.sum(jnp.where(named.present, jnp.minimum(squares, tuning.gate_sigma**2), 0.0), axis=0)
 
     return jax.vmap(of_one)(target.symmetries.permutations)

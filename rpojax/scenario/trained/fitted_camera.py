@@ -8,6 +8,7 @@ from typing import Any
 from rpojax.core.pytree import replace
 from rpojax.errors import ScenarioError
 from rpojax.scenario.trained import target_landmarks
+from rpojax.scenario.trained.image_sampling import range_limits
 from rpojax.scenario.trained.trained_files import (
     PACKAGED,
     REQUIRED_KEYS,
@@ -58,19 +59,18 @@ def ranges_in_use(tables: Mapping[str, Any], through_wide_lens: bool = False) ->
 
     It is that at which a target of scale 1 looks as large.
     """
-    references = [phase["reference"] for phase in tables.get("phases") or ()]
-    positions = [tables["initial"]["relative_position_m"], tables["formation"]["desired_position_m"]]
-    positions += [each[key] for each in references for key in ("position_m", "end_position_m") if key in each]
-    ranges = [math.hypot(*position) for position in positions]
-    ranges += [each["radius_m"] for each in references if "radius_m" in each]
+    scale, references = tables["target"]["scale"], [phase["reference"] for phase in tables.get("phases") or ()]
+    distances = [
+        math.hypot(*each[key]) for each in references for key in ("position_m", "end_position_m") if key in each
+    ]
+    distances += [each["radius_m"] for each in references if "radius_m" in each]
+    ranges = [*range_limits(tables), *(distance / scale for distance in distances)]
     near, far = min(ranges), max(ranges)
-    if (lens := tables.get("wide_lens")) is not None:
-        if through_wide_lens:
-            far = min(far, lens["return_range_m"])
-        else:
-            near = min(max(near, lens["switch_range_m"]), far)
-    scale = tables["target"]["scale"]
-    return near / scale, far / scale
+    if (lens := tables.get("wide_lens")) is None:
+        return near, far
+    if through_wide_lens:
+        return near, min(far, lens["return_range_m"] / scale)
+    return min(max(near, lens["switch_range_m"] / scale), far), far
 
 
 def statistics_for_model(tables: Mapping[str, Any], through_wide_lens: bool = False) -> CameraStatistics | None:

@@ -11,9 +11,9 @@ import numpy as np
 from rpojax.core import quaternion
 from rpojax.training.detector.average_precision import Interval, wilson_interval
 from rpojax.training.pose.held_back_pictures import LIGHT_KINDS, HeldBackPicture
-from rpojax.training.pose.landmark_pose import LEAST_PROBABILITY, LandmarkPose, landmark_pose
+from rpojax.training.pose.landmark_pose import LandmarkPose, landmark_pose
 from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, DetectorParams, detect
-from rpojax.vision.landmark_network.find_landmarks import FoundLandmarks, find_landmarks
+from rpojax.vision.landmark_network.find_landmarks import IN_SIGHT, FoundLandmarks, find_landmarks
 from rpojax.vision.landmark_network.landmark_crop import CROP_PX, crop_place
 from rpojax.vision.landmark_network.network import Params
 from rpojax.vision.surface.landmarks import Landmarks
@@ -124,7 +124,7 @@ def _result(picture: HeldBackPicture, found: FoundLandmarks, pose: LandmarkPose,
     """Result of a picture; `crop_px` is the side of a pixel of its crop in pixels of the picture."""
     miss = np.asarray(found.places) - picture.places
     squares = np.einsum("ki,ki->k", miss, np.linalg.solve(np.asarray(found.covariance), miss[..., None])[..., 0])
-    shown, called = picture.visible, np.asarray(found.visible_probability) > LEAST_PROBABILITY
+    shown, called = picture.visible, np.asarray(found.visible_probability) > IN_SIGHT
     exists = bool(pose.exists)
     turn = np.asarray(quaternion.to_matrix(jnp.asarray(pose.q_KT))) @ picture.rotation.T
     angle = np.degrees(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0)))

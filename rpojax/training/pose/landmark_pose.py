@@ -7,10 +7,8 @@ from jaxtyping import Array, Float
 from rpojax.core import quaternion
 from rpojax.core.pytree import pytree
 from rpojax.flight.navigation.perspective_n_point import FEWEST, PoseHypotheses, solve_pose
-from rpojax.vision.landmark_network.find_landmarks import FoundLandmarks
+from rpojax.vision.landmark_network.find_landmarks import IN_SIGHT, FoundLandmarks
 
-LEAST_PROBABILITY = 0.5
-"""Of a landmark that counts as visible."""
 _LARGEST_MISS = 16.0
 """Square of the distance of a landmark from the pose by its covariance beyond which it is left out: 4 sigma."""
 _REWEIGHTINGS = 3
@@ -44,7 +42,7 @@ def landmark_pose(
     tangents = (found.places.astype(landmarks_T.dtype) - center_px[None]) / focal_px
     model = _MODEL_SIGMA_PX**2 * jnp.eye(2, dtype=landmarks_T.dtype)
     covariance = found.covariance.astype(landmarks_T.dtype) + model[None]
-    visible = found.visible_probability > LEAST_PROBABILITY
+    visible = found.visible_probability > IN_SIGHT
     # A weight is that of a round error of the same mean square.
     weights = jnp.where(visible, 2.0 * focal_px**2 / (covariance[:, 0, 0] + covariance[:, 1, 1]), 0.0)
     tangent_covariance = covariance / focal_px**2

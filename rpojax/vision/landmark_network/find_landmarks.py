@@ -15,6 +15,9 @@ from rpojax.core.pytree import pytree
 from rpojax.vision.landmark_network.landmark_crop import CROP_PX, crop_picture, crop_place, to_picture
 from rpojax.vision.landmark_network.network import Params, estimate
 
+IN_SIGHT = 0.5
+"""Probability above which a landmark counts as in sight [-]."""
+
 
 @pytree
 class FoundLandmarks:
