@@ -130,7 +130,10 @@ def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, 
     rendered = evaluate_field.render_views(load_field()[0], views)
     results: dict[str, Any] = {}
     sheet = []
-    sources = {"ray traces": (views.rgb, views.alpha), "radiance field": (rendered.rgb, rendered.alpha)}
+    sources = {
+        "ray traces": (views.radiance(evaluate_field.FILL_LIGHT), views.alpha),
+        "radiance field": (rendered.rgb, rendered.alpha),
+    }
     for name, (color, alpha) in sources.items():
         for background_name in ("black", "sky"):
             for label in ("visible", "silhouette"):

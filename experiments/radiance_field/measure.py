@@ -32,7 +32,7 @@ from rpojax.training.synthetic_data.meshes import packaged_target
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.field_file import load_field
 from rpojax.vision.radiance_field.ray_budget import RaySampling, choose_ray_sampling
-from rpojax.vision.radiance_field.render_image import render_target
+from rpojax.vision.radiance_field.render_image import Light, render_target
 from rpojax.vision.radiance_field.target_field import RadianceField
 
 HERE = Path(__file__).parent
@@ -99,22 +99,26 @@ def phase(field: RadianceField) -> None:
 def frame_time(field: RadianceField, region: int = 64, batch: int = 8) -> float:
     """Milliseconds for a frame of `region` x `region` rays within a batch: shortest of several calls."""
     intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 128, 128)
-    rotations, positions, suns = random_views.sample_views(
-        packaged_target.packaged_target(), random_views.ViewSampling(batch, range_m=30.0)
-    )
-    lit = jnp.ones((), jnp.float32)
+    views = random_views.sample_views(packaged_target.packaged_target(), random_views.ViewSampling(batch, range_m=30.0))
     nominal = choose_ray_sampling(field, float(intrinsics.focal_px), 30.0)
     rays = RaySampling(region, math.ceil(region * region * nominal.ray_count / nominal.side**2))
 
     def one(
-        field: RadianceField, position: jax.Array, rotation: jax.Array, sun: jax.Array
+        field: RadianceField, position: jax.Array, rotation: jax.Array, sun: jax.Array, fill: jax.Array
     ) -> tuple[jax.Array, jax.Array]:
-        frame = render_target(field, intrinsics, 128, 128, rays, position, rotation, sun, lit)
+        frame = render_target(field, intrinsics, 128, 128, rays, position, rotation, in_light(sun, fill))
         return frame.color, frame.alpha
 
-    run = jax.jit(jax.vmap(one, in_axes=(None, 0, 0, 0)))
-    poses = [jnp.asarray(values, jnp.float32) for values in (positions, rotations, suns)]
+    run = jax.jit(jax.vmap(one, in_axes=(None, 0, 0, 0, 0)))
+    parts = (views.position, views.rotation, views.sun, views.fill)
+    poses = [jnp.asarray(values, jnp.float32) for values in parts]
     return 1e3 / batch * shortest(lambda: run(field, *poses))
+
+
+def in_light(sun: jax.Array, fill: jax.Array) -> Light:
+    """Light of the Sun and of the Earth in the morning, from their directions in T."""
+    fill_light = jnp.float32(evaluate_field.FILL_LIGHT)
+    return Light(sun_T=sun, sunlight=jnp.float32(1.0), fill_T=fill, fill=fill_light)
 
 
 def shortest(call: Callable[[], Any], times: int = 7) -> float:
@@ -255,7 +259,7 @@ def silhouette(
     rotation, position, sun = view
     intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(random_views.FIELD_OF_VIEW_DEG)), size, size)
     R_KT, r = perturbed_pose(rotation, position, error)
-    return render_target(field, intrinsics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
+    return render_target(field, intrinsics, size, size, rays, r, R_KT, in_light(sun, -sun)).alpha
 
 
 @partial(jax.jit, static_argnums=(4,))
@@ -270,9 +274,9 @@ def recover_pose(
     field: RadianceField, seed: int, measured: jax.Array | None = None, steps: int = 100, rays: RaySampling = POSE_RAYS
 ) -> PoseRecovery:
     """Gradient descent from a pose error of 3 deg and 3 % to a silhouette (64, 64), by default that of the field."""
+    sampled = random_views.sample_views(packaged_target.packaged_target(), pose_view_sampling(seed))
     rotation, position, sun = (
-        jnp.asarray(values[0], jnp.float32)
-        for values in random_views.sample_views(packaged_target.packaged_target(), pose_view_sampling(seed))
+        jnp.asarray(values[0], jnp.float32) for values in (sampled.rotation, sampled.position, sampled.sun)
     )
     view = (rotation, position, sun)
     axis = np.random.default_rng(seed).normal(size=3)
@@ -336,17 +340,21 @@ def strips(field: RadianceField) -> None:
     chosen = np.arange(0, 64, 8)
     views = select_views(views, chosen)
     rendered = evaluate_field.render_views(field, views)
-    error = np.abs(evaluate_field.srgb_codes(rendered.rgb) - evaluate_field.srgb_codes(views.rgb))
-    save(HERE / "strip.png", sheet(views.rgb, rendered.rgb, error), 1)
+    error = np.abs(
+        evaluate_field.srgb_codes(rendered.rgb) - evaluate_field.srgb_codes(views.radiance(evaluate_field.FILL_LIGHT))
+    )
+    save(HERE / "strip.png", sheet(views.radiance(evaluate_field.FILL_LIGHT), rendered.rgb, error), 1)
     far = select_views(fresh_views(40, 128, range_m=30.0, field_of_view_deg=10.0), np.arange(0, 40, 5))
     rendered = evaluate_field.render_views(field, far)
-    error = np.abs(evaluate_field.srgb_codes(rendered.rgb) - evaluate_field.srgb_codes(far.rgb))
-    save(HERE / "strip_30m.png", sheet(far.rgb, rendered.rgb, error), 1)
+    error = np.abs(
+        evaluate_field.srgb_codes(rendered.rgb) - evaluate_field.srgb_codes(far.radiance(evaluate_field.FILL_LIGHT))
+    )
+    save(HERE / "strip_30m.png", sheet(far.radiance(evaluate_field.FILL_LIGHT), rendered.rgb, error), 1)
 
 
 def select_views(views: ray_traced_views.Views, chosen: np.ndarray) -> ray_traced_views.Views:
     """Some of the views."""
-    names = ("rotation", "position", "sun", "rgb", "alpha", "depth")
+    names = ("rotation", "position", "sun", "fill", "sunlit", "filled", "alpha", "depth")
     return dataclasses.replace(views, **{name: getattr(views, name)[chosen] for name in names})
 
 

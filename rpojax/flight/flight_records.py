@@ -6,6 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from rpojax.core import lens_distortion
 from rpojax.core.orbits.exponential_atmosphere import Atmosphere
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
@@ -55,7 +56,7 @@ class FlightParams:
     target: BelievedTarget | None = None
 
     def seen_through(self, lens: LensInUse | None) -> "FlightParams":
-        """The same with focal length and edge noise of the lens in use, None without a second one."""
+        """The same with focal length, distortion and edge noise of the lens in use, None without a second one."""
         wide = self.wide_lens
         if wide is None or lens is None:
             return self
@@ -64,7 +65,9 @@ class FlightParams:
         if wide.edge_noise is not None:
             edge_noise = jnp.where(lens.is_wide, wide.edge_noise, navigation.edge_noise)
             navigation = replace(navigation, edge_noise=edge_noise)
-        return replace(self, vehicle=replace(self.vehicle, focal_px=focal_px), navigation=navigation)
+        distortion = lens_distortion.of_lens_in_use(self.vehicle.distortion, wide.distortion, lens.is_wide)
+        vehicle = replace(self.vehicle, focal_px=focal_px, distortion=distortion)
+        return replace(self, vehicle=vehicle, navigation=navigation)
 
 
 @pytree

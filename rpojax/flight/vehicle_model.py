@@ -25,6 +25,7 @@ class VehicleModel:
         sun_exclusion: () of the camera [rad]
         dark_reach: () range within which a LiDAR shows the target without light [m], None without one
         lamp: that lights the target, None without one
+        distortion: (5,) of the camera's lens, None for a pinhole
     """
 
     mass: Array
@@ -41,3 +42,4 @@ class VehicleModel:
     sun_exclusion: Array
     dark_reach: Array | None = None
     lamp: Lamp | None = None
+    distortion: Array | None = None

@@ -280,12 +280,14 @@ def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_p
         focal_px=_focal_px(camera.field_of_view, width_px, height_px),
         phase_limit=camera.phase_limit,
         sun_exclusion=camera.sun_exclusion,
+        distortion=camera.distortion,
     )
 
 
 def _believed_wide_lens(tables: Mapping[str, Any], width_px: int, height_px: int) -> BelievedWideLens:
-    field_of_view = section_record(WideLens, tables["wide_lens"]).field_of_view
-    return record_of(BelievedWideLens, tables, "wide_lens", focal_px=_focal_px(field_of_view, width_px, height_px))
+    lens = section_record(WideLens, tables["wide_lens"])
+    focal_px = _focal_px(lens.field_of_view, width_px, height_px)
+    return record_of(BelievedWideLens, tables, "wide_lens", focal_px=focal_px, distortion=lens.distortion)
 
 
 def _hull_faces(tables: Mapping[str, Any]) -> HullFaces | None:

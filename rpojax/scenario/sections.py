@@ -194,7 +194,9 @@ NO_LANDMARKS: Final = "none"
 
 
 class CameraSection(
-    section_of(Camera, MeasurementDelay, name="camera", first=("model", "landmarks", "width_px", "height_px"))
+    section_of(
+        Camera, MeasurementDelay, name="camera", first=("model", "landmarks", "width_px", "height_px"), optional=True
+    )
 ):
     """Camera, and errors of the geometric bounding-box model."""
 
@@ -204,7 +206,9 @@ class CameraSection(
     height_px: Annotated[int, Field(ge=16, le=4096)]
 
 
-class ImagingSection(section_of(Imaging, OrbitFilterTuning, name="imaging", first=("field", "detector", "statistics"))):
+class ImagingSection(
+    section_of(Imaging, OrbitFilterTuning, name="imaging", first=("field", "detector", "statistics"), optional=True)
+):
     """Images and detector of the rendered and the statistical camera."""
 
     field: str

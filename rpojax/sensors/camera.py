@@ -3,10 +3,13 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from rpojax.core import lens_distortion
 from rpojax.core.declared_numbers import number
 from rpojax.core.pytree import pytree, replace
 from rpojax.value_types import Quaternion
+from rpojax.vision import pinhole
 from rpojax.vision.bounding_box import BoundingBox
+from rpojax.vision.pinhole import Intrinsics
 
 NEAREST_DEPTH = 0.1
 """Depth of the nearest vertex of a target in front of the camera [m]: projections are divided by it."""
@@ -31,6 +34,16 @@ class Camera:
         "largest Sun-target-camera angle of a usable image", unit="deg", above=0.0, at_most=180.0
     )
     sun_exclusion: Array = number("least angle between line of sight and Sun", unit="deg", at_least=0.0, below=180.0)
+    distortion: Array | None = number(
+        "k1, k2, p1, p2, k3 of the lens after Brown and Conrady as OpenCV has them; flight software knows the nominal "
+        "ones. By default a pinhole",
+        length=5,
+        default=None,
+    )
+
+    def lens(self, width_px: int, height_px: int) -> Intrinsics:
+        """Intrinsics of the true lens."""
+        return pinhole.pinhole_intrinsics(self.field_of_view, width_px, height_px, self.distortion)
 
 
 @pytree
@@ -52,6 +65,11 @@ class WideLens:
         at_least=0.0,
         default=None,
     )
+    distortion: Array | None = number(
+        "of this lens, as `camera.distortion`; by default a pinhole",
+        length=5,
+        default=None,
+    )
 
 
 def through_wide(camera: Camera, lens: WideLens, is_wide: Bool[Array, ""]) -> Camera:
@@ -62,6 +80,7 @@ def through_wide(camera: Camera, lens: WideLens, is_wide: Bool[Array, ""]) -> Ca
         field_of_view=jnp.where(is_wide, lens.field_of_view, camera.field_of_view),
         misalignment=jnp.where(is_wide, camera.misalignment + lens.misalignment, camera.misalignment),
         edge_noise=jnp.where(is_wide, edge_noise, camera.edge_noise),
+        distortion=lens_distortion.of_lens_in_use(camera.distortion, lens.distortion, is_wide),
     )
 
 

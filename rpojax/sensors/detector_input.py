@@ -19,6 +19,8 @@ def input_side(width_px: int, height_px: int) -> int:
 def window_at(intrinsics: Intrinsics, corner_px: Float[Array, "2"], binning: Float[Array, ""]) -> ImageWindow:
     """Window at a corner of the frame, with intrinsics in single precision."""
     single = Intrinsics(
-        focal_px=intrinsics.focal_px.astype(jnp.float32), center_px=intrinsics.center_px.astype(jnp.float32)
+        focal_px=intrinsics.focal_px.astype(jnp.float32),
+        center_px=intrinsics.center_px.astype(jnp.float32),
+        distortion=None if intrinsics.distortion is None else intrinsics.distortion.astype(jnp.float32),
     )
     return image_window(single, corner_px, binning)

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.sensors.camera import NEAREST_DEPTH, Camera, CameraFrame
-from rpojax.vision import bounding_box, box_projection, pinhole
+from rpojax.vision import bounding_box, box_projection
 from rpojax.vision.bounding_box import BoundingBox
 
 
@@ -22,7 +22,7 @@ def measure(
 
     `observable` is the light, `working` the camera's health.
     """
-    intrinsics = pinhole.pinhole_intrinsics(camera.field_of_view, width_px, height_px)
+    intrinsics = camera.lens(width_px, height_px)
     true_edges = box_projection.projected_box(intrinsics, hull_K)
     in_front = jnp.min(hull_K[:, 2], axis=0) > NEAREST_DEPTH
     center = bounding_box.box_center(true_edges)

@@ -14,4 +14,17 @@ class Imaging:
     full_well: Array = number("electrons at saturation", above=0.0)
     read_noise: Array = number("noise of reading in electrons, 1 sigma", at_least=0.0)
     blur: Array = number("point spread function, 1 sigma", unit="px", at_least=0.0, at_most=1.0)
+    bloom: Array | None = number(
+        "fraction of the light that the optics scatter into a halo; by default none",
+        at_least=0.0,
+        below=1.0,
+        default=None,
+    )
+    bloom_radius: Array = number("halo, 1 sigma", unit="px", above=0.0, default=6.0)
+    exposure_time: Array | None = number(
+        "time during which the target moves in the picture; by default it does not",
+        unit="s",
+        at_least=0.0,
+        default=None,
+    )
     score_threshold: Array = number("boxes with a lower score are discarded", at_least=0.0, at_most=1.0)

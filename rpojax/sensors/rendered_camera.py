@@ -57,7 +57,12 @@ def render_window(
     """Image (sRGB codes in 0..1) of a window of the frame; black where the window goes beyond the frame."""
     side = input_side(width_px, height_px)
     exposure = Exposure(
-        gain=imaging.exposure, full_well=imaging.full_well, read_noise=imaging.read_noise, blur=imaging.blur
+        gain=imaging.exposure,
+        full_well=imaging.full_well,
+        read_noise=imaging.read_noise,
+        blur=imaging.blur,
+        bloom=imaging.bloom,
+        bloom_radius=imaging.bloom_radius,
     )
     noise = random_streams.normal(key, side * side * 3).astype(jnp.float32).reshape(side, side, 3)
     image = form_image(networks.field, networks.sky, exposure, sampling, window, side, scene, noise)

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core import lamp, quaternion, random_streams
+from rpojax.core import lamp, lens_distortion, quaternion, random_streams
 from rpojax.core.constants import RADIUS_EARTH
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.numerics.gradient_safe import normalize
@@ -134,6 +134,8 @@ def landmarks_in_view(
         focal_px=_lens(scenario, params).focal_px,
         nominal_focal_px=nominal,
         half_frame_tangent=0.5 * size / nominal,
+        distortion=params.camera.distortion,
+        nominal_distortion=params.flight.vehicle.distortion,
         observable=observable,
         by_lamp_alone=jnp.zeros((), dtype=bool) if by_lamp_alone is None else by_lamp_alone,
         working=health.camera,
@@ -180,8 +182,9 @@ def landmarks_found(
     found = rendered_camera.landmarks_in_picture(params.networks, view, picture, frame.box.edges, size)
     focal = params.flight.vehicle.focal_px
     middle = 0.5 * jnp.array(size, dtype=focal.dtype)
+    tangents = (found.places.astype(focal.dtype) - middle[None]) / focal
     return FoundInPicture(
-        tangents=(found.places.astype(focal.dtype) - middle[None]) / focal,
+        tangents=lens_distortion.corrected(params.flight.vehicle.distortion, tangents),
         sigma=found.sigma.astype(focal.dtype) / focal,
         present=frame.box.present & (found.visible_probability > IN_SIGHT),
     )
@@ -238,12 +241,30 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
         position_N=(truth.r_TN_N + truth.r_ST_N) / RADIUS_EARTH,
         sun_N=sun_N,
         earth_rotation=earth_rotation.earth_rotation_angle(time),
+        smear=_smear(params, truth),
     )
     return rendered_camera.to_float32(scene)
 
 
 def _lens(scenario: Scenario, params: Params) -> pinhole.Intrinsics:
-    return pinhole.pinhole_intrinsics(params.camera.field_of_view, scenario.width_px, scenario.height_px)
+    return params.camera.lens(scenario.width_px, scenario.height_px)
+
+
+def _smear(params: Params, truth: Truth) -> Float[Array, "2"] | None:
+    """Way of the target in the picture during the exposure, as tangents; None where the exposure has no length.
+
+    By the motion of the target past the camera and the turn of the camera; that of the target itself is left out.
+    """
+    if params.imaging.exposure_time is None:
+        return None
+    q_KN = camera_pose.camera_attitude(params.camera, truth.q_BN)
+    q_KB = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_BN))
+    r_TK_K, v_TS_K = quaternion.rotate(q_KN, -truth.r_ST_N), quaternion.rotate(q_KN, -truth.v_ST_N)
+    omega_K = quaternion.rotate(q_KB, truth.omega_BN_B)
+    velocity = v_TS_K - jnp.cross(omega_K, r_TK_K)
+    depth = jnp.maximum(r_TK_K[2], NEAREST_DEPTH)
+    rate = (velocity[:2] - r_TK_K[:2] / depth * velocity[2]) / depth
+    return params.imaging.exposure_time * rate
 
 
 def boresight_N(params: Params, truth: Truth) -> Float[Array, "3"]:

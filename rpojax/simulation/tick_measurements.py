@@ -5,7 +5,7 @@ from typing import Any, Final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import quaternion, vectors
+from rpojax.core import lens_distortion, quaternion, vectors
 from rpojax.core.declared_numbers import declared_numbers
 from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.core.orbits.sun_moon_ephemeris import SunMoonPositions
@@ -177,14 +177,17 @@ def _delay_of(params: Params, name: str) -> MeasurementDelay:
 
 
 def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> BoxMeasurement:
-    """Box as measured by the flight software, with the focal length of its vehicle model."""
-    focal = params.flight.vehicle.focal_px
+    """Box as measured by the flight software, with focal length and lens of its vehicle model."""
+    focal, distortion = params.flight.vehicle.focal_px, params.flight.vehicle.distortion
     center_px = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=focal.dtype)
-    side = bounding_box.box_size(frame.box.edges)
+    edges = frame.box.edges
+    if distortion is not None:
+        edges = _corrected_edges(distortion, edges, center_px, focal)
+    side = bounding_box.box_size(edges)
     return BoxMeasurement(
-        tangent=(bounding_box.box_center(frame.box.edges) - center_px) / focal,
+        tangent=(bounding_box.box_center(edges) - center_px) / focal,
         log_size=jnp.log(side / focal),
-        log_aspect=bounding_box.log_aspect_ratio(frame.box.edges),
+        log_aspect=bounding_box.log_aspect_ratio(edges),
         side_px=side,
         present=frame.box.present,
         expected=jnp.ones_like(frame.box.present),
@@ -193,6 +196,24 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
         attitude_variance_change=jnp.zeros_like(side),
         interval=jnp.full_like(side, scenario.tick_s),
     )
+
+
+def _corrected_edges(
+    distortion: Float[Array, "5"], edges: Float[Array, "4"], center_px: Float[Array, "2"], focal_px: Float[Array, ""]
+) -> Float[Array, "4"]:
+    """Edges [px] of a box corrected for the lens, each at its middle."""
+    middle = bounding_box.box_center(edges)
+    places = jnp.stack(
+        [
+            jnp.stack([edges[0], middle[1]]),
+            jnp.stack([middle[0], edges[1]]),
+            jnp.stack([edges[2], middle[1]]),
+            jnp.stack([middle[0], edges[3]]),
+        ]
+    )
+    tangents = lens_distortion.corrected(distortion, (places - center_px[None]) / focal_px)
+    found = center_px[None] + focal_px * tangents
+    return jnp.stack([found[0, 0], found[1, 1], found[2, 0], found[3, 1]])
 
 
 def _measure_additional(

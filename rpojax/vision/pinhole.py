@@ -1,34 +1,53 @@
-"""Pinhole camera with square pixels: intrinsics, projection of points, directions of pixels."""
+"""Pinhole camera with square pixels and a lens: intrinsics, projection of points, directions of pixels."""
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from rpojax.core import lens_distortion
 from rpojax.core.pytree import pytree
 
 
 @pytree
 class Intrinsics:
-    """Focal length and principal point.
+    """Focal length, principal point and distortion.
 
     Attributes:
         focal_px: () focal length [px]
         center_px: (2,) principal point [px]
+        distortion: (5,) coefficients of `lens_distortion`, None for a pinhole
     """
 
     focal_px: Array
     center_px: Array
+    distortion: Array | None = None
 
 
-def pinhole_intrinsics(field_of_view: Float[Array, ""], width_px: int, height_px: int) -> Intrinsics:
-    """Intrinsics of a camera whose horizontal field of view [rad] spans `width_px` pixels."""
+def pinhole_intrinsics(
+    field_of_view: Float[Array, ""], width_px: int, height_px: int, distortion: Float[Array, "5"] | None = None
+) -> Intrinsics:
+    """Intrinsics of a camera whose horizontal field of view [rad], without distortion, spans `width_px` pixels."""
     focal = 0.5 * width_px / jnp.tan(0.5 * field_of_view)
-    return Intrinsics(focal_px=focal, center_px=jnp.array([0.5 * width_px, 0.5 * height_px], dtype=focal.dtype))
+    center_px = jnp.array([0.5 * width_px, 0.5 * height_px], dtype=focal.dtype)
+    return Intrinsics(focal_px=focal, center_px=center_px, distortion=distortion)
+
+
+def shown_by_lens(intrinsics: Intrinsics, tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
+    """Tangents right and down of the boresight as the lens shows them."""
+    return tangents if intrinsics.distortion is None else lens_distortion.distort(intrinsics.distortion, tangents)
+
+
+def seen_through_lens(intrinsics: Intrinsics, tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
+    """Tangents of the directions that a lens shows at tangents: the inverse of `shown_by_lens`."""
+    return tangents if intrinsics.distortion is None else lens_distortion.undistort(intrinsics.distortion, tangents)
 
 
 def project(intrinsics: Intrinsics, points_K: Float[Array, "n 3"]) -> Float[Array, "2 n"]:
     """Pixels (x right, y down) of points [m] in camera axes; meaningful only for points in front of the camera."""
     depth = jnp.where(points_K[:, 2] > 1e-6, points_K[:, 2], 1e-6)
+    if intrinsics.distortion is not None:
+        shown = shown_by_lens(intrinsics, jnp.stack([points_K[:, 0] / depth, points_K[:, 1] / depth]))
+        return intrinsics.center_px[:, None] + intrinsics.focal_px * shown
     return jnp.stack(
         [
             intrinsics.center_px[0] + intrinsics.focal_px * points_K[:, 0] / depth,

@@ -38,7 +38,12 @@ def frame(
     found = Detections(box_px=boxes, score=jnp.asarray([[score, 0.1]], jnp.float32))
     monkeypatch.setattr(rendered_camera, "detect", lambda *_: found)
     imaging = Imaging(
-        exposure=UNUSED, full_well=UNUSED, read_noise=UNUSED, blur=UNUSED, score_threshold=jnp.asarray(0.5)
+        exposure=UNUSED,
+        full_well=UNUSED,
+        read_noise=UNUSED,
+        blur=UNUSED,
+        bloom_radius=UNUSED,
+        score_threshold=jnp.asarray(0.5),
     )
     window = ImageWindow(
         intrinsics=None,
@@ -149,6 +154,7 @@ def test_an_image_is_black_where_its_window_goes_beyond_the_frame(monkeypatch: p
         full_well=jnp.asarray(2e4),
         read_noise=jnp.asarray(12.0),
         blur=jnp.asarray(0.7),
+        bloom_radius=UNUSED,
         score_threshold=UNUSED,
     )
     corner = jnp.asarray([70.0, 20.0], jnp.float32)

@@ -202,7 +202,7 @@ def detect_in_views(
     nominal = params.build_params(tables, file.camera.width_px, file.camera.height_px)
     networks, rays = trained_files.load_networks(tables, nominal.landmarks), image_sampling.image_sampling(tables)
     size = (file.camera.width_px, file.camera.height_px)
-    lens = pinhole.pinhole_intrinsics(nominal.camera.field_of_view, *size)
+    lens = nominal.camera.lens(*size)
     detect_batch = jax.jit(jax.vmap(partial(_detect_in_view, nominal, rays, size, lens), in_axes=(None, None, 0, 0)))
     count = len(views.r_ST_N)
     keys = jax.random.key_data(jax.random.split(jax.random.key(seed, impl="threefry2x32"), count))

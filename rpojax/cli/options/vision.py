@@ -137,6 +137,7 @@ class EvaluateFieldCommand(Command):
     fresh: Annotated[FreshViews, FLAT]
     field: Given = None
     mesh: Annotated[str | None, arg(metavar="MESH", help="Mesh that FIELD was trained on.")] = None
+    glints: Annotated[bool, arg(help="Views in which a face mirrors the Sun, within 3 deg, into the camera.")] = False
     sheet: Annotated[Path | None, arg(metavar="PNG", help="Write ray traces, renderings and differences.")] = None
     force: Annotated[bool, arg(help="Replace the sheet if it is there.")] = False
     as_json: AsJson = False

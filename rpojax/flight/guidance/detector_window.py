@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core import quaternion
+from rpojax.core import lens_distortion, quaternion
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -64,7 +64,10 @@ def select_window(
     r_TK_K = quaternion.rotate(q_KN, orbit.relative.r_TS_N)
     depth = jnp.maximum(r_TK_K[2], _LEAST_DEPTH)
     center_px = jnp.array([0.5 * camera.width_px, 0.5 * camera.height_px], dtype=depth.dtype)
-    expected_px = center_px + vehicle.focal_px * r_TK_K[:2] / depth
+    tangents = r_TK_K[:2] / depth
+    if vehicle.distortion is not None:
+        tangents = lens_distortion.distort(vehicle.distortion, tangents)
+    expected_px = center_px + vehicle.focal_px * tangents
     acquisition = pointing.acquisition
     tracked = acquisition.acquired & (acquisition.unseen_time < _TRACKING_TIMEOUT_S) & (r_TK_K[2] > 0.0)
     return window_around(camera, expected_px, vehicle.focal_px * target_size / depth, tracked)

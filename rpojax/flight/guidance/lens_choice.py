@@ -15,6 +15,7 @@ class BelievedWideLens:
 
     Attributes:
         focal_px: () nominal focal length [px]
+        distortion: (5,) nominal, None for a pinhole
     """
 
     focal_px: Array
@@ -40,6 +41,7 @@ class BelievedWideLens:
         at_least=0.0,
         default=0.0,
     )
+    distortion: Array | None = None
 
 
 @pytree

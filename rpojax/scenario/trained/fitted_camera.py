@@ -25,13 +25,24 @@ RANGE_KEY = "range of start and station [m]"
 LANDMARKS_KEY = "camera.landmarks"
 _CAMERA_KEYS = ("width_px", "height_px", "field_of_view_deg")
 _IMAGING_KEYS = ("exposure", "full_well", "read_noise", "blur_px", "score_threshold")
+_OPTIONAL_KEYS = ("camera.distortion", "imaging.bloom", "imaging.bloom_radius_px", "imaging.exposure_time_s")
+"""Of these a card has those only that are not None; older ones know none."""
 
 
 def fitted_for(tables: Mapping[str, Any]) -> dict[str, Any]:
     """Values of the keys on which a fitted camera depends."""
     camera = {f"camera.{key}": tables["camera"][key] for key in _CAMERA_KEYS}
     imaging = {f"imaging.{key}": tables["imaging"][key] for key in _IMAGING_KEYS}
-    return {**camera, **imaging, "target.hull_m": tables["target"]["hull_m"]}
+    optional = {key: _value(tables, key) for key in _OPTIONAL_KEYS}
+    if optional["imaging.bloom"] is None:
+        optional["imaging.bloom_radius_px"] = None
+    given = {key: value for key, value in optional.items() if value is not None}
+    return {**camera, **imaging, **given, "target.hull_m": tables["target"]["hull_m"]}
+
+
+def _value(tables: Mapping[str, Any], key: str) -> Any:
+    section, _, leaf = key.partition(".")
+    return tables[section].get(leaf)
 
 
 def made_with(tables: Mapping[str, Any]) -> dict[str, str]:
@@ -84,8 +95,10 @@ def statistics_for_model(tables: Mapping[str, Any], through_wide_lens: bool = Fa
 
     statistics, card = statistical_camera_file.load_statistics(file_path(tables, "statistics"))
     known = card.get("fitted_for")
-    for key, value in fitted_for(tables).items():
-        found = known.get(key) if isinstance(known, dict) else None
+    known = known if isinstance(known, dict) else {}
+    expected = fitted_for(tables)
+    for key in (*expected, *(key for key in _OPTIONAL_KEYS if key in known and key not in expected)):
+        found, value = known.get(key), expected.get(key)
         if json.dumps(found) != json.dumps(value):
             raise ScenarioError(
                 key, value, f"{found}, as in imaging.statistics; `rpojax calibrate-camera-model` fits another"

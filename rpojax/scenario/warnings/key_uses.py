@@ -230,6 +230,7 @@ _CAMERA: Final = (
     ),
     Use(("wide_lens.edge_noise_px",), "camera.model = 'geometric'", lambda at: at.file.camera.model == "geometric"),
     Use(("wide_lens.statistics",), "camera.model = 'statistical'", lambda at: at.file.camera.model == "statistical"),
+    Use(("imaging.bloom_radius_px",), "imaging.bloom", lambda at: at.file.imaging.bloom is not None),
     Use(("imaging.sky_seed",), "camera.model = 'rendered'", lambda at: at.file.camera.model == "rendered"),
     Use(
         ("imaging.landmark_network",),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core import lens_distortion
 from rpojax.core.pytree import pytree
 from rpojax.vision.surface.landmarks import Landmarks, are_free
 
@@ -62,6 +63,8 @@ class LandmarkScene:
         focal_px: () true focal length
         nominal_focal_px: () that of flight software, by which it gets tangents from places in the picture
         half_frame_tangent: (2,) half of the frame by the nominal focal length
+        distortion: (5,) of the true lens, None for a pinhole
+        nominal_distortion: (5,) by which flight software corrects places in the picture, None for a pinhole
         observable: () bool, there is light to see the target by
         by_lamp_alone: () bool, that of the lamp
         working: () bool, the camera works
@@ -79,6 +82,8 @@ class LandmarkScene:
     observable: Array
     by_lamp_alone: Array
     working: Array
+    distortion: Array | None = None
+    nominal_distortion: Array | None = None
     found: FoundInPicture | None = None
 
     def seen(self, body_offset: Vector) -> SeenLandmarks:
@@ -109,7 +114,11 @@ class LandmarkScene:
 
     def _projected(self, places_K: Float[Array, "n 3"]) -> Float[Array, "n 2"]:
         ratio = self.focal_px / self.nominal_focal_px
-        return ratio * places_K[:, :2] / jnp.maximum(places_K[:, 2], _NEAREST)[:, None]
+        if self.distortion is None:
+            return ratio * places_K[:, :2] / jnp.maximum(places_K[:, 2], _NEAREST)[:, None]
+        tangents = places_K[:, :2] / jnp.maximum(places_K[:, 2], _NEAREST)[:, None]
+        shown = ratio * lens_distortion.distort(self.distortion, tangents.T).T
+        return lens_distortion.corrected(self.nominal_distortion, shown)
 
     def order(self, swapped: Bool[Array, ""], which: Scalar) -> Array:
         """Landmark that each is taken for (n,): itself, or if `swapped` one by the symmetry `which`, from 0 to 1."""

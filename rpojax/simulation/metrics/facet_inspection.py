@@ -14,7 +14,6 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.sections import CoverageSection
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import camera_pose
-from rpojax.vision import pinhole
 from rpojax.vision.surface import octahedral_map
 from rpojax.vision.surface.visibility_table import CELLS
 
@@ -122,7 +121,7 @@ class Inspection:
     def _is_imaged(self, params: Params, view: View, ray_T: tuple[Array, Array, Array]) -> Bool[Array, " facets"]:
         """Whether facets are inside of the frame, and pixels small enough there; `ray_T` leads to the servicer."""
         right, down, depth = (-(row[0] * ray_T[0] + row[1] * ray_T[1] + row[2] * ray_T[2]) for row in view.R_KT)
-        lens = pinhole.pinhole_intrinsics(params.camera.field_of_view, self.scenario.width_px, self.scenario.height_px)
+        lens = params.camera.lens(self.scenario.width_px, self.scenario.height_px)
         focal, half_frame = lens.focal_px.astype(jnp.float32), (lens.center_px / lens.focal_px).astype(jnp.float32)
         in_frame = (jnp.abs(right) < half_frame[0] * depth) & (jnp.abs(down) < half_frame[1] * depth)
         return in_frame & (depth <= np.float32(self.limits.resolution_limit_m_px) * focal)

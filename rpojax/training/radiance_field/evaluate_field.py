@@ -13,12 +13,15 @@ from rpojax.vision.imaging.srgb import linear_to_srgb
 from rpojax.vision.intersection_over_union import intersection_over_union
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.ray_budget import choose_ray_sampling
-from rpojax.vision.radiance_field.render_image import render_target
+from rpojax.vision.radiance_field.render_image import Light, render_target
 from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 
 _EDGE_ALPHA = 0.1
 """Least alpha of a pixel at the edge of a silhouette."""
 _COVERED_ALPHA = 0.02
+_LEAST_PEAK = 1e-3
+FILL_LIGHT = 0.1
+"""Irradiance by fill light in views that are compared, by the Sun's: Earth-shine in the morning."""
 
 
 def srgb_codes(linear: np.ndarray) -> np.ndarray:
@@ -75,7 +78,7 @@ class RenderedViews:
 def render_views(
     field: RadianceField, views: Views, on_progress: Callable[[int, int], None] = lambda done, total: None
 ) -> RenderedViews:
-    """Views of a field with the poses and Suns of ray-traced ones, by the renderer of the simulator."""
+    """Views of a field with the poses and lights of ray-traced ones, by the renderer of the simulator."""
     size = views.alpha.shape[1]
     intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(views.field_of_view_deg)), size, size)
     center = np.asarray(bounding_sphere(field)[0])
@@ -84,15 +87,15 @@ def render_views(
 
     @jax.jit
     def render_view(
-        field: RadianceField, position: jax.Array, rotation: jax.Array, sun: jax.Array
+        field: RadianceField, position: jax.Array, rotation: jax.Array, sun: jax.Array, fill: jax.Array
     ) -> tuple[jax.Array, jax.Array]:
-        lit = jnp.ones((), jnp.float32)
-        frame = render_target(field, intrinsics, size, size, sampling, position, rotation, sun, lit)
+        light = Light(sun_T=sun, sunlight=jnp.float32(1.0), fill_T=fill, fill=jnp.float32(FILL_LIGHT))
+        frame = render_target(field, intrinsics, size, size, sampling, position, rotation, light)
         return frame.color, frame.alpha
 
     colors, alphas = [], []
     for index in range(len(views)):
-        parts = (jnp.asarray(v[index], jnp.float32) for v in (views.position, views.rotation, views.sun))
+        parts = (jnp.asarray(v[index], jnp.float32) for v in (views.position, views.rotation, views.sun, views.fill))
         color, alpha = render_view(field, *parts)
         colors.append(np.asarray(color))
         alphas.append(np.asarray(alpha))
@@ -101,16 +104,23 @@ def render_views(
 
 
 def field_metrics(rendered: RenderedViews, views: Views) -> dict[str, float]:
-    """Metrics of `rpojax field evaluate`: PSNR over all pixels of all views, means of SSIM and IoU, median box IoU."""
+    """Metrics of `rpojax field evaluate`.
+
+    PSNR over all pixels of all views, means of SSIM and IoU, medians of the box IoU, of the brightest value of a view
+    (1 = white level), and of that by the ray trace's.
+    """
     rows = metrics_per_view(rendered, views)
     covered = views.alpha > _COVERED_ALPHA
     square = _squared_errors(rendered, views)
+    peaks = views.radiance(FILL_LIGHT).max(axis=(1, 2, 3))
     return {
         "psnr_db": psnr(square),
         "psnr_target_db": psnr(square[covered]),
         "ssim": float(np.mean(rows["ssim"])),
         "silhouette_iou": float(np.mean(rows["silhouette_iou"])),
         "box_iou_median": float(np.median(rows["box_iou"])),
+        "peak_over_white_median": float(np.median(rows["peak"])),
+        "peak_by_trace_median": float(np.median(rows["peak"] / np.maximum(peaks, _LEAST_PEAK))),
     }
 
 
@@ -119,11 +129,13 @@ def metrics_per_view(rendered: RenderedViews, views: Views) -> dict[str, np.ndar
     square = _squared_errors(rendered, views)
     covered = views.alpha > _COVERED_ALPHA
     count = range(len(views))
+    shown, traced = srgb_codes(rendered.rgb), srgb_codes(views.radiance(FILL_LIGHT))
     return {
         "psnr_db": np.array([psnr(square[i]) for i in count]),
         "psnr_target_db": np.array([psnr(square[i][covered[i]]) for i in count]),
-        "ssim": np.array([ssim(srgb_codes(rendered.rgb[i]), srgb_codes(views.rgb[i])) for i in count]),
+        "ssim": np.array([ssim(shown[i], traced[i]) for i in count]),
         "silhouette_iou": np.array([mask_iou(rendered.alpha[i] > 0.5, views.alpha[i] > 0.5) for i in count]),
+        "peak": rendered.rgb.max(axis=(1, 2, 3)),
         "box_iou": intersection_over_union(
             *(np.array([silhouette_box(alpha) for alpha in alphas]) for alphas in (rendered.alpha, views.alpha))
         ),
@@ -131,4 +143,4 @@ def metrics_per_view(rendered: RenderedViews, views: Views) -> dict[str, np.ndar
 
 
 def _squared_errors(rendered: RenderedViews, views: Views) -> np.ndarray:
-    return (srgb_codes(rendered.rgb).astype(np.float64) - srgb_codes(views.rgb)) ** 2
+    return (srgb_codes(rendered.rgb).astype(np.float64) - srgb_codes(views.radiance(FILL_LIGHT))) ** 2

@@ -29,27 +29,41 @@ from rpojax.vision.radiance_field.target_field import RadianceField, render_rays
 _MARGIN_PX = 3
 """Distance from the silhouette up to which empty pixels are used."""
 _ALPHA_WEIGHT = 0.5
+_FILL_WEIGHT = 0.3
+"""Weight of errors under fill light, which is at most a quarter of the Sun's."""
+_CODE_SLOPE = 1.055 / 2.4
+"""Slope of an sRGB code at white."""
 _NEIGHBOUR_PAIRS = 8192
 _SMOOTHNESS = 1e-2
 _STEPS_PER_CHUNK = 50
 _STEPS_PER_CHECK = 250
-_LEARNING_RATES = {"raw_density": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "head": 2e-3}
+_LEARNING_RATES = {
+    "raw_density": 0.03,
+    "features": 0.02,
+    "network": 3e-3,
+    "material": 1e-2,
+    "fill_network": 3e-3,
+    "trunk": 2e-3,
+    "head": 2e-3,
+}
 _ADAM = optax.scale_by_adam(b2=0.99, eps=1e-10)
 _VALIDATION_VIEWS = 12
 _VALIDATION_RAYS = 16_384
 
 
 class TrainingRays(NamedTuple):
-    """Camera position (v, 3) [m] and Sun (v, 3) of the views; view (n,), direction (n, 3), code and alpha of the rays.
+    """Camera position (v, 3) [m] and lights (v, 3) of the views; view (n,), direction (n, 3), codes, alpha of the rays.
 
-    Positions and directions are in T, colours (n, 3) are sRGB codes.
+    Positions and directions are in T, colours (n, 3) under the Sun and fill light are codes of `radiance_code`.
     """
 
     position: jax.Array
     sun: jax.Array
+    fill: jax.Array
     view: jax.Array
     direction: jax.Array
-    color: jax.Array
+    sunlit: jax.Array
+    filled: jax.Array
     alpha: jax.Array
 
 
@@ -58,23 +72,39 @@ def training_rays(views: Views, first: int, last: int) -> TrainingRays:
     size = views.alpha.shape[1]
     disc = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
     direction_K = pixel_directions(size, views.field_of_view_deg)
-    view, direction, color, alpha = [], [], [], []
+    view, direction, sunlit, filled, alpha = [], [], [], [], []
     for index in range(first, last):
         near = cv2.dilate((views.alpha[index] > 0.0).astype(np.uint8), disc) > 0
         view.append(np.full(int(near.sum()), index - first, np.int32))
         direction.append((direction_K[near] @ views.rotation[index]).astype(np.float32))
-        color.append(views.rgb[index][near])
+        sunlit.append(views.sunlit[index][near])
+        filled.append(views.filled[index][near])
         alpha.append(views.alpha[index][near].astype(np.float32))
-    position, sun = (jnp.asarray(values[first:last], jnp.float32) for values in (views.position, views.sun))
-    merged = [jnp.asarray(np.concatenate(values)) for values in (view, direction, color, alpha)]
-    codes = linear_to_srgb(merged[2].astype(jnp.float32))
-    return TrainingRays(position, sun, merged[0], merged[1], codes, merged[3])
+    position, sun, fill = (
+        jnp.asarray(values[first:last], jnp.float32) for values in (views.position, views.sun, views.fill)
+    )
+    merged = [jnp.asarray(np.concatenate(values)) for values in (view, direction, sunlit, filled, alpha)]
+    return TrainingRays(
+        position=position,
+        sun=sun,
+        fill=fill,
+        view=merged[0],
+        direction=merged[1],
+        sunlit=radiance_code(merged[2].astype(jnp.float32)),
+        filled=radiance_code(merged[3].astype(jnp.float32)),
+        alpha=merged[4],
+    )
+
+
+def radiance_code(linear: jax.Array) -> jax.Array:
+    """sRGB codes of linear radiance up to white, continued with the same slope by a logarithm above it."""
+    return linear_to_srgb(linear) + _CODE_SLOPE * jnp.log(jnp.maximum(linear, 1.0))
 
 
 def subsample(rays: TrainingRays, count: int) -> TrainingRays:
     """About `count` of the rays, evenly spaced."""
     step = max(1, len(rays.view) // count)
-    return TrainingRays(rays.position, rays.sun, *(values[::step] for values in rays[2:]))
+    return TrainingRays(*rays[:3], *(values[::step] for values in rays[3:]))
 
 
 def field_loss(
@@ -88,11 +118,12 @@ def field_loss(
 def mean_squared_errors(
     field: RadianceField, rays: TrainingRays, chosen: jax.Array, jitter: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Mean squared errors of sRGB codes and of alpha over the chosen rays."""
+    """Mean squared errors of codes, and of alpha, over the chosen rays."""
     view = rays.view[chosen]
-    rendered = render_rays(field, rays.position[view], rays.direction[chosen], rays.sun[view], jitter)
-    color_error = jnp.mean((linear_to_srgb(rendered.color) - rays.color[chosen]) ** 2)
-    return color_error, jnp.mean((rendered.alpha - rays.alpha[chosen]) ** 2)
+    rendered = render_rays(field, rays.position[view], rays.direction[chosen], rays.sun[view], rays.fill[view], jitter)
+    sunlit = jnp.mean((radiance_code(rendered.sunlit) - rays.sunlit[chosen]) ** 2)
+    filled = jnp.mean((radiance_code(rendered.filled) - rays.filled[chosen]) ** 2)
+    return sunlit + _FILL_WEIGHT * filled, jnp.mean((rendered.alpha - rays.alpha[chosen]) ** 2)
 
 
 @jax.jit
@@ -127,7 +158,11 @@ def _smoothness_penalty(field: RadianceField, neighbours: jax.Array) -> jax.Arra
 
 def trained_weights(field: RadianceField) -> dict[str, Any]:
     """Trained arrays of a field by name."""
-    names = ("raw_density", "features", "network") if isinstance(field, GridField) else ("trunk", "head")
+    names = (
+        ("raw_density", "features", "network", "material", "fill_network")
+        if isinstance(field, GridField)
+        else ("trunk", "head")
+    )
     return {name: getattr(field, name) for name in names}
 
 
@@ -339,7 +374,7 @@ def _scale_by_learning_rates(update: Any, progress: jax.Array) -> dict[str, Any]
 def _training_digest(mesh: TargetMesh, views: Views, options: FieldTrainingOptions) -> str:
     """Key of a training for its checkpoint."""
     digest = hashlib.sha256(repr((mesh.name, dataclasses.replace(options, limit_s=None), len(views))).encode())
-    for values in (mesh.vertices, views.position, views.sun, views.rgb.sum(axis=(1, 2, 3))):
+    for values in (mesh.vertices, views.position, views.sun, views.sunlit.sum(axis=(1, 2, 3))):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
 

@@ -14,16 +14,18 @@ from rpojax.training.synthetic_data.view_cache import ViewCache, mesh_digest
 from rpojax.vision.pinhole import pixel_directions
 
 _SUN_IRRADIANCE = 2.2
-_WEAK_EARTH_SHINE = 0.25
+_ALL_SIDES_DEG = 180.0
+_FILL_MAP_ROWS = 90
+_Y_TO_Z = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _NEAR_CLIP_M = 0.01
-_FORMAT = 2
+_FORMAT = 3
 VIEWS_PER_BLOCK = 32
 OnProgress = Callable[[int, int], None]
 OnFirstBlock = Callable[[np.ndarray, np.ndarray], None]
 
 
 class RayTracer:
-    """Mitsuba scene of one mesh, rendered one view at a time."""
+    """Mitsuba scenes of one mesh, under the Sun and under fill light, rendered one view at a time."""
 
     def __init__(self, mesh: TargetMesh, sampling: ViewSampling) -> None:
         mitsuba = require_package("mitsuba")
@@ -37,43 +39,46 @@ class RayTracer:
             "direction": [0.0, 0.0, 1.0],
             "irradiance": {"type": "rgb", "value": _SUN_IRRADIANCE},
         }
-        self._sunlit_scene = mitsuba.load_dict({"type": "scene", **shapes, "sun": sun})
+        # Two scenes: choosing one of two lights for each sample would add noise.
+        self._sunlit_scene, self._filled_scene = (
+            mitsuba.load_dict({"type": "scene", **shapes, "light": light})
+            for light in (sun, _fill_light(mitsuba, sampling.fill_half_angle_deg))
+        )
         self._sun_parameters = mitsuba.traverse(self._sunlit_scene)
+        self._fill_parameters = mitsuba.traverse(self._filled_scene)
         self._color_integrator = mitsuba.load_dict({"type": "path", "max_depth": 4, "hide_emitters": True})
         self._near_plane_distance = _near_plane_distance(sampling)
         self._depth_integrator = mitsuba.load_dict({"type": "depth"})
-        shine = {
-            "type": "constant",
-            "radiance": {"type": "rgb", "value": sampling.earth_shine * _SUN_IRRADIANCE / np.pi},
-        }
-        # In a scene of its own: choosing one of two lights for each sample would add noise.
-        self._earth_shine = (
-            mitsuba.load_dict({"type": "scene", **shapes, "sky": shine}) if sampling.earth_shine > 0.0 else None
-        )
 
-    def trace(self, rotation: np.ndarray, position: np.ndarray, sun: np.ndarray, seed: int) -> np.ndarray:
-        """(p, p, 5) linear colour, alpha and depth of one view."""
+    def trace(
+        self, rotation: np.ndarray, position: np.ndarray, sun: np.ndarray, fill: np.ndarray, seed: int
+    ) -> np.ndarray:
+        """(p, p, 8) linear colour under the Sun and under fill light of its irradiance, alpha and depth of one view."""
         sampling, number = self._sampling, (seed + 1 + 100_003 * self._sampling.seed) % 2**31
         # One scene for all views: the search tree of a large mesh takes longer to build than a view to render.
-        self._sun_parameters["sun.to_world"] = self._mitsuba.ScalarTransform4f(rotation_from_z(-sun).tolist())
+        self._sun_parameters["light.to_world"] = self._mitsuba.ScalarTransform4f(rotation_from_z(-sun).tolist())
         self._sun_parameters.update()
         image = self._integrate(
             self._color_integrator, self._sunlit_scene, rotation, position, sampling.samples, number
         )
-        if self._earth_shine is not None:
-            # Weak light adds little noise, so fewer samples do.
-            samples = sampling.samples if sampling.earth_shine > _WEAK_EARTH_SHINE else -(-sampling.samples // 4)
-            image[..., :3] += self._integrate(
-                self._color_integrator, self._earth_shine, rotation, position, samples, number
-            )[..., :3]
+        if sampling.fill_half_angle_deg < _ALL_SIDES_DEG:
+            # The pole of a map of light is its y axis.
+            to_world = (rotation_from_z(fill) @ _Y_TO_Z).tolist()
+            self._fill_parameters["light.to_world"] = self._mitsuba.ScalarTransform4f(to_world)
+            self._fill_parameters.update()
+        # Fill light is smooth and weaker than the Sun's, so fewer samples do.
+        samples = -(-sampling.samples // 2)
+        filled = self._integrate(self._color_integrator, self._filled_scene, rotation, position, samples, number)
         depth = self._integrate(
             self._depth_integrator, self._sunlit_scene, rotation, position, min(sampling.samples, 16), number
         )
-        # The two passes have their own samples: the distance is that of the depth pass, the alpha that of the image.
+        # The passes have their own samples: the distance is that of the depth pass, the alpha that of the image.
         # Mitsuba measures depth from the near plane.
         distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6) + self._near_plane_distance[..., None]
-        image = np.nan_to_num(np.concatenate([image, distance * image[..., 3:4]], axis=2), posinf=0.0, neginf=0.0)
-        image[..., :3] = np.clip(image[..., :3], 0.0, 100.0)
+        alpha = image[..., 3:4]
+        image = np.concatenate([image[..., :3], filled[..., :3], alpha, distance * alpha], axis=2)
+        image = np.nan_to_num(image, posinf=0.0, neginf=0.0)
+        image[..., :6] = np.clip(image[..., :6], 0.0, 100.0)
         return image
 
     def _integrate(
@@ -97,6 +102,18 @@ class RayTracer:
             }
         )
         return np.array(integrator.render(scene, sensor, seed=seed), dtype=np.float32)
+
+
+def _fill_light(mitsuba: Any, half_angle_deg: float) -> dict[str, Any]:
+    """Even light from a cone around the y axis, of the Sun's irradiance on a surface that faces it."""
+    if half_angle_deg >= _ALL_SIDES_DEG:
+        return {"type": "constant", "radiance": {"type": "rgb", "value": _SUN_IRRADIANCE / np.pi}}
+    # Rows of the map are angles from the y axis; the outermost is lit in part.
+    row = _ALL_SIDES_DEG / _FILL_MAP_ROWS
+    lit = np.clip(half_angle_deg / row - np.arange(_FILL_MAP_ROWS), 0.0, 1.0)
+    radiance = _SUN_IRRADIANCE / (np.pi * np.sin(np.radians(min(half_angle_deg, 90.0))) ** 2)
+    picture = np.broadcast_to((radiance * lit)[:, None, None], (_FILL_MAP_ROWS, 2 * _FILL_MAP_ROWS, 3))
+    return {"type": "envmap", "bitmap": mitsuba.Bitmap(np.array(picture, np.float32, order="C")), "scale": 1.0}
 
 
 def _near_plane_distance(sampling: ViewSampling) -> np.ndarray:
@@ -160,8 +177,10 @@ class Views:
         rotation: (n, 3, 3) `R_KT` of the camera axes
         position: (n, 3) camera in T [m]
         sun: (n, 3) unit vector to the Sun in T
+        fill: (n, 3) unit vector to the middle of the fill light in T
         field_of_view_deg: of the whole square frame
-        rgb: (n, p, p, 3) linear radiance on black, 1 = white level
+        sunlit: (n, p, p, 3) linear radiance under the Sun on black, 1 = white level
+        filled: (n, p, p, 3) the same under fill light of the Sun's irradiance
         alpha: (n, p, p) fraction of the pixel that the target covers
         depth: (n, p, p) distance [m] times that fraction
     """
@@ -169,13 +188,19 @@ class Views:
     rotation: np.ndarray
     position: np.ndarray
     sun: np.ndarray
+    fill: np.ndarray
     field_of_view_deg: float
-    rgb: np.ndarray
+    sunlit: np.ndarray
+    filled: np.ndarray
     alpha: np.ndarray
     depth: np.ndarray
 
     def __len__(self) -> int:
         return len(self.position)
+
+    def radiance(self, fill_irradiance: float) -> np.ndarray:
+        """Linear radiance (n, p, p, 3) under the Sun and fill light of an irradiance by the Sun's."""
+        return self.sunlit + np.float32(fill_irradiance) * self.filled
 
 
 def ray_trace_views(
@@ -189,7 +214,7 @@ def ray_trace_views(
 
     `on_first_block` is called with colour (n, p, p, 3) and alpha (n, p, p) of the first block as soon as it is done.
     """
-    rotations, positions, suns = sample_views(mesh, sampling)
+    poses = sample_views(mesh, sampling)
     settings = dataclasses.replace(sampling, count=0)
     cache = ViewCache(folder, f"{_FORMAT} {mesh_digest(mesh)} {settings}") if folder else None
     blocks = []
@@ -203,23 +228,29 @@ def ray_trace_views(
             tracer = tracer or RayTracer(mesh, sampling)
             frames = []
             for index in chosen:
-                frames.append(tracer.trace(rotations[index], positions[index], suns[index], index))
+                frames.append(
+                    tracer.trace(
+                        poses.rotation[index], poses.position[index], poses.sun[index], poses.fill[index], index
+                    )
+                )
                 on_progress(index + 1, sampling.count)
             # In half precision as stored, so that a call that continues has the same views.
             block = np.stack(frames).astype(np.float16)
             if cache:
                 cache.write(start, {"film": block})
         if start == 0:
-            on_first_block(block[..., :3], block[..., 3])
+            on_first_block(block[..., :3], block[..., 6])
         on_progress(chosen.stop, sampling.count)
         blocks.append(block)
     channels = np.concatenate(blocks).astype(np.float32)
     return Views(
-        rotation=rotations,
-        position=positions,
-        sun=suns,
+        rotation=poses.rotation,
+        position=poses.position,
+        sun=poses.sun,
+        fill=poses.fill,
         field_of_view_deg=sampling.field_of_view_deg,
-        rgb=channels[..., :3],
-        alpha=np.clip(channels[..., 3], 0.0, 1.0),
-        depth=channels[..., 4],
+        sunlit=channels[..., :3],
+        filled=channels[..., 3:6],
+        alpha=np.clip(channels[..., 6], 0.0, 1.0),
+        depth=channels[..., 7],
     )

@@ -68,21 +68,18 @@ def trace_sprites(
 def _view_sampling(views: int, seed: list[int], phase_limit_deg: float) -> ViewSampling:
     number = int(np.random.default_rng(seed).integers(1 << 20))
     return ViewSampling(
-        views, size_px=SIZE_PX, samples=SAMPLES, phase_limit_deg=phase_limit_deg, earth_shine=0.0, seed=number
+        views, size_px=SIZE_PX, samples=SAMPLES, phase_limit_deg=phase_limit_deg, fill_half_angle_deg=180.0, seed=number
     )
 
 
 def _sprites(mesh: TargetMesh, sampling: ViewSampling, folder: Path) -> list[Sprite]:
-    sunlit = ray_traced_views.ray_trace_views(mesh, sampling, folder / "sun")
-    # With the same random numbers both have the same sunlit part; the difference is the uniform light.
-    both = ray_traced_views.ray_trace_views(mesh, dataclasses.replace(sampling, earth_shine=1.0), folder / "both")
+    views = ray_traced_views.ray_trace_views(mesh, sampling, folder)
     sprites = []
-    for index in range(len(sunlit)):
-        alpha = sunlit.alpha[index]
+    for index in range(len(views)):
+        alpha = views.alpha[index]
         rows, columns = np.nonzero(alpha.max(axis=1) > _MIN_ALPHA)[0], np.nonzero(alpha.max(axis=0) > _MIN_ALPHA)[0]
         if len(rows) == 0:
             continue
         crop = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        radiance, total = sunlit.rgb[index][crop], both.rgb[index][crop]
-        sprites.append(Sprite(mesh.name, radiance, np.maximum(total - radiance, 0.0), alpha[crop]))
+        sprites.append(Sprite(mesh.name, views.sunlit[index][crop], views.filled[index][crop], alpha[crop]))
     return sprites

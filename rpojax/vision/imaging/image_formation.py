@@ -1,16 +1,18 @@
 """Image formation: the target over stars and Earth, blurred, exposed and encoded as sRGB."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
+from rpojax.vision.imaging.earth_shine import earth_shine
 from rpojax.vision.imaging.exposure import Exposure, expose
 from rpojax.vision.imaging.random_sky import Sky
 from rpojax.vision.imaging.sky_background import background
 from rpojax.vision.imaging.srgb import linear_to_srgb
 from rpojax.vision.pinhole import Intrinsics
 from rpojax.vision.radiance_field.ray_budget import RaySampling
-from rpojax.vision.radiance_field.render_image import alpha_composite, render_target
+from rpojax.vision.radiance_field.render_image import Light, alpha_composite, render_target
 from rpojax.vision.radiance_field.target_field import RadianceField
 
 Image = Float[Array, "h w 3"]
@@ -29,6 +31,7 @@ class Scene:
         position_N: (3,) camera from the Earth's centre [Earth radii]
         sun_N: (3,) unit vector to the Sun
         earth_rotation: () angle of Greenwich from the x axis of N [rad]
+        smear: (2,) way of the target right and down during the exposure, as tangents; None for a picture at rest
     """
 
     r_KT_T: Array
@@ -39,6 +42,7 @@ class Scene:
     position_N: Array
     sun_N: Array
     earth_rotation: Array
+    smear: Array | None = None
 
 
 @pytree
@@ -59,9 +63,23 @@ class ImageWindow:
 def image_window(intrinsics: Intrinsics, corner_px: Float[Array, "2"], binning: Float[Array, ""]) -> ImageWindow:
     """Window whose corner is at a pixel of the frame and whose pixels are `binning` times as large."""
     window_intrinsics = Intrinsics(
-        focal_px=intrinsics.focal_px / binning, center_px=(intrinsics.center_px - corner_px) / binning
+        focal_px=intrinsics.focal_px / binning,
+        center_px=(intrinsics.center_px - corner_px) / binning,
+        distortion=intrinsics.distortion,
     )
     return ImageWindow(intrinsics=window_intrinsics, corner_px=corner_px, binning=binning)
+
+
+def light_on_target(scene: Scene) -> Light:
+    """Light of the Sun, and of the Earth as fill light from its centre."""
+    nadir_N = -scene.position_N * jax.lax.rsqrt(jnp.sum(scene.position_N**2))
+    nadir_K = jnp.sum(scene.R_KN * nadir_N[None, :], axis=1)
+    return Light(
+        sun_T=scene.sun_T,
+        sunlight=scene.sunlight,
+        fill_T=jnp.sum(scene.R_KT * nadir_K[:, None], axis=0),
+        fill=earth_shine(scene.position_N, scene.sun_N),
+    )
 
 
 def form_image(
@@ -76,7 +94,7 @@ def form_image(
 ) -> Image:
     """sRGB codes (size_px, size_px, 3) in 0..1 of a window; `noise` are standard normal numbers."""
     target = render_target(
-        field, window.intrinsics, size_px, size_px, sampling, scene.r_KT_T, scene.R_KT, scene.sun_T, scene.sunlight
+        field, window.intrinsics, size_px, size_px, sampling, scene.r_KT_T, scene.R_KT, light_on_target(scene)
     )
     binning = window.binning.astype(jnp.float32)
     sky_image = background(
@@ -90,5 +108,6 @@ def form_image(
         scene.earth_rotation,
         binning,
     )
-    exposed = expose(alpha_composite(target, sky_image), exposure, noise, binning)
+    smear_px = None if scene.smear is None else window.intrinsics.focal_px.astype(jnp.float32) * scene.smear
+    exposed = expose(alpha_composite(target, sky_image), exposure, noise, binning, smear_px)
     return linear_to_srgb(exposed)

@@ -9,11 +9,13 @@ import numpy as np
 from rpojax.vision.imaging.contact_sheets import over_backdrop
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.ray_budget import choose_ray_sampling
-from rpojax.vision.radiance_field.render_image import render_target
+from rpojax.vision.radiance_field.render_image import Light, render_target
 from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 
 _FIELD_OF_VIEW = np.radians(26.0)
 _FILL = 0.95
+_FILL_LIGHT = 0.1
+"""Irradiance by light from below, by the Sun's: the Earth in the morning."""
 
 
 def camera_azimuths(frames: int, first_deg: float) -> np.ndarray:
@@ -29,13 +31,14 @@ def render_turntable(
     distance = radius / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW))
     intrinsics = pinhole_intrinsics(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
     sampling = choose_ray_sampling(field, float(intrinsics.focal_px), float(distance), oversampling=1.0)
-    light = jnp.asarray(sun / np.linalg.norm(sun), jnp.float32)
+    sun_T = jnp.asarray(sun / np.linalg.norm(sun), jnp.float32)
+    below = jnp.asarray([0.0, 0.0, -1.0], jnp.float32)
     elevation = np.radians(elevation_deg)
 
     @jax.jit
     def render_view(field: RadianceField, position: jax.Array, rotation: jax.Array) -> tuple[jax.Array, jax.Array]:
-        lit = jnp.ones((), jnp.float32)
-        frame = render_target(field, intrinsics, size_px, size_px, sampling, position, rotation, light, lit)
+        light = Light(sun_T=sun_T, sunlight=jnp.float32(1.0), fill_T=below, fill=jnp.float32(_FILL_LIGHT))
+        frame = render_target(field, intrinsics, size_px, size_px, sampling, position, rotation, light)
         return frame.color, frame.alpha
 
     for azimuth in np.radians(azimuths_deg):

@@ -8,7 +8,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from rpojax.vision.radiance_field.deferred_shading import SHADING_INPUTS
+from rpojax.vision.radiance_field.deferred_shading import FILL_INPUTS, MATERIAL_OUTPUTS, SHADING_INPUTS
 from rpojax.vision.radiance_field.grid_field import LATENT_SIZE, GridField, number_near_nodes
 from rpojax.vision.radiance_field.nerf_field import FREQUENCIES, NerfField
 from rpojax.vision.radiance_field.occupancy_sampling import with_occupancy
@@ -24,7 +24,7 @@ from rpojax.vision.weight_files import (
 )
 
 PACKAGED_FIELD = "target.field.safetensors"
-_KIND = "rpojax field 1"
+_KIND = "rpojax field 2"
 _NODE_LIMIT = 50_000_000
 
 
@@ -45,6 +45,8 @@ def save_field(field: RadianceField, path: Path, card: Mapping[str, object]) -> 
             "matter": np.asarray(field.raw_density).astype(np.float16),
             "features": np.asarray(field.features).astype(np.float16),
             **_layer_tensors("network", field.network),
+            **_layer_tensors("material", field.material),
+            **_layer_tensors("fill_network", field.fill_network),
         }
     else:
         tensors = {
@@ -93,6 +95,8 @@ def _read_grid_field(source: Path, tensors: dict[str, np.ndarray]) -> GridField:
             take_tensor(source, tensors, "features", (rows, 3 + LATENT_SIZE), np.float16).astype(np.float32)
         ),
         network=_take_layers(source, tensors, "network", 3, SHADING_INPUTS, 3),
+        material=_take_layers(source, tensors, "material", 1, LATENT_SIZE, MATERIAL_OUTPUTS),
+        fill_network=_take_layers(source, tensors, "fill_network", 2, FILL_INPUTS, 3),
     )
     check_all_taken(source, tensors)
     return with_occupancy(field)
@@ -103,12 +107,12 @@ def _read_nerf_field(source: Path, tensors: dict[str, np.ndarray]) -> NerfField:
     if not (low < high).all():
         raise WeightsError(f"{source}: low, high: found {low.tolist()} and {high.tolist()}, expected a box")
     trunk = _take_layers(source, tensors, "trunk", 5, 3 + 6 * FREQUENCIES, None)
-    head_inputs = len(trunk[-1][1]) - 1 + 6
+    head_inputs = len(trunk[-1][1]) - 1 + 9
     field = NerfField(
         low=jax.device_put(low),
         high=jax.device_put(high),
         trunk=trunk,
-        head=_take_layers(source, tensors, "head", 2, head_inputs, 3),
+        head=_take_layers(source, tensors, "head", 2, head_inputs, 6),
     )
     check_all_taken(source, tensors)
     return field

@@ -22,7 +22,9 @@ class GridField:
         occupancy: (x, y, z) weight in 0..1 of a cell, named by its lowest node, when samples are placed along a ray
         raw_density: (r,) density before its activation
         features: (r, 3 + LATENT_SIZE) surface normal and latent features
-        network: layers of the shading network
+        network: layers of the network of smooth sunlight
+        material: linear layer from latent features to mirror colour and roughness
+        fill_network: layers of the network of fill light
     """
 
     low: Array
@@ -32,6 +34,8 @@ class GridField:
     raw_density: Array
     features: Array
     network: Layers
+    material: Layers
+    fill_network: Layers
 
 
 def grid_bounds(field: GridField) -> tuple[Array, Array]:

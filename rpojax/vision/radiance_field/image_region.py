@@ -4,11 +4,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.vision.pinhole import Intrinsics
+from rpojax.vision.pinhole import Intrinsics, seen_through_lens, shown_by_lens
 from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 
 _MARGIN = 1.03
 """Side of the region by that of the sphere's image."""
+_EDGE_PLACES = 9
 
 
 def project_region(
@@ -24,9 +25,23 @@ def project_region(
     rest = depth * depth - radius * radius
     place = center[:2] * depth / rest
     half_sides = radius * jnp.sqrt(center[:2] ** 2 + rest) / rest
+    if intrinsics.distortion is not None:
+        place, half_sides = _shown_square(intrinsics, place, half_sides)
     half = _MARGIN * focal * jnp.max(half_sides)
     pixel = intrinsics.center_px.astype(jnp.float32) + focal * place
     return jax.lax.stop_gradient((pixel - half, 2.0 * half, visible))
+
+
+def _shown_square(intrinsics: Intrinsics, place: Array, half_sides: Array) -> tuple[Array, Array]:
+    """Middle and half sides of the box around a box of tangents as the lens shows it, by places along its edges."""
+    steps = jnp.linspace(-1.0, 1.0, _EDGE_PLACES, dtype=jnp.float32)
+    ends, ones = jnp.array([-1.0, 1.0], jnp.float32), jnp.ones_like(steps)
+    along = jnp.concatenate([jnp.tile(steps, 2), ends[0] * ones, ends[1] * ones])
+    across = jnp.concatenate([ends[0] * ones, ends[1] * ones, jnp.tile(steps, 2)])
+    edge = place[:, None] + half_sides[:, None] * jnp.stack([along, across])
+    shown = shown_by_lens(intrinsics, edge)
+    low, high = jnp.min(shown, axis=1), jnp.max(shown, axis=1)
+    return 0.5 * (low + high), 0.5 * (high - low)
 
 
 def region_directions(intrinsics: Intrinsics, count: int, corner: Array, side: Array, R_KT: Array) -> Array:
@@ -35,6 +50,7 @@ def region_directions(intrinsics: Intrinsics, count: int, corner: Array, side: A
     center, focal = intrinsics.center_px.astype(jnp.float32), intrinsics.focal_px.astype(jnp.float32)
     x = jnp.broadcast_to(((corner[0] + place - center[0]) / focal)[None, :], (count, count)).reshape(-1)
     y = jnp.broadcast_to(((corner[1] + place - center[1]) / focal)[:, None], (count, count)).reshape(-1)
+    x, y = seen_through_lens(intrinsics, jnp.stack([x, y])) if intrinsics.distortion is not None else (x, y)
     scale = jax.lax.rsqrt(1.0 + x * x + y * y)
     direction_K = jnp.stack([x * scale, y * scale, scale], axis=1)
     return jnp.sum(direction_K[:, :, None] * R_KT[None, :, :], axis=1)

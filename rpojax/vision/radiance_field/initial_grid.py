@@ -9,12 +9,13 @@ from jaxtyping import Array
 from scipy.ndimage import binary_dilation
 from scipy.spatial import KDTree
 
-from rpojax.vision.multilayer_perceptron import initialize_layers
-from rpojax.vision.radiance_field.deferred_shading import SHADING_INPUTS
+from rpojax.vision.multilayer_perceptron import Layers, initialize_layers
+from rpojax.vision.radiance_field.deferred_shading import FILL_INPUTS, MATERIAL_OUTPUTS, SHADING_INPUTS
 from rpojax.vision.radiance_field.grid_field import LATENT_SIZE, GridField, number_near_nodes
 from rpojax.vision.radiance_field.occupancy_sampling import with_occupancy
 
 _EMPTY_RAW_DENSITY = -10.0
+_DIELECTRIC_LOGIT = -3.2
 
 
 def initialize_grid(surface: np.ndarray, normals: np.ndarray, key: Array, rows: int = 160_000) -> GridField:
@@ -44,8 +45,16 @@ def initialize_grid(surface: np.ndarray, normals: np.ndarray, key: Array, rows: 
             raw_density=jnp.asarray(raw_density),
             features=jnp.asarray(features),
             network=initialize_layers(key, (SHADING_INPUTS, 64, 64, 3)),
+            material=_initial_material(jax.random.fold_in(key, 2)),
+            fill_network=initialize_layers(jax.random.fold_in(key, 3), (FILL_INPUTS, 32, 3)),
         )
     )
+
+
+def _initial_material(key: Array) -> Layers:
+    """Layer to the material of a dull dielectric: 4 % of the light mirrored, roughness 0.5."""
+    ((weight, bias),) = initialize_layers(key, (LATENT_SIZE, MATERIAL_OUTPUTS))
+    return ((0.1 * weight, bias.at[:3].set(_DIELECTRIC_LOGIT)),)
 
 
 def _grid_extent(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, tuple[int, ...]]:

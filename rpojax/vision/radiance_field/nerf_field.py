@@ -24,7 +24,7 @@ class NerfField:
         low: (3,) lowest corner of the target's box [m]
         high: (3,) highest corner [m]
         trunk: layers from the encoded point to density and a feature vector
-        head: layers from feature vector, view and Sun to colour
+        head: layers from feature vector, view, Sun and fill light to the colours under either
     """
 
     low: Array
@@ -40,7 +40,7 @@ def initialize_nerf(low: np.ndarray, high: np.ndarray, key: Array, width: int = 
         low=jnp.asarray(low, jnp.float32),
         high=jnp.asarray(high, jnp.float32),
         trunk=initialize_layers(jax.random.fold_in(key, 1), (inputs, width, width, width, width, 1 + width)),
-        head=initialize_layers(jax.random.fold_in(key, 2), (width + 6, 32, 3)),
+        head=initialize_layers(jax.random.fold_in(key, 2), (width + 9, 32, 6)),
     )
 
 
@@ -64,7 +64,9 @@ def _density_and_feature(field: NerfField, point: Array) -> tuple[Array, Array]:
     return jnp.where(inside, jax.nn.softplus(values[0]) * (100.0 / size), 0.0), values[1:]
 
 
-def render_nerf_ray(field: NerfField, origin: Array, direction: Array, sun: Array, shift: Array) -> RenderedRays:
+def render_nerf_ray(
+    field: NerfField, origin: Array, direction: Array, sun: Array, fill: Array, shift: Array
+) -> RenderedRays:
     """One ray rendered by quadrature at even distances; `shift` in -0.5 to 0.5 moves its samples."""
     near, far = ray_box_intersection(field.low, field.high, origin, direction)
     step = (far - near) / SAMPLES
@@ -72,10 +74,12 @@ def render_nerf_ray(field: NerfField, origin: Array, direction: Array, sun: Arra
     sigma, feature = jax.vmap(lambda t: _density_and_feature(field, origin + t * direction))(distance)
     optical_depth = jnp.cumsum(sigma * step)
     weight = jnp.exp(sigma * step - optical_depth) * (1.0 - jnp.exp(-sigma * step))
-    head = jax.vmap(lambda f: apply_layers(field.head, jnp.concatenate([jax.nn.relu(f), direction, sun])))(feature)
+    lights = jnp.concatenate([direction, sun, fill])
+    head = jax.vmap(lambda f: apply_layers(field.head, jnp.concatenate([jax.nn.relu(f), lights])))(feature)
     color = jnp.sum(weight[:, None] * jax.nn.sigmoid(head) ** RADIANCE_GAMMA, axis=0)
     return RenderedRays(
-        color=color,
+        sunlit=color[:3],
+        filled=color[3:],
         alpha=1.0 - jnp.exp(-optical_depth[-1]),
         depth=jnp.sum(weight * distance),
         normal=jnp.zeros((3,), jnp.float32),

@@ -11,8 +11,24 @@ from rpojax.vision.radiance_field.target_field import RadianceField, intersects,
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
-Scalar = Float[Array, ""]
 Image = Float[Array, "h w 3"]
+
+
+@pytree
+class Light:
+    """Light on a target.
+
+    Attributes:
+        sun_T: (3,) unit vector to the Sun, in target axes
+        sunlight: () fraction of the Sun's disc in view
+        fill_T: (3,) unit vector to the middle of the fill light, which comes from a wide cone, in target axes
+        fill: () irradiance of a surface that faces it, by the Sun's
+    """
+
+    sun_T: Array
+    sunlight: Array
+    fill_T: Array
+    fill: Array
 
 
 @pytree
@@ -38,17 +54,15 @@ def render_target(
     sampling: RaySampling,
     r_KT_T: Vector,
     R_KT: Matrix,
-    sun_T: Vector,
-    sunlight: Scalar,
+    light: Light,
 ) -> RenderedTarget:
-    """Image of the target from the camera's position [m] and axes and the unit vector to the Sun, all in T.
+    """Image of the target from the camera's position [m] and axes, in T, under a light.
 
-    `sunlight` is the fraction of the Sun's disc in view; arrays are float32. Differentiable in pose and Sun.
+    Arrays are float32. Differentiable in pose and light.
     """
     corner, side, visible = project_region(field, intrinsics, r_KT_T, R_KT)
     direction = region_directions(intrinsics, sampling.side, corner, side, R_KT)
-    cells = _render_square(field, sampling, r_KT_T, direction, sun_T)
-    cells = cells * jnp.stack([sunlight, sunlight, sunlight, *[jnp.ones_like(sunlight)] * 2])[None, :]
+    cells = _render_square(field, sampling, r_KT_T, direction, light)
     cells = jnp.where(visible, cells, 0.0).reshape(sampling.side, sampling.side, 5)
     across = _pixel_coverage(corner[0], side, sampling.side, width_px)
     down = _pixel_coverage(corner[1], side, sampling.side, height_px)
@@ -56,13 +70,18 @@ def render_target(
     return RenderedTarget(color=frame[..., :3], alpha=frame[..., 3], depth=frame[..., 4])
 
 
-def _render_square(field: RadianceField, sampling: RaySampling, origin: Array, directions: Array, sun: Array) -> Array:
+def _render_square(
+    field: RadianceField, sampling: RaySampling, origin: Array, directions: Array, light: Light
+) -> Array:
     """Colour, alpha and depth (n, 5) of all rays of the square; only those that may hit the target are rendered."""
 
     def render(directions: Array) -> Array:
-        origins, suns = (jnp.broadcast_to(v[None, :], directions.shape) for v in (origin, sun))
-        found = render_rays(field, origins, directions, suns)
-        return jnp.concatenate([found.color, found.alpha[:, None], found.depth[:, None]], axis=1)
+        origins, suns, fills = (
+            jnp.broadcast_to(v[None, :], directions.shape) for v in (origin, light.sun_T, light.fill_T)
+        )
+        found = render_rays(field, origins, directions, suns, fills)
+        color = light.sunlight * found.sunlit + light.fill * found.filled
+        return jnp.concatenate([color, found.alpha[:, None], found.depth[:, None]], axis=1)
 
     if sampling.ray_count >= len(directions):
         return render(directions)

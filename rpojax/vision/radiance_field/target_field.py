@@ -39,16 +39,18 @@ def render_rays(
     origins_T: Points,
     directions_T: Points,
     sun_T: Points,
+    fill_T: Points,
     jitter: Float[Array, " n"] | None = None,
 ) -> RenderedRays:
-    """Colour, alpha, depth and normal of rays with unit directions, each with its own unit vector to the Sun.
+    """Colours, alpha, depth and normal of rays with unit directions.
 
-    `jitter` (n,), in -0.5 to 0.5, shifts the samples of each ray for training. Differentiable in rays and Sun.
+    Each has its own unit vectors to the Sun and to the middle of the fill light. `jitter` (n,), in -0.5 to 0.5, shifts
+    the samples of each ray for training. Differentiable in rays and lights.
     """
     shift = jnp.zeros(origins_T.shape[:1], jnp.float32) if jitter is None else jitter
     if isinstance(field, GridField):
-        return jax.vmap(lambda o, d, s, j: render_grid_ray(field, o, d, s, j))(origins_T, directions_T, sun_T, shift)
-    return jax.vmap(lambda o, d, s, j: render_nerf_ray(field, o, d, s, j))(origins_T, directions_T, sun_T, shift)
+        return jax.vmap(lambda *ray: render_grid_ray(field, *ray))(origins_T, directions_T, sun_T, fill_T, shift)
+    return jax.vmap(lambda *ray: render_nerf_ray(field, *ray))(origins_T, directions_T, sun_T, fill_T, shift)
 
 
 def bounds(field: RadianceField) -> tuple[Vector, Vector]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
-from rpojax.vision.radiance_field.deferred_shading import normalized, shade
+from rpojax.vision.radiance_field.deferred_shading import normalized, shade, shade_fill
 from rpojax.vision.radiance_field.grid_field import GridField
 from rpojax.vision.radiance_field.grid_interpolation import (
     grid_density,
@@ -24,22 +24,26 @@ _TINY = 1e-6
 
 @pytree
 class RenderedRays:
-    """Colour, alpha, depth and normal of rays.
+    """Colours, alpha, depth and normal of rays.
 
     Attributes:
-        color: (n, 3) linear radiance, 1 = white level, times alpha
+        sunlit: (n, 3) linear radiance under the Sun, 1 = white level, times alpha
+        filled: (n, 3) the same under fill light of the Sun's irradiance
         alpha: (n,) fraction that the target covers
         depth: (n,) distance [m] times alpha
         normal: (n, 3) unit normal towards the viewer in T times alpha; zero for a field without one
     """
 
-    color: Array
+    sunlit: Array
+    filled: Array
     alpha: Array
     depth: Array
     normal: Array
 
 
-def render_grid_ray(field: GridField, origin: Array, direction: Array, sun: Array, shift: Array) -> RenderedRays:
+def render_grid_ray(
+    field: GridField, origin: Array, direction: Array, sun: Array, fill: Array, shift: Array
+) -> RenderedRays:
     """One ray rendered; `shift` in -0.5 to 0.5 moves its samples."""
     distance, length = sample_distances(field, origin, direction, SAMPLES, shift)
     optical_depth, features, depth = _accumulate_samples(field, origin, direction, distance, length)
@@ -52,8 +56,9 @@ def render_grid_ray(field: GridField, origin: Array, direction: Array, sun: Arra
     transmittance = _sun_transmittance(
         *jax.lax.stop_gradient((field, point + 1.5 * field.spacing * (normal + sun), sun))
     )
-    color = shade(field, features[3:], point, normal, -direction, sun, transmittance)
-    return RenderedRays(color=color * alpha, alpha=alpha, depth=depth, normal=normal * alpha)
+    sunlit = shade(field, features[3:], point, normal, -direction, sun, transmittance)
+    filled = shade_fill(field, features[3:], point, normal, -direction, fill)
+    return RenderedRays(sunlit=sunlit * alpha, filled=filled * alpha, alpha=alpha, depth=depth, normal=normal * alpha)
 
 
 def _accumulate_samples(

@@ -18,7 +18,7 @@ SMALL = FieldTrainingOptions(steps=120, rays=16, rows=500)
 
 def empty_views(views: Views) -> evaluate_field.RenderedViews:
     """Black images, as of an empty field."""
-    return evaluate_field.RenderedViews(np.zeros_like(views.rgb), np.zeros_like(views.alpha))
+    return evaluate_field.RenderedViews(np.zeros_like(views.sunlit), np.zeros_like(views.alpha))
 
 
 def test_training_reduces_image_error(box: TargetMesh, views: Views) -> None:

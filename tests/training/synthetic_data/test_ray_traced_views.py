@@ -32,9 +32,10 @@ def test_depth_is_distance_to_surface(box: TargetMesh, views: Views) -> None:
         assert depth.max() < distance[index] + 0.62
 
 
-def test_earth_shine_lights_shadowed_sides(box: TargetMesh, views: Views) -> None:
-    lit = ray_traced_views.ray_trace_views(box, ViewSampling(4, size_px=32, samples=8, seed=5, earth_shine=0.1))
-    assert (lit.rgb[lit.alpha > 0.999].mean(axis=1) > 0.0).all()
+def test_light_from_all_sides_lights_every_side(box: TargetMesh, views: Views) -> None:
+    sampling = ViewSampling(4, size_px=32, samples=8, seed=5, fill_half_angle_deg=180.0)
+    lit = ray_traced_views.ray_trace_views(box, sampling)
+    assert (lit.filled[lit.alpha > 0.999].mean(axis=1) > 0.0).all()
     np.testing.assert_array_equal(lit.position, views.position[:4])
 
 
@@ -52,7 +53,7 @@ def test_interrupted_call_continues_with_same_views(box: TargetMesh, tmp_path: P
     resumed = ray_traced_views.ray_trace_views(box, sampling, tmp_path)
     assert (tmp_path / "views_00000.npz").stat().st_mtime_ns == first
     # Bit-equal, since the views are part of the key of a checkpoint.
-    np.testing.assert_array_equal(resumed.rgb, ray_traced_views.ray_trace_views(box, sampling).rgb)
+    np.testing.assert_array_equal(resumed.sunlit, ray_traced_views.ray_trace_views(box, sampling).sunlit)
 
 
 def test_first_block_is_reported_before_the_others(box: TargetMesh) -> None:
@@ -66,6 +67,6 @@ def test_first_block_is_reported_before_the_others(box: TargetMesh) -> None:
         lambda rgb, alpha: reported.append((rgb, alpha)),
     )
     [(rgb, alpha)] = reported
-    np.testing.assert_array_equal(rgb, views.rgb[:32])
+    np.testing.assert_array_equal(rgb, views.sunlit[:32])
     np.testing.assert_array_equal(alpha, views.alpha[:32])
     assert (33, 1) in progress

@@ -38,12 +38,20 @@ def render(
     rotation: np.ndarray,
     region: int = 64,
     sunlight: float = 1.0,
+    fill: float = 0.0,
     size: int = 64,
 ) -> render_image.RenderedTarget:
     """Image of the field in a square camera of 10 deg, with all rays of a region."""
     intrinsics = square_intrinsics(np.radians(10.0), size, size)
-    parts = [np.asarray(value, np.float32) for value in (position, rotation, np.array([0.0, 0.6, 0.8]), sunlight)]
-    return jax.device_get(render_target(field, intrinsics, size, size, RaySampling(region, region * region), *parts))
+    pose = [np.asarray(value, np.float32) for value in (position, rotation)]
+    rays = RaySampling(region, region * region)
+    return jax.device_get(render_target(field, intrinsics, size, size, rays, *pose, light(sunlight, fill)))
+
+
+def light(sunlight: float = 1.0, fill: float = 0.0) -> render_image.Light:
+    """Light of a Sun above the target, and fill light from below."""
+    sun_T, fill_T = jnp.array([0.0, 0.6, 0.8], jnp.float32), jnp.array([0.0, 0.0, -1.0], jnp.float32)
+    return render_image.Light(sun_T=sun_T, sunlight=jnp.float32(sunlight), fill_T=fill_T, fill=jnp.float32(fill))
 
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
@@ -76,6 +84,16 @@ def test_target_in_eclipse_is_dark_and_opaque(field: RadianceField) -> None:
     assert image.min() < 0.05
 
 
+def test_fill_light_stays_in_eclipse_and_comes_from_its_side(field: RadianceField) -> None:
+    above, below = np.array([0.0, 0.0, 20.0]), np.array([0.0, 0.0, -20.0])
+    up = DOWN * np.array([1.0, -1.0, -1.0])[:, None]
+    dark, lit = render(field, above, DOWN, sunlight=0.0, fill=0.2), render(field, below, up, sunlight=0.0, fill=0.2)
+    assert np.sum(lit.color) > 2.0 * np.sum(dark.color)
+    both = render(field, below, up, sunlight=1.0, fill=0.2)
+    sun_alone = render(field, below, up, sunlight=1.0)
+    np.testing.assert_allclose(both.color, sun_alone.color + lit.color, atol=1e-5)
+
+
 def test_target_behind_camera_is_not_rendered(field: RadianceField) -> None:
     found = render(field, np.array([0.0, 0.0, -20.0]), DOWN)
     np.testing.assert_array_equal(found.alpha, 0.0)
@@ -84,13 +102,11 @@ def test_target_behind_camera_is_not_rendered(field: RadianceField) -> None:
 def test_images_batch_under_vmap(field: RadianceField) -> None:
     positions = np.array([[0.0, 0.0, 20.0], [0.2, 0.0, 30.0]], np.float32)
     intrinsics = square_intrinsics(np.radians(10.0), 32, 32)
-    rotation, sun = (jnp.asarray(value, jnp.float32) for value in (DOWN, np.array([0.0, 0.6, 0.8])))
+    rotation = jnp.asarray(DOWN, jnp.float32)
 
     def color(position: jax.Array) -> jax.Array:
-        lit = jnp.ones((), jnp.float32)
-        return render_image.render_target(
-            field, intrinsics, 32, 32, RaySampling(32, 32 * 32), position, rotation, sun, lit
-        ).color
+        rays = RaySampling(32, 32 * 32)
+        return render_image.render_target(field, intrinsics, 32, 32, rays, position, rotation, light()).color
 
     together = np.asarray(jax.jit(jax.vmap(color))(positions))
     alone = jax.jit(color)

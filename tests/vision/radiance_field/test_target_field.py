@@ -20,13 +20,14 @@ def sphere() -> RadianceField:
     return initialize_grid(RADIUS * normals, normals, jax.random.key(0), 8000)
 
 
-def rays_towards_sphere(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Rays along +z with offsets (n, 2) from the centre, and a Sun behind the camera."""
+def rays_towards_sphere(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Rays along +z with offsets (n, 2) from the centre, a Sun behind the camera, and fill light from the side."""
     count = len(offset)
     origins = np.concatenate([offset, np.full((count, 1), -3.0)], axis=1)
     directions = np.tile([0.0, 0.0, 1.0], (count, 1))
     suns = np.tile([0.0, 0.6, -0.8], (count, 1))
-    return jnp.asarray(origins, jnp.float32), jnp.asarray(directions, jnp.float32), jnp.asarray(suns, jnp.float32)
+    fills = np.tile([1.0, 0.0, 0.0], (count, 1))
+    return tuple(jnp.asarray(values, jnp.float32) for values in (origins, directions, suns, fills))
 
 
 def test_rays_hit_sphere_with_its_normal(sphere: RadianceField) -> None:
@@ -45,7 +46,8 @@ def test_rays_beside_sphere_are_empty(sphere: RadianceField) -> None:
     beside = (RADIUS + 0.15) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     found = render_rays(sphere, *rays_towards_sphere(beside))
     np.testing.assert_allclose(found.alpha, 0.0, atol=1e-3)
-    np.testing.assert_allclose(found.color, 0.0, atol=1e-3)
+    np.testing.assert_allclose(found.sunlit, 0.0, atol=1e-3)
+    np.testing.assert_allclose(found.filled, 0.0, atol=1e-3)
 
 
 def test_density_is_high_on_surface_and_zero_elsewhere(sphere: RadianceField) -> None:
@@ -59,25 +61,26 @@ def test_density_is_high_on_surface_and_zero_elsewhere(sphere: RadianceField) ->
 def test_colour_and_alpha_have_finite_gradients_in_pose_and_sun(sphere: RadianceField, kind: str) -> None:
     field = sphere if kind == "grid" else initialize_nerf(-np.ones(3) * 0.5, np.ones(3) * 0.5, jax.random.key(0))
     offset = np.stack([np.linspace(0.3, 0.7, 21), np.zeros(21)], axis=1)
-    origins, directions, suns = rays_towards_sphere(offset)
+    rays = rays_towards_sphere(offset)
 
-    def brightness(origins: jax.Array, directions: jax.Array, suns: jax.Array) -> jax.Array:
-        rays = render_rays(field, origins, directions, suns)
-        return jnp.sum(rays.color) + jnp.sum(rays.alpha)
+    def brightness(*rays: jax.Array) -> jax.Array:
+        found = render_rays(field, *rays)
+        return jnp.sum(found.sunlit) + jnp.sum(found.filled) + jnp.sum(found.alpha)
 
-    gradients = jax.grad(brightness, argnums=(0, 1, 2))(origins, directions, suns)
+    gradients = jax.grad(brightness, argnums=(0, 1, 2, 3))(*rays)
     assert all(np.isfinite(np.asarray(gradient)).all() for gradient in gradients)
     assert all(np.abs(np.asarray(gradient)).max() > 1e-4 for gradient in gradients)
     if kind == "grid":
         # Alpha falls with the distance from the centre.
-        edge = jax.grad(lambda o: jnp.sum(render_rays(field, o, directions, suns).alpha))(origins)
+        edge = jax.grad(lambda o: jnp.sum(render_rays(field, o, *rays[1:]).alpha))(rays[0])
         assert float(jnp.sum(edge[:, 0])) < -1.0
 
 
 def test_batch_equals_single_rays(sphere: RadianceField) -> None:
-    origins, directions, suns = rays_towards_sphere(np.random.default_rng(2).uniform(-0.5, 0.5, (6, 2)))
-    together = render_rays(sphere, origins, directions, suns)
+    rays = rays_towards_sphere(np.random.default_rng(2).uniform(-0.5, 0.5, (6, 2)))
+    together = render_rays(sphere, *rays)
     for index in range(6):
-        alone = render_rays(sphere, origins[index : index + 1], directions[index : index + 1], suns[index : index + 1])
-        np.testing.assert_allclose(alone.color[0], together.color[index], atol=1e-5)
+        alone = render_rays(sphere, *(values[index : index + 1] for values in rays))
+        np.testing.assert_allclose(alone.sunlit[0], together.sunlit[index], atol=1e-5)
+        np.testing.assert_allclose(alone.filled[0], together.filled[index], atol=1e-5)
         np.testing.assert_allclose(alone.alpha[0], together.alpha[index], atol=1e-5)

@@ -19,7 +19,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import camera_pose
-from rpojax.vision import bounding_box, box_projection, pinhole
+from rpojax.vision import bounding_box, box_projection
 
 KEYS = ("target.attitude", "target.tumble_axis", "target.tumble_rate_deg_s")
 """Keys whose dispersion is represented by the ensemble, not by a derivative."""
@@ -165,6 +165,6 @@ def observe_ensemble(
 
 def target_outline(scenario: Scenario, params: Params, q_TN: Float[Array, "4"], truth: Truth) -> Float[Array, "4"]:
     """Edges [px] of the box of a target at attitude `q_TN` in the true camera, not cut by the frame."""
-    lens = pinhole.pinhole_intrinsics(params.camera.field_of_view, scenario.width_px, scenario.height_px)
+    lens = params.camera.lens(scenario.width_px, scenario.height_px)
     pose = camera_pose.target_pose_in_camera(params.camera, q_TN, truth.r_ST_N, truth.q_BN)
     return box_projection.projected_box(lens, camera_pose.hull_in_camera(params.plant.target.true_hull, *pose))

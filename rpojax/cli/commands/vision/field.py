@@ -35,6 +35,9 @@ from rpojax.vision.imaging.turntable import camera_azimuths, render_turntable
 from rpojax.vision.radiance_field.field_file import load_field, save_field
 from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 
+_TRAINED_GLINTS = 0.25
+"""Fraction of the training's views in which a face mirrors the Sun into the camera, to `_GLINT_SPREAD_DEG`."""
+_GLINT_SPREAD_DEG = 12.0
 _LEAST_ALPHA = 0.02
 _SHEET_LIMIT, _FILM_LIMIT = 64, 1000
 
@@ -48,7 +51,13 @@ def train(asked: TrainFieldCommand) -> int:
     target = mesh_files.load_mesh(asked.mesh, asked.placement.units, asked.placement.center)
     show_lines(f"{asked.mesh}: {note}" for note in target.notes)
     work = asked.out.with_name(asked.out.name + ".work")
-    shell = random_views.ViewSampling(asked.views, range_scale=(0.9, 1.15), seed=asked.seed)
+    shell = random_views.ViewSampling(
+        asked.views,
+        range_scale=(0.9, 1.15),
+        glint_fraction=_TRAINED_GLINTS,
+        glint_spread_deg=_GLINT_SPREAD_DEG,
+        seed=asked.seed,
+    )
     recipe = train_field.FieldTrainingOptions(
         steps=asked.steps,
         seed=asked.seed,
@@ -93,7 +102,7 @@ def evaluate(asked: EvaluateFieldCommand) -> int:
         claim(asked.sheet, asked.force, (".png",))
 
     target, network = _mesh_and_field(asked.mesh, asked.placement, asked.field)
-    traced = _ray_trace_fresh_views(target, network, asked.fresh, asked.as_json)
+    traced = _ray_trace_fresh_views(target, network, asked.fresh, asked.glints, asked.as_json)
     with items("rendering", quiet=asked.as_json) as watch:
         shown = evaluate_field.render_views(network, traced, watch)
     if asked.sheet:
@@ -170,6 +179,7 @@ def _ray_trace_fresh_views(
     mesh: TargetMesh,
     field: RadianceField,
     fresh: FreshViews,
+    glints: bool,
     quiet: bool,
 ) -> Views:
     radius = random_views.center_and_radius(mesh.bounds)[1]
@@ -187,6 +197,7 @@ def _ray_trace_fresh_views(
         seed=1_000_003 + fresh.seed,
         range_m=fresh.range_m,
         field_of_view_deg=fresh.fov_deg,
+        glint_fraction=float(glints),
     )
     with items("ray tracing", quiet=quiet) as watch:
         traced = ray_traced_views.ray_trace_views(mesh, shell, None, watch)
@@ -217,8 +228,10 @@ def _preview(path: Path, quiet: bool, rgb: np.ndarray, alpha: np.ndarray) -> Non
 
 def _compare(path: Path, shown: RenderedViews, traced: Views, count: int = 8) -> None:
     """Writes a sheet of three rows: ray traces, pictures of the field, and their differences."""
-    error = np.abs(evaluate_field.srgb_codes(shown.rgb[:count]) - evaluate_field.srgb_codes(traced.rgb[:count]))
-    rows = [contact_sheets.over_backdrop(p.rgb[:count], p.alpha[:count]) for p in (traced, shown)]
+    lit = traced.radiance(evaluate_field.FILL_LIGHT)
+    error = np.abs(evaluate_field.srgb_codes(shown.rgb[:count]) - evaluate_field.srgb_codes(lit[:count]))
+    pairs = ((lit, traced.alpha), (shown.rgb, shown.alpha))
+    rows = [contact_sheets.over_backdrop(rgb[:count], alpha[:count]) for rgb, alpha in pairs]
     captions = [f"{name} {i}" for name in ("ray trace", "field", "difference") for i in range(len(error))]
     write_atomically(path, contact_sheets.contact_sheet_png(np.concatenate([*rows, error]), len(error), captions))
 
