@@ -84,7 +84,8 @@ def expose(
     assert params.networks is not None
     view = commanded_window(scenario, params, command)
     picture = _render_window(scenario, params, view, scene, key)
-    frame = rendered_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
+    seen = (params.imaging, params.networks, view, picture, size, outline)
+    frame = rendered_camera.measure(*seen, *light_and_health, scenario.temperature)
     return frame, picture
 
 
