@@ -242,7 +242,7 @@ def objective(metrics: Float[Array, "runs metrics"], mask: Float[Array, " runs"]
     error, surprise = metrics[:, 0], metrics[:, 1]
     counted = (mask > 0.0) & jnp.isfinite(error) & jnp.isfinite(surprise) & (error > 0.0)
     value = jnp.where(counted, jnp.log(jnp.where(counted, error, 1.0)) + jnp.where(counted, surprise, 0.0), 0.0)
-    return jnp.sum(value) / jnp.maximum(jnp.sum(counted), 1)
+    return jnp.sum(value) / jnp.maximum(jnp.sum(jnp.where(counted, 1.0, 0.0)), 1.0)
 
 
 def judge(

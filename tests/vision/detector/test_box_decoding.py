@@ -108,7 +108,7 @@ def test_soft_boxes_of_a_low_temperature_are_the_hard_ones() -> None:
 
 def test_soft_box_at_the_border_has_no_part_of_cells_beyond() -> None:
     maps = maps_of([(0.0, 0.0, 6.0, 5.0)], [3.0])
-    found, peaks = decode_peaks(maps, 1)
+    _, peaks = decode_peaks(maps, 1)
     assert int(peaks[0]) == 0
     boxes, _ = soft_decode_boxes(maps, peaks, 100.0)
     # At such a temperature all nine cells in the window inside of the maps weigh alike, and none of those outside.
