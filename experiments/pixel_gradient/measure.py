@@ -1,13 +1,15 @@
 """Derivatives of the navigation error through the picture, against central differences of the same soft program.
 
-    python experiments/pixel_gradient/measure.py check --runs 8 --seconds 120
+    python experiments/pixel_gradient/measure.py derivatives --runs 8 --seconds 120
+    python experiments/pixel_gradient/measure.py differences --runs 8 --seconds 120
     python experiments/pixel_gradient/measure.py cost --runs 8 --seconds 120
 
-`check` computes pictures and networks, which are in single precision in the loop, in double precision: differences of
-single precision are too coarse. `cost` is of the program as it is.
+The first two compute pictures and networks, which are in single precision in the loop, in double precision:
+differences of single precision are too coarse. `cost` is of the program as it is.
 """
 
 import argparse
+import dataclasses
 import json
 import resource
 import time
@@ -32,7 +34,7 @@ INPUTS = (
 def in_double_precision() -> None:
     """Makes pictures and networks of this process double; before rpojax is imported."""
     single = types.SimpleNamespace(**vars(jnp))
-    setattr(jnp, "float32", jnp.float64)
+    jnp.float32 = jnp.float64
     from rpojax.core import random_streams
     from rpojax.scenario.trained import trained_files
     from rpojax.vision.radiance_field import field_file
@@ -41,10 +43,10 @@ def in_double_precision() -> None:
         return jax.tree.map(lambda x: x.astype(jnp.float64) if x.dtype == np.float32 else x, tree)
 
     # Random numbers stay those of the loop, which are made from bits of single precision.
-    setattr(random_streams, "jnp", single)
+    random_streams.jnp = single
     occupied, load = field_file.with_occupancy, trained_files.load_networks
-    setattr(field_file, "with_occupancy", lambda field: occupied(double(field)))
-    setattr(trained_files, "load_networks", lambda *tables: double(load(*tables)))
+    field_file.with_occupancy = lambda field: occupied(double(field))
+    trained_files.load_networks = lambda *tables: double(load(*tables))
 
 
 def evaluator_of(runs: int, seconds: float, temperature: float) -> Any:
@@ -67,29 +69,85 @@ def evaluator_of(runs: int, seconds: float, temperature: float) -> Any:
     )
 
 
-def check(runs: int, seconds: float, seed: int, temperature: float) -> dict[str, Any]:
-    """Derivatives and central differences of runs, by input."""
+def differences(evaluator: Any, keys: np.ndarray) -> Any:
+    """Function from shifts (runs, k) to metrics (runs,) of runs with pictures from the poses of undisturbed ones.
+
+    Beside each run goes the undisturbed one. The run has the scene of that one before its camera, and its boxes are
+    moved by how far its outline is from that of the other: what a derivative says of the pose.
+    """
+    from rpojax.analysis.gradients import trained_tensors
+    from rpojax.campaign.execution.run_programs import batch_transform
+    from rpojax.sensors import rendered_camera
+    from rpojax.simulation import camera_models, initial_state
+    from rpojax.simulation.metrics import running_metrics
+    from rpojax.simulation.state import state_axes
+    from rpojax.simulation.step import step
+
+    scenario, nominal, stages = evaluator.scenario, evaluator._nominal, evaluator._stages
+    scene_of, measure, seen = camera_models._scene, rendered_camera.measure, {}
+
+    def scene(*arguments: Any) -> Any:
+        return seen.setdefault("scene", scene_of(*arguments))
+
+    def measured(imaging: Any, networks: Any, window: Any, image: Any, size: Any, outline: Any, *rest: Any) -> Any:
+        undisturbed = seen.setdefault("outline", outline)
+        frame = measure(imaging, networks, seen.setdefault("window", window), image, size, undisturbed, *rest)
+        box = dataclasses.replace(frame.box, edges=frame.box.edges + outline - undisturbed)
+        return dataclasses.replace(frame, box=box)
+
+    def tick(values: Any, states: Any, sums: Any) -> Any:
+        camera_models._scene, rendered_camera.measure = scene, measured
+        seen.clear()
+        after = []
+        for own, state in zip(values, states, strict=True):
+            params = trained_tensors.apply_to_params(nominal, own)
+            state, telemetry = step(scenario, params, state, stages)
+            after.append(state)
+        camera_models._scene, rendered_camera.measure = scene_of, measure
+        return tuple(after), running_metrics.add_tick(evaluator._metrics, scenario, params, telemetry, sums)
+
+    axes = state_axes(-1)
+    batched = batch_transform(scenario)(tick, in_axes=(-1, (axes, axes), -1), out_axes=((axes, axes), -1))
+
+    def metrics(shift: Any) -> Any:
+        pair = [jax.vmap(evaluator._input_function)(each, keys) for each in (jnp.zeros_like(shift), shift)]
+
+        def begin(values: Any, key: Any) -> Any:
+            return initial_state.init(scenario, trained_tensors.apply_to_params(nominal, values), key, stages=stages)
+
+        states = tuple(jax.vmap(begin, out_axes=axes)(values, keys) for values in pair)
+        sums = jax.vmap(lambda _: running_metrics.initial_sums(evaluator._metrics), out_axes=-1)(keys)
+        last = tuple(jax.tree.map(lambda value: jnp.moveaxis(value, 0, -1), values) for values in pair)
+        (states, sums), _ = jax.lax.scan(
+            lambda carry, _: (batched(last, *carry), None), (states, sums), None, length=scenario.ticks
+        )
+        found = jax.vmap(lambda each: running_metrics.final_values(evaluator._metrics, each), in_axes=-1)(sums)
+        return found[:, 0], sums.event_hash
+
+    return jax.jit(metrics)
+
+
+def check(runs: int, seconds: float, seed: int, temperature: float, part: str) -> dict[str, Any]:
+    """Derivatives (part `derivatives`) or central differences of runs, by input."""
     from rpojax.simulation.noise import run_keys
 
     evaluator, keys = evaluator_of(runs, seconds, temperature), run_keys(seed, np.arange(runs))
-    here = evaluator.jacobian(np.zeros((runs, len(INPUTS))), keys)
-    found: dict[str, Any] = {"metric": here.metrics[:, 0].tolist(), "completed": int((~here.failed).sum())}
-    for index, (key, component, step) in enumerate(INPUTS):
+    if part == "derivatives":
+        here = evaluator.jacobian(np.zeros((runs, len(INPUTS))), keys)
+        return {
+            "metric": here.metrics[:, 0].tolist(),
+            **{key: here.jacobian[:, 0, index].tolist() for index, (key, _, _) in enumerate(INPUTS)},
+        }
+    metrics = differences(evaluator, keys)
+    undisturbed, events = map(np.asarray, metrics(np.zeros((runs, len(INPUTS)))))
+    found: dict[str, Any] = {"metric": undisturbed.tolist()}
+    for index, (key, _, step) in enumerate(INPUTS):
         shift = np.zeros((runs, len(INPUTS)))
         shift[:, index] = step
-        ahead, back = evaluator.evaluate(shift, keys), evaluator.evaluate(-shift, keys)
-        central = (ahead.metrics[:, 0] - back.metrics[:, 0]) / (2.0 * step)
-        derivative = here.jacobian[:, 0, index]
-        same = (ahead.events == here.events) & (back.events == here.events)
-        name = key if component is None else f"{key}[{component}]"
-        found[name] = {
-            "derivative": derivative.tolist(),
-            "central": central.tolist(),
-            "same_events": int(same.sum()),
-            "mean_relative_error": float(abs(derivative.mean() / central.mean() - 1.0)),
-            "norm_relative_error": float(np.linalg.norm(derivative - central) / np.linalg.norm(central)),
-        }
-        print(json.dumps({name: found[name]}), flush=True)
+        (ahead, events_ahead), (back, events_back) = (map(np.asarray, metrics(each)) for each in (shift, -shift))
+        found[key] = ((ahead - back) / (2.0 * step)).tolist()
+        found[f"{key}, runs with the same events"] = int(((events_ahead == events) & (events_back == events)).sum())
+        print(json.dumps({key: found[key]}), flush=True)
     return found
 
 
@@ -121,16 +179,19 @@ def cost(runs: int, seconds: float, seed: int, temperature: float) -> dict[str, 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("work", choices=("check", "cost"))
+    parser.add_argument("work", choices=("derivatives", "differences", "cost"))
     parser.add_argument("--runs", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--temperature", type=float, default=0.25)
     asked = parser.parse_args()
-    if asked.work == "check":
+    settings = (asked.runs, asked.seconds, asked.seed, asked.temperature)
+    if asked.work == "cost":
+        found = cost(*settings)
+    else:
         in_double_precision()
-    work = check if asked.work == "check" else cost
-    print(json.dumps(work(asked.runs, asked.seconds, asked.seed, asked.temperature), indent=1))
+        found = check(*settings, asked.work)
+    print(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

@@ -83,7 +83,9 @@ def measure(
 
     `observable` is the light, `working` the camera's health; without either there is no box. `true_edges` [px] only
     tell false boxes and the true outline. With a `temperature` box and score are smooth in image and parameters, and
-    the box has a weight: the logistic step of the log-odds of its score at the threshold.
+    the box has a weight: the logistic step of the log-odds of its score at the threshold. Its derivative by the pose is
+    then that of the true outline: that of the picture is of a hundredth of a pixel, and has nothing of the next one
+    (experiments/pixel_gradient).
     """
     weight = None
     if temperature is None:
@@ -101,6 +103,8 @@ def measure(
     high = jnp.minimum(low + image.shape[0] * window.binning, frame_size)
     truncated = bounding_box.touches_border(edges, low, high, window.binning)
     edges = jnp.clip(edges, 0.0, frame_size).astype(true_edges.dtype)
+    if temperature is not None:
+        edges = edges + (true_edges - jax.lax.stop_gradient(true_edges))
     present = (score >= imaging.score_threshold) & observable & working
     visible, _ = bounding_box.clip_to_frame(true_edges, *size_px)
     return CameraFrame(

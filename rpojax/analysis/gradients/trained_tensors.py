@@ -57,7 +57,9 @@ def nominal(params: Params, key: str) -> np.ndarray:
         raise RpojaxError(f"{key}: found a scenario without a rendered camera, expected camera.model = 'rendered'")
     known = tensors(params.networks)
     if key not in known:
-        raise RpojaxError(f"{key}: found no such tensor of detector or field, expected one{did_you_mean(key, list(known))}")
+        raise RpojaxError(
+            f"{key}: found no such tensor of detector or field, expected one{did_you_mean(key, list(known))}"
+        )
     return np.asarray(known[key], dtype=np.float64)
 
 

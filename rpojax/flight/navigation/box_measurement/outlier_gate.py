@@ -147,14 +147,15 @@ def accept(
     eased = jnp.where(confirmed & ~prior.is_wide, size / _END_ON**2, size)
     margin = tuning.gate_sigma**2 - jnp.maximum(bearing, eased)
     inside = gradient_safe.gate(margin, tuning.gate_slope_width)
-    believed = possible & (confirmed | ~prior.is_wide)
-    allowed = view.box.present & believed
-    weight = jnp.where(allowed, inside, 0.0)
-    if view.box.weight is not None:
+    allowed = view.box.present & possible & (confirmed | ~prior.is_wide)
+    accepted = allowed & (inside > 0.5)
+    if view.box.weight is None:
+        weight = jnp.where(allowed, inside, 0.0)
+    else:
         smooth = view.box.weight * gradient_safe.smooth_gate(margin, tuning.gate_slope_width)
-        weight = jnp.where(believed, smooth, 0.0)
+        weight = jnp.where(possible & (confirmed | ~prior.is_wide), smooth, 0.0)
     return GateDecision(
-        accepted=allowed & (inside > 0.5),
+        accepted=accepted,
         weight=weight,
         confirmed=confirmed,
         supported=supported & view.box.present,
