@@ -2,9 +2,10 @@
 
     python experiments/pixel_gradient/measure.py derivatives --runs 8 --seconds 120
     python experiments/pixel_gradient/measure.py differences --runs 8 --seconds 120
+    python experiments/pixel_gradient/measure.py pose --runs 6
     python experiments/pixel_gradient/measure.py cost --runs 8 --seconds 120
 
-The first two compute pictures and networks, which are in single precision in the loop, in double precision:
+All but the last compute pictures and networks, which are in single precision in the loop, in double precision:
 differences of single precision are too coarse. `cost` is of the program as it is.
 """
 
@@ -151,6 +152,48 @@ def check(runs: int, seconds: float, seed: int, temperature: float, part: str) -
     return found
 
 
+def pose(runs: int, seed: int, temperature: float) -> dict[str, Any]:
+    """Motion of the box's centre by a turn of the camera [px/rad], at the start of runs: by derivative, by differences.
+
+    Differences are of 1e-7, 1e-4 and 1e-3 rad; a pixel is 1.4e-3 rad. The outline's is the focal length.
+    """
+    import rpojax
+    from rpojax.core import quaternion
+    from rpojax.core.orbits.sun_moon_ephemeris import sun_and_moon_at
+    from rpojax.sensors import rendered_camera
+    from rpojax.simulation import camera_models
+    from rpojax.vision.detector.two_stage_detector import soft_detect
+
+    file, found = rpojax.load("inspection", ["camera.model=rendered"]), {}
+    scenario, _, state = rpojax.initialise_run(file, seed, 0)
+    size = (scenario.width_px, scenario.height_px)
+
+    def centre(turn: Any, params: Any, truth: Any) -> Any:
+        change = jnp.concatenate([jnp.ones(1), 0.5 * turn])
+        turned = quaternion.multiply(change / jnp.sqrt(jnp.sum(change * change)), truth.q_BN)
+        truth = dataclasses.replace(truth, q_BN=turned)
+        window = camera_models.commanded_window(scenario, params, state.flight.camera)
+        sky = sun_and_moon_at(params.epoch, jnp.zeros(()))
+        scene = camera_models._scene(scenario, params, truth, sky, jnp.zeros((), jnp.int64))
+        rays, key = scenario.ray_sampling, jax.random.PRNGKey(3)
+        picture = rendered_camera.render_window(params.imaging, params.networks, rays, window, *size, scene, key)
+        box, _ = soft_detect(params.networks.detector, picture, temperature, rendered_camera.REFINED_PROPOSALS)
+        return 0.5 * jnp.stack([box[0] + box[2], box[1] + box[3]])
+
+    values = jax.jit(centre)
+    along = jax.jit(lambda turn, *rest: jax.jvp(lambda x: centre(x, *rest), (jnp.zeros(3),), (turn,))[1])
+    for run in range(runs):
+        _, params, state = rpojax.initialise_run(file, seed, run)
+        for axis, part in ((2, 0), (1, 1)):
+            turn, rest = jnp.eye(3)[axis], (params, state.truth)
+            steps = [
+                float((values(h * turn, *rest) - values(-h * turn, *rest))[part]) / (2 * h) for h in (1e-7, 1e-4, 1e-3)
+            ]
+            found[f"run {run}, axis {part}"] = [round(float(along(turn, *rest)[part])), *map(round, steps)]
+            print(json.dumps(found[f"run {run}, axis {part}"]), flush=True)
+    return found
+
+
 def cost(runs: int, seconds: float, seed: int, temperature: float) -> dict[str, Any]:
     """Time to compile and to run, and memory, of values and of derivatives in both modes."""
     from rpojax.simulation.noise import run_keys
@@ -179,7 +222,7 @@ def cost(runs: int, seconds: float, seed: int, temperature: float) -> dict[str, 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("work", choices=("derivatives", "differences", "cost"))
+    parser.add_argument("work", choices=("derivatives", "differences", "pose", "cost"))
     parser.add_argument("--runs", type=int, default=8)
     parser.add_argument("--seconds", type=float, default=120.0)
     parser.add_argument("--seed", type=int, default=5)
@@ -190,7 +233,8 @@ def main() -> None:
         found = cost(*settings)
     else:
         in_double_precision()
-        found = check(*settings, asked.work)
+        is_pose = asked.work == "pose"
+        found = pose(asked.runs, asked.seed, asked.temperature) if is_pose else check(*settings, asked.work)
     print(json.dumps(found, indent=1))
 
 
