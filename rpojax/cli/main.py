@@ -72,10 +72,11 @@ COMMANDS: Final[dict[str, type[Command] | Group]] = {
         },
     ),
     "detector": Group(
-        "Make data for the detector, train it and evaluate it.",
+        "Make data for the detector, train it, refine it in the closed loop and evaluate it.",
         {
             "data": vision.MakeDataCommand,
             "train": vision.TrainDetectorCommand,
+            "refine": vision.RefineDetectorCommand,
             "evaluate": vision.EvaluateDetectorCommand,
         },
     ),

@@ -171,7 +171,7 @@ def _beside_landmarks(
         return box
     agrees = target.known & (target.unexplained_s <= 0.0)
     shown = agrees & landmark_measurement.shows_pose(measurements.additional)
-    return replace(box, present=box.present & ~shown, expected=box.expected & ~shown)
+    return replace(box.only_where(~shown), expected=box.expected & ~shown)
 
 
 ViewOf = Callable[[str, RelativeEstimate], SensorView]
@@ -289,8 +289,7 @@ def filtered_box(
     if params.wide_lens is not None and before.lens is not None:
         variance_change = variance_change + lens_choice.misalignment_variance(params.wide_lens, before.lens)
     return replace(
-        box,
-        present=box.present & visible,
+        box.only_where(visible),
         expected=box.expected & target_visibility.is_visible(params.vehicle, before.orbit, sun_N, q_BN=q_BN),
         attitude_variance_change=variance_change,
     )

@@ -46,6 +46,8 @@ class Scenario:
         command_steps: plant steps until wheels and valves have a command
         delays: of measurements, None where flight software has each at once
         isolation: whether flight software shuts off those that are open without a command, by their pressure sensors
+        temperature: of a detector whose boxes and scores are smooth, for derivatives of a rendered loop, in log-odds;
+            None for one that decides, as in runs
     """
 
     ticks: int
@@ -68,6 +70,7 @@ class Scenario:
     command_steps: int = 0
     delays: DelaySettings | None = None
     isolation: bool = False
+    temperature: float | None = None
 
     @property
     def _believed_sensors(self) -> list[tuple[str, type[AdditionalSensor]]]:

@@ -95,6 +95,7 @@ class CameraFrame:
         window: (3,) left, top and side [px] of the square that the detector got
         outlier: () bool, the box is false (not known to flight software)
         outline: (4,) true left, top, right, bottom of the target, cut to the frame [px] (not known to flight software)
+        weight: () of the box where its score is not held against a threshold, but weighs it, in 0..1; else None
     """
 
     box: BoundingBox
@@ -103,3 +104,4 @@ class CameraFrame:
     window: Array
     outlier: Array
     outline: Array
+    weight: Array | None = None

@@ -5,13 +5,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import random_streams
+from rpojax.core.numerics.gradient_safe import smooth_gate
 from rpojax.core.pytree import pytree, replace
 from rpojax.sensors.camera import CameraFrame
 from rpojax.sensors.detector_input import input_side
 from rpojax.sensors.imaging import Imaging
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
-from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
+from rpojax.vision.detector.two_stage_detector import DetectorParams, detect, soft_detect
 from rpojax.vision.imaging.exposure import Exposure
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene, form_image
 from rpojax.vision.imaging.random_sky import Sky
@@ -81,20 +82,34 @@ def measure(
     true_edges: Float[Array, "4"],
     observable: Bool[Array, ""],
     working: Bool[Array, ""],
+    temperature: float | None = None,
 ) -> CameraFrame:
     """Frame with the best box detected in an image, in pixels of the frame.
 
     `observable` is the light, `working` the camera's health; without either there is no box. `true_edges` [px] only
-    tell false boxes and the true outline.
+    tell false boxes and the true outline. With a `temperature` box and score are smooth in image and parameters, and
+    the box has a weight: the logistic step of the log-odds of its score at the threshold. Its derivative by the pose is
+    then that of the true outline: that of the picture is of a hundredth of a pixel, and has nothing of the next one
+    (experiments/pixel_gradient).
     """
-    found = detect(networks.detector, image[None], REFINED_PROPOSALS)
-    box, score = found.box_px[0, 0], found.score[0, 0].astype(true_edges.dtype)
+    weight = None
+    if temperature is None:
+        found = detect(networks.detector, image[None], REFINED_PROPOSALS)
+        box, score = found.box_px[0, 0], found.score[0, 0].astype(true_edges.dtype)
+    else:
+        box, log_odds = soft_detect(networks.detector, image, temperature, REFINED_PROPOSALS)
+        log_odds = log_odds.astype(true_edges.dtype)
+        score, threshold = jax.nn.sigmoid(log_odds), imaging.score_threshold
+        margin = log_odds - jnp.log(threshold) + jnp.log1p(-threshold)
+        weight = jnp.where(observable & working, smooth_gate(margin, jnp.asarray(temperature)), 0.0)
     edges = jnp.concatenate([window.corner_px, window.corner_px]) + box * window.binning
     low = jnp.concatenate([window.corner_px, window.corner_px])
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     high = jnp.minimum(low + image.shape[0] * window.binning, frame_size)
     truncated = bounding_box.touches_border(edges, low, high, window.binning)
     edges = jnp.clip(edges, 0.0, frame_size).astype(true_edges.dtype)
+    if temperature is not None:
+        edges = edges + (true_edges - jax.lax.stop_gradient(true_edges))
     present = (score >= imaging.score_threshold) & observable & working
     visible, _ = bounding_box.clip_to_frame(true_edges, *size_px)
     return CameraFrame(
@@ -104,6 +119,7 @@ def measure(
         window=jnp.append(window.corner_px, image.shape[0] * window.binning).astype(true_edges.dtype),
         outlier=present & (intersection_over_union(edges, visible) < _FALSE_BOX_OVERLAP),
         outline=visible,
+        weight=weight,
     )
 
 

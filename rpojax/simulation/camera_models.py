@@ -1,5 +1,6 @@
 """Camera of a run by the model of the scenario: exposure, detector window, and box measurement."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -83,8 +84,12 @@ def expose(
         return frame, None
     assert params.networks is not None
     view = commanded_window(scenario, params, command)
+    if scenario.temperature is not None:
+        # The derivative of a picture by its pose is left out: the box moves with the outline.
+        view, scene = jax.lax.stop_gradient((view, scene))
     picture = _render_window(scenario, params, view, scene, key)
-    frame = rendered_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
+    seen = (params.imaging, params.networks, view, picture, size, outline)
+    frame = rendered_camera.measure(*seen, *light_and_health, scenario.temperature)
     return frame, picture
 
 

@@ -151,8 +151,7 @@ def _as_present(delivery: Delivery, lens: LensInUse | None) -> SeenByCamera:
     """
     seen, present = delivery.measurement, delivery.present
     box = replace(
-        seen.box,
-        present=seen.box.present & present,
+        seen.box.only_where(present),
         expected=seen.box.expected & present,
         interval=jnp.where(present, delivery.interval, 0.0),
     )
@@ -195,6 +194,7 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
         half_frame_tangent=center_px / focal,
         attitude_variance_change=jnp.zeros_like(side),
         interval=jnp.full_like(side, scenario.tick_s),
+        weight=frame.weight,
     )
 
 

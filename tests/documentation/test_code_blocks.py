@@ -70,7 +70,7 @@ def test_the_options_of_every_command_are_those_of_its_verb(page: Path) -> None:
     for block in blocks_of(page):
         for line in block.text.replace("\\\n", " ").splitlines() if block.language in ("", "bash") else []:
             found = re.match(
-                r"(?:\S*/)?rpojax ([a-z-]+(?: (?:train|evaluate|render|data))?)\b(.*)", line.partition(" # ")[0]
+                r"(?:\S*/)?rpojax ([a-z-]+(?: (?:train|refine|evaluate|render|data))?)\b(.*)", line.partition(" # ")[0]
             )
             if found:
                 used = set(re.findall(r"(?<=\s)--([a-z][a-z-]*)", found[2]))

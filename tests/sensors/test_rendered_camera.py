@@ -191,3 +191,44 @@ def test_landmarks_of_the_image_are_those_of_the_frame_by_corner_and_binning() -
     np.testing.assert_allclose(in_frame.visible_probability, alone.visible_probability, atol=1e-4)
     np.testing.assert_allclose(in_frame.places, np.array(CORNER) + BINNING * np.asarray(alone.places), atol=1e-2)
     np.testing.assert_allclose(in_frame.covariance, BINNING**2 * np.asarray(alone.covariance), rtol=1e-2)
+
+
+def soft_frame(
+    monkeypatch: pytest.MonkeyPatch, true_edges: jax.Array, log_odds: jax.Array, threshold: float, light: bool = True
+) -> CameraFrame:
+    """Frame of a soft detector of temperature 0.5 whose box is (10, 10, 20, 30) px of the image."""
+    box = jnp.array([10.0, 10.0, 20.0, 30.0], jnp.float32)
+    monkeypatch.setattr(rendered_camera, "soft_detect", lambda *_: (box, log_odds))
+    imaging = Imaging(
+        exposure=UNUSED, full_well=UNUSED, read_noise=UNUSED, blur=UNUSED, score_threshold=jnp.asarray(threshold)
+    )
+    window = ImageWindow(
+        intrinsics=None, corner_px=jnp.asarray(CORNER, jnp.float32), binning=jnp.asarray(BINNING, jnp.float32)
+    )
+    image = jnp.zeros((SIDE, SIDE, 3), jnp.float32)
+    networks = Networks(field=None, detector={}, sky=None)
+    flags = jnp.asarray(light), jnp.asarray(True)
+    return rendered_camera.measure(imaging, networks, window, image, SIZE, true_edges, *flags, 0.5)
+
+
+def test_a_soft_box_has_the_hard_value_and_moves_with_the_outline(monkeypatch: pytest.MonkeyPatch) -> None:
+    edges, odds = jnp.array([90.0, 140.0, 130.0, 180.0]), jnp.asarray(1.0, jnp.float32)
+    found = soft_frame(monkeypatch, edges, odds, 0.5)
+    np.testing.assert_allclose(found.box.edges, frame(monkeypatch, (10.0, 10.0, 20.0, 30.0)).box.edges)
+    moved = jax.jacfwd(lambda each: soft_frame(monkeypatch, each, odds, 0.5).box.edges)(edges)
+    np.testing.assert_array_equal(moved, np.eye(4))
+
+
+def test_a_soft_score_weighs_the_box_by_the_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
+    edges = jnp.array([90.0, 140.0, 130.0, 180.0])
+    for log_odds, threshold in ((1.0, 0.5), (1.0, 0.8), (-2.0, 0.5)):
+        found = soft_frame(monkeypatch, edges, jnp.asarray(log_odds, jnp.float32), threshold)
+        margin = log_odds - np.log(threshold / (1.0 - threshold))
+        np.testing.assert_allclose(found.weight, 1.0 / (1.0 + np.exp(-margin / 0.5)), rtol=1e-6)
+        assert bool(found.box.present) == (margin > 0.0)
+        np.testing.assert_allclose(found.score, 1.0 / (1.0 + np.exp(-log_odds)), rtol=1e-6)
+    assert float(soft_frame(monkeypatch, edges, jnp.asarray(1.0, jnp.float32), 0.5, light=False).weight) == 0.0
+
+
+def test_a_box_that_is_decided_has_no_weight(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert frame(monkeypatch, (10.0, 10.0, 20.0, 30.0)).weight is None

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from rpojax.analysis.gradients import trained_tensors
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.run_programs import batch_transform
 from rpojax.core.pytree import concatenate
@@ -22,7 +23,6 @@ from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
 from rpojax.runtime.programs_per_device import share_runs
-from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.plugins import plugin_registry
@@ -130,11 +130,16 @@ class RolloutEvaluator:
         cotangent: CotangentFunction | None = None,
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
         on_stage: Callable[[str], None] = lambda words: None,
+        temperature: float | None = None,
     ) -> None:
-        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins."""
+        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins.
+
+        With a `temperature` the detector of a rendered camera is soft (`static_settings.Scenario`).
+        """
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
-        self.scenario, self._nominal = single_run.nominal_parameters(file)
+        settings, self._nominal = single_run.nominal_parameters(file)
+        self.scenario = replace(settings, temperature=temperature)
         self._stages = plugin_registry.stages_of(file, stages)
         known = plugin_registry.catalogue_of(file)
         self._metrics = [known[name] for name in self.metric_names]
@@ -247,11 +252,11 @@ class RolloutEvaluator:
         values = jax.vmap(self._input_function)(inputs, keys)
 
         def begin(values: Values, key: Array) -> State:
-            params = dispersed_values.apply_to_params(nominal, values)
+            params = trained_tensors.apply_to_params(nominal, values)
             return initial_state.init(self.scenario, params, key, stages=self._stages)
 
         def tick(values: Values, state: State, sums: RunningSums) -> tuple[State, RunningSums]:
-            params = dispersed_values.apply_to_params(nominal, values)
+            params = trained_tensors.apply_to_params(nominal, values)
             after, telemetry = step(self.scenario, params, state, self._stages)
             return after, running_metrics.add_tick(self._metrics, self.scenario, params, telemetry, sums)
 

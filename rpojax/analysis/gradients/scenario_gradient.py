@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from rpojax.analysis.gradients import trained_tensors
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
 from rpojax.analysis.gradients.rollout_evaluator import FORWARD_MODE_MAX_INPUTS, RolloutEvaluator, RolloutResult
 from rpojax.analysis.gradients.tuning.tunable_parameters import check_differentiable
-from rpojax.campaign import argument_checks
+from rpojax.campaign import argument_checks, single_run
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.flight.stages import Stages
@@ -111,6 +112,7 @@ def gradient(
     mode: str = "auto",
     gates: str = "slopes",
     stages: Stages | None = None,
+    temperature: float | None = None,
     progress: bool = True,
 ) -> Gradient:
     """Derivatives of metrics of single runs with respect to scenario keys, by automatic differentiation.
@@ -121,9 +123,15 @@ def gradient(
     from a finite difference of runs it differs by 0.2 % in the median and by half at worst in a close approach. With
     'steps' it is the derivative of the run itself. Flight software keeps its own model.
 
+    With a rendered camera it is the derivative through the picture, of a run with a soft detector: a box is a mean
+    over the cells around a peak of the detector, weighs by its score as by the gate, and 'slopes' is what the values
+    have, too. A low `temperature` is close to a run itself, and has larger derivatives in fewer frames.
+
     Args:
-        file: scenario with independent runs and the geometric or statistical camera
-        keys: such as `formation.delta_v_weight`; a vector stands for all its components
+        file: scenario with independent runs
+        keys: such as `formation.delta_v_weight`; a vector stands for all its components. With a rendered camera also
+            tensors of its networks, such as `imaging.detector.second.out_quality.bias` or
+            `imaging.field.network.2.bias`
         metrics: names of metrics with a derivative; by default those of the scenario's requirements
         runs: number of runs, those of a campaign with the same seed
         first_run: number of the first run
@@ -132,13 +140,15 @@ def gradient(
         mode: of differentiation; 'auto' is the forward mode for few keys per metric, else the reverse mode
         gates: what the derivative sees of gates and dead band
         stages: of the flight software, replaced ones included
+        temperature: of the soft detector of a rendered camera, in log-odds; 0.25 is a start
         progress: show progress on stderr
 
     Raises:
-        RpojaxError: a key names no number of the scenario, a metric has no derivative, or runs are not independent.
+        RpojaxError: a key names no number of the scenario, a metric has no derivative, runs are not independent, or a
+            rendered camera has no temperature, or another one has.
     """
     argument_checks.check_numbers(runs, first_run, seed, None)
-    _check_request(file, mode, gates)
+    _check_request(file, mode, gates, temperature)
     used = _with_horizon(file, horizon_s)
     nominal = _nominals_of(used, keys)
     names = select_metrics(used, metrics)
@@ -146,7 +156,9 @@ def gradient(
     run_ids = first_run + np.arange(runs)
     if mode == "auto":
         mode = "forward" if count <= FORWARD_MODE_MAX_INPUTS * len(names) else "reverse"
-    evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages)
+    evaluator = RolloutEvaluator(
+        used, _shifted_values(used, nominal), count, names, runs, stages, temperature=temperature
+    )
     if gates == "steps":
         evaluator.take_gates_as_steps()
     with stage(f"derivatives in {mode} mode: compiling, then simulating", quiet=not progress):
@@ -162,7 +174,7 @@ def gradient(
     )
 
 
-def _check_request(file: ScenarioFile, mode: str, gates: str) -> None:
+def _check_request(file: ScenarioFile, mode: str, gates: str, temperature: float | None) -> None:
     """Refuses words that name nothing, and scenarios without derivatives."""
     if mode not in ("auto", "forward", "reverse"):
         raise RpojaxError(f"mode: found {mode!r}, expected 'auto', 'forward' or 'reverse'")
@@ -170,7 +182,20 @@ def _check_request(file: ScenarioFile, mode: str, gates: str) -> None:
         raise RpojaxError(f"gates: found {gates!r}, expected 'slopes' or 'steps'")
     if not has_independent_runs(file):
         raise RpojaxError(f"design: found {file.design.kind!r}, expected 'independent' for derivatives")
-    check_differentiable(file)
+    if temperature is None:
+        check_differentiable(file)
+    else:
+        _check_temperature(file, gates, temperature)
+
+
+def _check_temperature(file: ScenarioFile, gates: str, temperature: float) -> None:
+    """Refuses a soft detector without a rendered camera, or beside gates that decide, or of no temperature."""
+    if file.camera.model != "rendered":
+        raise RpojaxError(f"temperature: found camera.model = {file.camera.model!r}, expected 'rendered' beside it")
+    if gates != "slopes":
+        raise RpojaxError(f"gates: found {gates!r}, expected 'slopes' with a soft detector")
+    if not 0.0 < temperature < float("inf"):
+        raise RpojaxError(f"temperature: found {temperature:g}, expected a positive number")
 
 
 def _jacobian(
@@ -217,6 +242,8 @@ def _nominal_of(file: ScenarioFile, key: str) -> np.ndarray:
         ScenarioError: it does not name a number of a scenario.
         RpojaxError: that number is not continuous, or this scenario does not have it.
     """
+    if trained_tensors.is_tensor(key):
+        return trained_tensors.nominal(single_run.nominal_parameters(file)[1], key)
     leaf_path_and_factor(key)
     value = nominal_of_key(file, key)
     if value is None or key.startswith("fault."):

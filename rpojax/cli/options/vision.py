@@ -212,6 +212,37 @@ class TrainDetectorCommand(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RefineDetectorCommand(Command):
+    """Refine detector and filter noises together by the navigation error of runs, and judge them on unseen ones.
+
+    What is no better beyond chance, or has forgotten more than 0.01 of average precision, is not kept: the file then
+    has the weights of the scenario. Refined noises stand in a scenario beside it (.toml), all figures in a .json.
+    """
+
+    work = "vision.refine_detector:refine"
+
+    scenario: Source
+    out: Annotated[Path, arg(metavar="FILE", help="Weights to write, such as detector.safetensors.")]
+    data: Annotated[
+        tuple[Path, ...], arg(metavar="DATASET...", help="Folders of `detector data`, which tell what was forgotten.")
+    ]
+    runs: Annotated[int, arg(metavar="N", help="Runs in each step.")] = 8
+    steps: Annotated[int, arg(metavar="N", help="Steps of the descent.")] = 20
+    horizon_s: Annotated[float, arg(metavar="T", help="Simulated time of these runs [s].")] = 120.0
+    temperature: Annotated[float, arg(metavar="T", help="Of the soft detector, in log-odds.")] = 0.25
+    rate: Annotated[float, arg(metavar="R", help="Size of the first steps, in logarithms of the noises.")] = 0.05
+    validation_runs: Annotated[int, arg(metavar="N", help="Unseen runs.")] = 32
+    validation_s: Annotated[
+        float | None, arg(metavar="T", help="Simulated time of these [s]; by default that of the scenario.")
+    ] = None
+    seed: Annotated[int, arg(metavar="S", help="Seed of the runs; that of the unseen ones is the next.")] = 0
+    overrides: Overrides = ()
+    force: ForceAny = False
+    as_json: AsJson = False
+    allow_plugin: AllowPlugin = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class EvaluateDetectorCommand(Command):
     """Evaluate a detector on pictures with boxes: average precision, accuracy of boxes, false alarms."""
 

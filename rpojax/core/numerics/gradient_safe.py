@@ -45,8 +45,13 @@ def gate(margin: Float[Array, ""], width: Float[Array, ""]) -> Float[Array, ""]:
 @gate.defjvp
 def _gate_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
     margin, width = primals
-    logistic = jax.nn.sigmoid(margin / width)
+    logistic = smooth_gate(margin, width)
     return gate(margin, width), logistic * (1.0 - logistic) / width * tangents[0]
+
+
+def smooth_gate(margin: Float[Array, ""], width: Float[Array, ""]) -> Float[Array, ""]:
+    """The logistic step of which `gate` has the derivative."""
+    return jax.nn.sigmoid(margin / width)
 
 
 def is_finite(tree: object) -> Bool[Array, ""]:

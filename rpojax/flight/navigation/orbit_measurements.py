@@ -1,9 +1,10 @@
 """Measurements of the orbit filter: GPS positions and bounding boxes."""
 
-from jaxtyping import Array, Float
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 
 
 @pytree
@@ -36,6 +37,7 @@ class BoxMeasurement:
         half_frame_tangent: (2,) tangents of the edges of the frame [-]
         attitude_variance_change: () absolute change of the camera attitude's variance since the last frame [rad^2]
         interval: () since the frame before [s]
+        weight: () of a box that is used in part, in 0..1, whether present or not; None where it is present or not
     """
 
     tangent: Array
@@ -48,6 +50,12 @@ class BoxMeasurement:
     half_frame_tangent: Array
     attitude_variance_change: Array
     interval: Array
+    weight: Array | None = None
+
+    def only_where(self, flag: Bool[Array, ""]) -> "BoxMeasurement":
+        """The box, none where the flag is false."""
+        weight = None if self.weight is None else jnp.where(flag, self.weight, 0.0)
+        return replace(self, present=self.present & flag, weight=weight)
 
 
 @pytree

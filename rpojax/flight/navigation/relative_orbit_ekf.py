@@ -220,7 +220,8 @@ def _decide(tuning: OrbitFilterTuning, gated: bool, view: BoxView, gate: GateSta
     """Whether the box is used; without a gate every box is."""
     box = view.box
     if not gated:
-        return GateDecision.without_gate(box.present)
+        decision = GateDecision.without_gate(box.present)
+        return decision if box.weight is None else replace(decision, weight=box.weight)
     possible = (prior.in_front | prior.range_is_wide) & (
         ~box.truncated | box_measurement_model.may_be_truncated(tuning, prior.model, prior.variance, box)
     )

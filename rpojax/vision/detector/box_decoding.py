@@ -2,7 +2,7 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from rpojax.core.pytree import pytree
 from rpojax.vision.detector.non_maximum_suppression import suppress_overlapping
@@ -59,6 +59,11 @@ def decode_boxes(maps: ProposalMaps, count: int) -> Detections:
 
     A box is the mean over the peak's cell and its neighbours, weighted by their heat, which has less noise.
     """
+    return decode_peaks(maps, count)[0]
+
+
+def decode_peaks(maps: ProposalMaps, count: int) -> tuple[Detections, Int[Array, " k"]]:
+    """The same boxes, and the numbers of the cells of their peaks, row by row."""
     rows, columns = maps.heatmap.shape
     score = jax.nn.sigmoid(maps.heatmap)
     neighbourhood = jax.lax.reduce_window(score, -jnp.inf, jax.lax.max, (3, 3), (1, 1), "SAME")
@@ -68,31 +73,45 @@ def decode_boxes(maps: ProposalMaps, count: int) -> Detections:
     box = jax.vmap(lambda p: _weighted_mean_box(maps, p // columns, p % columns, _VOTE_CELLS))(place)
     kept = suppress_overlapping(box, best, SUPPRESSION_IOU)
     order = jnp.argsort(-kept)[: min(count, candidates)]
-    return Detections(box_px=clip_boxes(box[order], rows * STRIDE, columns * STRIDE), score=kept[order])
+    found = Detections(box_px=clip_boxes(box[order], rows * STRIDE, columns * STRIDE), score=kept[order])
+    return found, place[order]
 
 
-def soft_decode_box(maps: ProposalMaps) -> tuple[Float[Array, "4"], Float[Array, ""]]:
-    """Box and score at the highest peak of the maps (y, x) of an image, both differentiable in the maps.
+def soft_decode_boxes(
+    maps: ProposalMaps, peaks: Int[Array, " k"], temperature: float
+) -> tuple[Float[Array, "k 4"], Float[Array, " k"]]:
+    """Boxes [px] and scores at peaks of the maps (y, x) of an image, both smooth in the maps, for cells of the peaks.
 
-    The box is the mean over a window around the peak, weighted by heat; the score is a smooth maximum over it.
+    In place of the box and the score of the hottest cell they are means over the cells of a window around the peak,
+    weighted by the softmax of heat over `temperature`; for a low one they are those of `decode_boxes`.
     """
-    columns = maps.heatmap.shape[1]
-    peak = jnp.argmax(jax.lax.stop_gradient(maps.heatmap))
-    row, column = peak // columns, peak % columns
-    box = _weighted_mean_box(maps, row, column, SOFT_WINDOW_CELLS)
-    heat, _ = _window(maps, row, column, SOFT_WINDOW_CELLS)
-    return box, jnp.sum(jax.nn.softmax(4.0 * heat) * jax.nn.sigmoid(heat))
+    rows, columns = maps.heatmap.shape
+
+    def decode(peak: Array) -> tuple[Array, Array]:
+        y, x, inside = _window_cells(maps, peak // columns, peak % columns, SOFT_WINDOW_CELLS)
+        heat = maps.heatmap[y, x]
+        weight = jax.nn.softmax(jnp.where(inside, heat / temperature, -jnp.inf))
+        boxes = jax.vmap(lambda row, column: _weighted_mean_box(maps, row, column, _VOTE_CELLS))(y, x)
+        return jnp.sum(weight[:, None] * boxes, axis=0), jnp.sum(weight * jax.nn.sigmoid(heat))
+
+    boxes, scores = jax.vmap(decode)(peaks)
+    return clip_boxes(boxes, rows * STRIDE, columns * STRIDE), scores
 
 
 def _window(maps: ProposalMaps, row: Array, column: Array, size: int) -> tuple[Array, Array]:
     """Heat (size^2,) and edges (size^2, 4) of the cells around one; outside of the maps the heat is -30."""
+    y, x, inside = _window_cells(maps, row, column, size)
+    return jnp.where(inside, maps.heatmap[y, x], -30.0), maps.edges[y, x]
+
+
+def _window_cells(maps: ProposalMaps, row: Array, column: Array, size: int) -> tuple[Array, Array, Array]:
+    """Rows and columns (size^2,) of the cells around one, moved into the maps, and whether they lay inside."""
     rows, columns = maps.heatmap.shape
     offset = jnp.arange(size, dtype=row.dtype) - size // 2
     y = jnp.broadcast_to((row + offset)[:, None], (size, size)).reshape(-1)
     x = jnp.broadcast_to((column + offset)[None, :], (size, size)).reshape(-1)
     inside = (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
-    y, x = jnp.clip(y, 0, rows - 1), jnp.clip(x, 0, columns - 1)
-    return jnp.where(inside, maps.heatmap[y, x], -30.0), maps.edges[y, x]
+    return jnp.clip(y, 0, rows - 1), jnp.clip(x, 0, columns - 1), inside
 
 
 def _weighted_mean_box(maps: ProposalMaps, row: Array, column: Array, size: int) -> Array:
@@ -104,5 +123,5 @@ def _weighted_mean_box(maps: ProposalMaps, row: Array, column: Array, size: int)
 
 def clip_boxes(boxes: Float[Array, "n 4"], height: int, width: int) -> Float[Array, "n 4"]:
     """Boxes [px] clipped to an image."""
-    high = jnp.array([width, height, width, height], jnp.float32)
+    high = jnp.array([width, height, width, height], boxes.dtype)
     return jnp.clip(boxes, 0.0, high[None, :])

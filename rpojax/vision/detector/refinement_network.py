@@ -36,8 +36,11 @@ class RefinementNetwork(linen.Module):
     """Crops (n, 48, 48, 5), proposal maps in them (n, 12, 12, c) and prior logits (n, 4, 48) to what is in the crops.
 
     That are logits (n, 4, 48) of the places of the edges, a quality logit (n,) of the box, and logits (n, 24, 24) that
-    a cell shows the spacecraft, which only a training uses.
+    a cell shows the spacecraft, which only a training uses. In one the quality, which judges the edges, leaves them as
+    they are.
     """
+
+    in_training: bool = True
 
     @linen.compact
     def __call__(self, crops: Array, maps: Array, prior: Array) -> tuple[Array, Array, Array]:
@@ -73,7 +76,8 @@ class RefinementNetwork(linen.Module):
 
     def _quality(self, coarse: Array, logits: Array) -> Array:
         """Quality logit (n,) from the whole crop and from how sharp the distributions of the edges are."""
-        peaks = jax.lax.stop_gradient(jnp.max(jax.nn.softmax(logits, axis=-1), axis=-1))
+        peaks = jnp.max(jax.nn.softmax(logits, axis=-1), axis=-1)
+        peaks = jax.lax.stop_gradient(peaks) if self.in_training else peaks
         whole = jnp.concatenate([jnp.max(coarse, axis=(1, 2)), jnp.mean(coarse, axis=(1, 2)), peaks], axis=-1)
         whole = linen.relu(convolution("whole", _AXIS_WIDTH, size=1)(whole[:, None, None, :]))
         return output_layer(QUALITY_LAYER, 1)(whole)[:, 0, 0, 0]
@@ -115,6 +119,6 @@ def refine_boxes(
 ) -> tuple[Float[Array, "n 4"], Float[Array, " n"]]:
     """Refined boxes [px] in an image of codes in 0..1 with maps of the proposal network; quality logit of each."""
     *inputs, crop_px = network_inputs(image, features, boxes)
-    result: Any = NETWORK.apply({"params": params}, *inputs)
+    result: Any = RefinementNetwork(in_training=False).apply({"params": params}, *inputs)
     logits, quality, _ = result
     return mean_boxes(logits, crop_px), quality

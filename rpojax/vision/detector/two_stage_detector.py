@@ -11,7 +11,8 @@ from rpojax.vision.detector.box_decoding import (
     ProposalMaps,
     clip_boxes,
     decode_boxes,
-    soft_decode_box,
+    decode_peaks,
+    soft_decode_boxes,
 )
 from rpojax.vision.detector.non_maximum_suppression import suppress_overlapping
 
@@ -58,8 +59,12 @@ def _refine(params: DetectorParams, image: Array, features: Array, found: Detect
 
 def _combined_score(proposal_score: Array, quality_logit: Array) -> Array:
     """Score whose log-odds are the mean of those of both networks."""
+    return jax.nn.sigmoid(_combined_log_odds(proposal_score, quality_logit))
+
+
+def _combined_log_odds(proposal_score: Array, quality_logit: Array) -> Array:
     proposal_score = jnp.clip(proposal_score, 1e-6, 1.0 - 1e-6)
-    return jax.nn.sigmoid(0.5 * (jnp.log(proposal_score) - jnp.log1p(-proposal_score) + quality_logit))
+    return 0.5 * (jnp.log(proposal_score) - jnp.log1p(-proposal_score) + quality_logit)
 
 
 def with_shifted_score(params: DetectorParams, log_odds: float) -> DetectorParams:
@@ -71,9 +76,25 @@ def with_shifted_score(params: DetectorParams, log_odds: float) -> DetectorParam
     return {**params, "refinement": {**refinement, refinement_network.QUALITY_LAYER: moved}}
 
 
-def soft_detect(params: DetectorParams, image: Float[Array, "h w 3"]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
-    """The best box of an image and its score, both differentiable in the image."""
+def soft_detect(
+    params: DetectorParams, image: Float[Array, "h w 3"], temperature: float = 0.25, count: int = 2
+) -> tuple[Float[Array, "4"], Float[Array, ""]]:
+    """The best box [px] of an image and the log-odds of its score, smooth in image and parameters.
+
+    In place of the hottest cell of a peak it has a mean over the cells around it (`soft_decode_boxes`). Which of the
+    `count` best peaks has the best box is decided, as in `detect`, and so is where peaks are.
+
+    Args:
+        params: of the networks
+        image: (h, w, 3) sRGB codes in 0..1
+        temperature: of the mean, in log-odds; for a low one box and score are those of `detect`
+        count: number of peaks
+    """
     maps, features = proposal_network.forward(params["proposal"], image[None])
-    box, score = soft_decode_box(ProposalMaps(heatmap=maps.heatmap[0], edges=maps.edges[0]))
-    boxes, quality_logit = refinement_network.refine_boxes(params["refinement"], image, features[0], box[None])
-    return boxes[0], _combined_score(score, quality_logit[0])
+    of_image = ProposalMaps(heatmap=maps.heatmap[0], edges=maps.edges[0])
+    found, peaks = jax.lax.stop_gradient(decode_peaks(of_image, count))
+    boxes, scores = soft_decode_boxes(of_image, peaks, temperature)
+    refined, quality_logit = refinement_network.refine_boxes(params["refinement"], image, features[0], boxes)
+    log_odds = _combined_log_odds(scores, quality_logit)
+    best = jnp.argmax(jax.lax.stop_gradient(jnp.where(found.score > 0.0, log_odds, -jnp.inf)))
+    return clip_boxes(refined, image.shape[0], image.shape[1])[best], log_odds[best]

@@ -20,7 +20,7 @@ METRIC = "nav_relative_position_error_rms_m"
 class SquaredValues(RolloutEvaluator):
     """Takes the place of rollouts: the metric of a run is half the sum of squares of its values of two keys."""
 
-    def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any) -> None:
+    def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any, **__: Any) -> None:
         self._values, self.compile_s = input_function, 0.0
 
     def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> Any:
@@ -125,6 +125,8 @@ def test_derivatives_agree_with_central_differences() -> None:
         (["servicer.mass_kg"], [METRIC], {"runs": 0}, "runs"),
         (["servicer.mass_kg"], [METRIC], {"mode": "sideways"}, "sideways"),
         (["servicer.mass_kg"], [METRIC], {"gates": "ramps"}, "gates: found 'ramps', expected 'slopes' or 'steps'"),
+        (["servicer.mass_kg"], [METRIC], {"temperature": 0.25}, "^temperature: found camera.model = 'geometric'"),
+        (["imaging.field.features"], [METRIC], {}, "^imaging.field.features: found a scenario without a rendered"),
     ],
 )
 def test_what_has_no_derivative_is_refused_before_anything_is_compiled(keys, metrics, settings, words) -> None:
@@ -140,6 +142,36 @@ def test_designs_and_the_rendered_camera_are_refused(override: str, words: str) 
     file = rpojax.load("inspection", [*CALM, override])
     with pytest.raises(rpojax.RpojaxError, match=words):
         scenario_gradient.gradient(file, ["servicer.mass_kg"], [METRIC])
+
+
+@pytest.mark.parametrize(
+    ("keys", "settings", "words"),
+    [
+        (["imaging.exposure"], {"temperature": 0.0}, "^temperature: found 0, expected a positive number$"),
+        (["imaging.exposure"], {"temperature": float("nan")}, "^temperature: found nan, expected a positive number$"),
+        (["imaging.exposure"], {"gates": "steps"}, "^gates: found 'steps', expected 'slopes' with a soft detector$"),
+        (["imaging.detector.second.out.bia"], {}, "^imaging.detector.second.out.bia: found no such tensor"),
+    ],
+)
+def test_a_soft_detector_has_a_temperature_smooth_gates_and_known_tensors(keys, settings, words) -> None:
+    file = rpojax.load("inspection", [*CALM, "camera.model=rendered"])
+    with pytest.raises(rpojax.RpojaxError, match=words):
+        scenario_gradient.gradient(file, keys, [METRIC], **{"temperature": 0.25, **settings})
+
+
+@pytest.mark.slow
+def test_a_gradient_through_pixels_is_the_same_in_both_modes() -> None:
+    file = rpojax.load("inspection", ["duration_s=6", "camera.model=rendered"])
+    keys = ["imaging.exposure", "imaging.detector.first.out.bias", "imaging.field.network.2.bias"]
+    there, back = (
+        rpojax.gradient(file, keys, [METRIC], runs=2, seed=5, mode=mode, temperature=0.25, progress=False)
+        for mode in ("forward", "reverse")
+    )
+    for key in keys:
+        found, other = there.derivatives[METRIC][key], back.derivatives[METRIC][key]
+        assert np.abs(found).max() > 0.0
+        # Pictures and networks are in single precision, of which both modes take sums in another order.
+        np.testing.assert_allclose(other, found, rtol=1e-2, atol=1e-3 * np.abs(found).max())
 
 
 def test_derivatives_are_labelled_arrays() -> None:

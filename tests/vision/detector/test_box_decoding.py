@@ -13,7 +13,8 @@ from rpojax.vision.detector.box_decoding import STRIDE, ProposalMaps
 CELLS = 32
 
 decode_boxes = jax.jit(box_decoding.decode_boxes, static_argnums=1)
-soft_decode_box = jax.jit(box_decoding.soft_decode_box)
+decode_peaks = jax.jit(box_decoding.decode_peaks, static_argnums=1)
+soft_decode_boxes = jax.jit(box_decoding.soft_decode_boxes, static_argnums=2)
 
 
 def maps_of(boxes: list[tuple[float, float, float, float]], heats: list[float]) -> ProposalMaps:
@@ -62,13 +63,14 @@ def test_box_beyond_frame_is_clipped() -> None:
 
 def test_soft_box_gradient_in_maps_matches_finite_differences() -> None:
     maps = maps_of([(20.5, 30.0, 41.0, 44.5)], [2.0])
+    peak = decode_peaks(maps, 1)[1]
     noise = np.random.default_rng(0).normal(size=(CELLS, CELLS, 4))
     point = np.asarray(maps.heatmap, np.float64), np.asarray(maps.edges, np.float64) + noise
 
     @jax.jit
     @partial(jax.value_and_grad, argnums=(0, 1))
     def readout(heat: jax.Array, edges: jax.Array) -> jax.Array:
-        box, score = box_decoding.soft_decode_box(ProposalMaps(heatmap=heat, edges=edges))
+        (box,), (score,) = box_decoding.soft_decode_boxes(ProposalMaps(heatmap=heat, edges=edges), peak, 0.5)
         return jnp.sum(box * jnp.array([1.0, -0.5, 0.3, 0.8])) + 20.0 * score
 
     gradients = readout(*point)[1]
@@ -85,8 +87,36 @@ def test_soft_box_gradient_in_maps_matches_finite_differences() -> None:
         assert abs(slope) > 1e-3
 
 
-def test_soft_box_equals_hard_box_for_clear_peak() -> None:
-    box = (20.0, 30.0, 60.0, 44.0)
-    found, score = soft_decode_box(maps_of([box], [4.0]))
-    np.testing.assert_allclose(found, box, atol=1e-3)
-    assert 0.8 < score < 1.0
+def noisy_maps() -> ProposalMaps:
+    """Maps of two spacecraft with edges and heats that scatter, as those of a network do."""
+    maps, rng = maps_of([(20.5, 30.0, 41.0, 44.5), (80.0, 70.0, 125.0, 110.0)], [2.0, 3.0]), np.random.default_rng(3)
+    heat = np.asarray(maps.heatmap) + 0.3 * rng.normal(size=(CELLS, CELLS)).astype(np.float32)
+    edges = np.asarray(maps.edges) + rng.normal(size=(CELLS, CELLS, 4)).astype(np.float32)
+    return ProposalMaps(heatmap=jnp.asarray(heat), edges=jnp.asarray(edges))
+
+
+def test_soft_boxes_of_a_low_temperature_are_the_hard_ones() -> None:
+    maps = noisy_maps()
+    found, peaks = decode_peaks(maps, 2)
+    boxes, scores = soft_decode_boxes(maps, peaks, 1e-3)
+    np.testing.assert_allclose(boxes, found.box_px, atol=1e-4)
+    np.testing.assert_allclose(scores, found.score, rtol=1e-5)
+    warm, lower = soft_decode_boxes(maps, peaks, 1.0)
+    assert np.abs(warm - found.box_px).max() > 0.05
+    assert (np.asarray(lower) < np.asarray(found.score)).all()
+
+
+def test_soft_box_at_the_border_has_no_part_of_cells_beyond() -> None:
+    maps = maps_of([(0.0, 0.0, 6.0, 5.0)], [3.0])
+    _, peaks = decode_peaks(maps, 1)
+    assert int(peaks[0]) == 0
+    boxes, _ = soft_decode_boxes(maps, peaks, 100.0)
+    # At such a temperature all nine cells in the window inside of the maps weigh alike, and none of those outside.
+    heat, edges = np.asarray(maps.heatmap), np.asarray(maps.edges)
+    expected = []
+    for row in range(3):
+        for column in range(3):
+            near = np.s_[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+            weight = np.exp(heat[near])
+            expected.append((weight[..., None] * edges[near]).sum(axis=(0, 1)) / weight.sum())
+    np.testing.assert_allclose(boxes[0], np.clip(np.mean(expected, axis=0), 0.0, 128.0), atol=0.1)

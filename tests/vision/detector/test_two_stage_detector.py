@@ -5,6 +5,7 @@ from typing import Any
 
 import cv2
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -59,16 +60,49 @@ def test_detections_are_sorted_and_inside_image(packaged: two_stage_detector.Det
     assert (found.box_px.reshape(-1, 4).max(axis=0) <= [96, 64, 96, 64]).all()
 
 
-def test_soft_box_gradient_matches_finite_differences(packaged: two_stage_detector.DetectorParams) -> None:
-    image = cv2.GaussianBlur(rectangle(40, 50, 80, 76), (0, 0), 1.0)
+def test_soft_box_and_score_have_the_derivative_of_the_image(packaged: two_stage_detector.DetectorParams) -> None:
+    double = jax.tree.map(lambda each: each.astype(np.float64), packaged)
+    image = cv2.GaussianBlur(rectangle(40, 50, 80, 76), (0, 0), 1.0).astype(np.float64)
     shift = 0.5 * (np.roll(image, -1, axis=1) - np.roll(image, 1, axis=1))
-    (box, score), (gradient, _) = soft_detect_along(packaged, image, shift)
+    pixels, along, step = jnp.asarray(image), jnp.asarray(shift), 1e-6
+    with jax.numpy_dtype_promotion("standard"):  # differences need double precision, in which no network runs
+        (box, log_odds), derivatives = soft_detect_along(double, pixels, along)
+        ahead, back = (soft_detect_along(double, pixels + sign * along, along)[0] for sign in (step, -step))
     np.testing.assert_allclose(box, [40, 50, 80, 76], atol=3.0)
-    assert score > 0.5
-    step = np.float32(0.02)
-    ahead, back = (
-        np.asarray(soft_detect_along(packaged, image + sign * step * shift, shift)[0][0])
-        for sign in (np.float32(1.0), np.float32(-1.0))
-    )
-    np.testing.assert_allclose(gradient, (ahead - back) / (2.0 * step), atol=0.15)
-    assert np.abs(gradient).max() > 0.3
+    assert log_odds > 0.0
+    for found, high, low in zip(derivatives, ahead, back, strict=True):
+        central = (np.asarray(high) - np.asarray(low)) / (2.0 * step)
+        # The step is below the distance to the next kink of a rectified linear unit.
+        np.testing.assert_allclose(found, central, rtol=1e-4)
+    # The target moves to the left by a pixel.
+    np.testing.assert_allclose(derivatives[0][::2], -1.0, atol=0.5)
+
+
+def test_soft_detector_of_a_low_temperature_is_the_hard_one(packaged: two_stage_detector.DetectorParams) -> None:
+    soft = jax.jit(two_stage_detector.soft_detect, static_argnums=(2, 3))
+    for corners in ((40, 50, 80, 76), (12, 70, 30, 101)):
+        image = cv2.GaussianBlur(rectangle(*corners), (0, 0), 1.0)
+        hard = detect(packaged, image[None], 2)
+        box, log_odds = soft(packaged, image, 1e-3, 2)
+        np.testing.assert_allclose(box, hard.box_px[0, 0], atol=2e-3)
+        np.testing.assert_allclose(jax.nn.sigmoid(log_odds), hard.score[0, 0], atol=1e-4)
+        assert np.abs(np.asarray(soft(packaged, image, 1.0, 2)[0]) - np.asarray(hard.box_px[0, 0])).max() > 5e-3
+
+
+def test_soft_box_has_the_derivative_of_a_weight(packaged: two_stage_detector.DetectorParams) -> None:
+    double = jax.tree.map(lambda each: each.astype(np.float64), packaged)
+    image = cv2.GaussianBlur(rectangle(40, 50, 80, 76), (0, 0), 1.0)
+
+    @jax.jit
+    def left_edge(bias: jax.Array) -> jax.Array:
+        first = {**double["proposal"], "out": {**double["proposal"]["out"], "bias": bias}}
+        pixels = jnp.asarray(image, jnp.float64)
+        return two_stage_detector.soft_detect({**double, "proposal": first}, pixels)[0][0]
+
+    bias, step = double["proposal"]["out"]["bias"], jnp.asarray(1e-6 * np.eye(5)[1])
+    with jax.numpy_dtype_promotion("standard"):  # differences need double precision, in which no network runs
+        central = float(left_edge(bias + step) - left_edge(bias - step)) / 2e-6
+        derivative = float(jax.grad(left_edge)(bias)[1])
+    assert abs(central) > 0.01
+    # The step is below the distance to the next kink of a rectified linear unit.
+    assert derivative == pytest.approx(central, rel=1e-5)

@@ -279,11 +279,14 @@ def unreached_phases_warning(file: ScenarioFile, settings: TuningSettings) -> st
     return f"horizon: {used:g} s of a mission of {file.duration_s:g} s: phases that begin later are not tuned for"
 
 
+_DIFFERENTIABLE: Final = "'geometric' or 'statistical', or a temperature of `rpojax.gradient` for a soft detector"
+
+
 def check_differentiable(file: ScenarioFile) -> None:
-    """Refuses the rendered camera, whose images have no useful gradient.
+    """Refuses the rendered camera, whose detector decides: that has no useful gradient.
 
     Raises:
         ScenarioError: the scenario has one.
     """
     if file.camera.model == "rendered":
-        raise ScenarioError("camera.model", "rendered", "'geometric' or 'statistical': images have no useful gradient")
+        raise ScenarioError("camera.model", "rendered", _DIFFERENTIABLE)

@@ -99,7 +99,8 @@ class GateDecision:
 
     Attributes:
         accepted: () bool
-        weight: () 1 if it is accepted, else 0, with the derivative of a smooth gate
+        weight: () 1 if it is accepted, else 0, with the derivative of a smooth gate; that of a smooth gate times that
+            of the box, if it has one
         confirmed: () bool, recent boxes that agree with it make it one of the target's
         supported: () bool, a recent box agrees with it
     """
@@ -138,7 +139,8 @@ def accept(
 
     `possible` means that the predicted target can have such a box. Seen end-on, a target is smaller than a normal
     distribution of its size allows: where the bearing is right and recent boxes confirm this one, its size may be
-    somewhat beyond the gate (`bounded_size_variance`). One far beyond it tells of a wrong range.
+    somewhat beyond the gate (`bounded_size_variance`). One far beyond it tells of a wrong range. A box with a weight
+    gets one of the gate, too; what is decided and remembered is as of any other.
     """
     confirmed, supported = _agreement(tuning, view, state)
     bearing, size = _squared_ratios(view.box, prior)
@@ -146,9 +148,15 @@ def accept(
     margin = tuning.gate_sigma**2 - jnp.maximum(bearing, eased)
     inside = gradient_safe.gate(margin, tuning.gate_slope_width)
     allowed = view.box.present & possible & (confirmed | ~prior.is_wide)
+    accepted = allowed & (inside > 0.5)
+    if view.box.weight is None:
+        weight = jnp.where(allowed, inside, 0.0)
+    else:
+        smooth = view.box.weight * gradient_safe.smooth_gate(margin, tuning.gate_slope_width)
+        weight = jnp.where(possible & (confirmed | ~prior.is_wide), smooth, 0.0)
     return GateDecision(
-        accepted=allowed & (inside > 0.5),
-        weight=jnp.where(allowed, inside, 0.0),
+        accepted=accepted,
+        weight=weight,
         confirmed=confirmed,
         supported=supported & view.box.present,
     )

@@ -354,3 +354,25 @@ def test_confirmed_boxes_once_in_twenty_frames_never_trigger_recovery(tuning: Or
     counts, recoveries = update_all(tuning, np.arange(4000) % 20 == 0)
     assert not np.any(recoveries)
     np.testing.assert_allclose(np.max(counts), 1.0 / (1.0 - 0.95**19), rtol=1e-9)
+
+
+@pytest.mark.parametrize("present", [YES, NO])
+def test_a_box_with_a_weight_is_weighed_by_the_gate_too(tuning: OrbitFilterTuning, present: jax.Array) -> None:
+    limit, slope = float(tuning.gate_sigma), float(tuning.gate_slope_width)
+    for sigmas in (0.0, limit - 0.01, limit + 0.02):
+        residual = np.array([sigmas, 0.0, 0.0]) * np.sqrt(VARIANCE)
+        measured = replace(box(present=present), weight=jnp.float64(0.7))
+        found = accept(tuning, outlier_gate.initial(), measured, residual, VARIANCE, NO, YES)
+        assert bool(found.accepted) == (bool(present) and sigmas < limit)
+        expected = 0.7 / (1.0 + np.exp(-(limit**2 - sigmas**2) / slope))
+        np.testing.assert_allclose(found.weight, expected, rtol=1e-9)
+    impossible = accept(tuning, outlier_gate.initial(), measured, residual, VARIANCE, NO, NO)
+    assert float(impossible.weight) == 0.0
+
+
+def test_a_box_that_is_taken_out_has_no_weight() -> None:
+    weighed = replace(box(), weight=jnp.float64(0.7))
+    assert float(weighed.only_where(NO).weight) == 0.0
+    assert float(weighed.only_where(YES).weight) == 0.7
+    assert not weighed.only_where(NO).present
+    assert box().only_where(YES).weight is None
