@@ -58,7 +58,7 @@ def _check_faults(file: ScenarioFile) -> None:
             expected = "another kind, or [[thrusters]]: the one thruster neither sticks open nor leaks"
             raise ScenarioError(f"faults.{each.name}.kind", leaks[0], expected)
         last, key = len(file.thrusters) - 1, f"faults.{each.name}.thruster"
-        if file.thrusters and (most := reach.high(key)) > last + 0.5:
+        if file.thrusters and (most := max(each.thruster, reach.high(key))) > last:
             raise ScenarioError(key, most, f"at most {last}, the last of [[thrusters]]")
 
 
