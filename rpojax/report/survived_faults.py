@@ -20,6 +20,10 @@ def by_title(content: Mapping[str, Any]) -> dict[str, list[Cell]]:
     return found
 
 
+def _text(cell: Cell) -> str:
+    return ", ".join(filter(None, (share(cell), margin(cell), completed(cell))))
+
+
 def headings(content: Mapping[str, Any]) -> list[str]:
     """Headings of the table: the fault, and its times."""
     return ["fault", *(f"from {format_number(time)} s" for time in content["study"]["times_s"])]
@@ -27,15 +31,20 @@ def headings(content: Mapping[str, Any]) -> list[str]:
 
 def table(content: Mapping[str, Any]) -> list[list[str]]:
     """Headings, and a row for each fault: survived runs and margin for each time."""
-    rows = [[name, *(f"{share(cell)}, {margin(cell)}" for cell in cells)] for name, cells in by_title(content).items()]
+    rows = [[name, *(f"{_text(cell)}" for cell in cells)] for name, cells in by_title(content).items()]
     nominal = content["nominal"]
-    without = ["none", f"{share(nominal)}, {margin(nominal)}", *([""] * (len(content["study"]["times_s"]) - 1))]
+    without = ["none", _text(nominal), *([""] * (len(content["study"]["times_s"]) - 1))]
     return [headings(content), without, *rows]
 
 
 def share(cell: Cell) -> str:
     """Survived runs of all."""
     return f"{cell['survived']}/{cell['runs']}"
+
+
+def completed(cell: Cell) -> str:
+    """How many runs reached their goal, where not all did."""
+    return "" if cell["completed"] == cell["runs"] else f"{cell['completed']} complete"
 
 
 def margin(cell: Cell) -> str:

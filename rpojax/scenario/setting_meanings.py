@@ -143,6 +143,7 @@ MEANINGS: Final[dict[str, str]] = {
     "turns with it; places there are from the origin of its mesh, from which landmarks show the centre of mass",
     "phases.pointing": "where the camera points; burns are planned with `target` alone",
     "phases.control": "`burns` between turns by the one thruster, or `continuous` control by `[[thrusters]]`",
+    "faults": "faults of the equipment",
     "faults.name": "of the fault",
     "thrusters.name": "of the thruster; flight software and `faults.thruster` have them in the order of their names",
     "phases.control_period_s": "time between burns, by default rates.formation_period_s",

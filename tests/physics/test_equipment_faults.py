@@ -115,8 +115,8 @@ def test_until_the_second_fault_starts_the_first_acts_as_alone_to_the_last_bit(k
     jax.tree.map(np.testing.assert_array_equal, both, alone)
     later = at_times({"a": first, "b": timed(second, 150.0, 0.7)}, times)
     same = jax.tree.leaves(jax.tree.map(lambda one, other: bool(np.array_equal(one, other)), later, alone))
-    # A camera that is black already is not blacker.
-    assert all(same) == (kind == second == "camera_blackout")
+    # A camera that is black already is not blacker, nor is a thruster that is off weaker.
+    assert all(same) == ((kind, second) in (("camera_blackout",) * 2, ("thruster_off", "thruster_weak")))
 
 
 def test_thrust_and_friction_have_a_derivative_to_the_severity_alone() -> None:

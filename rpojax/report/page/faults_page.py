@@ -50,6 +50,7 @@ def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
         "share": f"{cell['survived_share']:.3f}",
         "text": survived_faults.share(cell),
         "margin": survived_faults.margin(cell),
+        "completed": survived_faults.completed(cell),
         "interval": survived_faults.interval(cell),
     }
 

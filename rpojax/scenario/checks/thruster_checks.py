@@ -25,7 +25,6 @@ def check_thrusters(file: ScenarioFile) -> None:
         raise ScenarioError("effects.inertia_change", True, expected)
     if file.effects.inertia_change:
         _check_tank(file)
-    _check_faults(file)
     if not file.thrusters:
         if file.isolation.enabled:
             raise ScenarioError("isolation.enabled", True, "false, or [[thrusters]] with isolation valves")
@@ -47,8 +46,14 @@ def check_thrusters(file: ScenarioFile) -> None:
         _check_authority(file, _away_from_boresight(file), "plume.inhibit_angle_deg")
 
 
-def _check_faults(file: ScenarioFile) -> None:
-    """Refuses faults of one name, and of thrusters that there are not."""
+def check_faults(file: ScenarioFile) -> None:
+    """Refuses faults of one name, and of thrusters that there are not; dispersions have been checked.
+
+    Raises:
+        ScenarioError: naming the key, what was found and what was expected.
+    """
+    if not file.faults:
+        return
     names, reach = [each.name for each in file.faults], DispersedReach(file)
     for each in file.faults:
         if names.count(each.name) > 1:

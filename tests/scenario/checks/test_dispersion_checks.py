@@ -13,8 +13,8 @@ from rpojax.scenario.schema import ScenarioFile
 
 @pytest.fixture
 def tables(inspection_file: ScenarioFile) -> dict[str, Any]:
-    """Tables of the nominal scenario, free to be changed."""
-    return inspection_file.model_dump()
+    """Tables of the nominal scenario with a fault, free to be changed."""
+    return inspection_file.model_dump() | {"faults": [{"name": "fault", "kind": "none"}]}
 
 
 BAD_DISPERSIONS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {

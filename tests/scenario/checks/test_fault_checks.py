@@ -10,7 +10,7 @@ ON = "effects.faults=true"
 REFUSED = {
     "an unknown kind": ("inspection", ["faults.a.kind=gremlin"], "faults.a.kind: found 'gremlin'"),
     "no kind": ("inspection", ["faults.a.start_s=5"], "faults.a.kind: missing"),
-    "no duration": ("inspection", ["faults.a.kind=gps_outage", "faults.a.duration_s=0"], "faults.a.duration_s: found 0"),
+    "no duration": ("inspection", ["faults.a.kind=none", "faults.a.duration_s=0"], "faults.a.duration_s: found 0"),
     "a time before the run": ("inspection", ["faults.a.kind=gps_outage", "faults.a.start_s=-1"], "faults.a.start_s"),
     "no such wheel": ("inspection", ["faults.a.kind=wheel_stuck", "faults.a.wheel=3"], "faults.a.wheel: found 3"),
     "no such thruster": (
@@ -23,7 +23,7 @@ REFUSED = {
         [ON, "faults.a.kind=thruster_off", "dispersions.faults.a.thruster={kind='choice', values=[3, 12]}"],
         "faults.a.thruster: found 12.0",
     ),
-    "too many": ("inspection", [f"faults.a{k}.kind=none" for k in range(9)], "faults: found '9 of them', expected at most 8"),
+    "too many": ("inspection", [f"faults.a{k}.kind=none" for k in range(9)], "'9 of them', expected at most 8"),
     "a former key": ("inspection", ["fault.kind=gps_outage"], "expected faults.NAME.kind, a key of one of the list"),
     "a former dispersion": (
         "inspection", ["dispersions.fault.start_s={kind='uniform', low=0, high=1}"], "expected faults.NAME.start_s"

@@ -4,7 +4,7 @@ import pytest
 
 import rpojax
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks.thruster_checks import check_thrusters
+from rpojax.scenario.checks.thruster_checks import check_faults, check_thrusters
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import FaultSection
 from tests.scenario_error_assertions import assert_one_line
@@ -54,7 +54,7 @@ def test_equal_names_are_refused(file: ScenarioFile) -> None:
 def test_a_fault_of_no_thruster_is_refused(file: ScenarioFile) -> None:
     fault = FaultSection(name="valve", kind="thruster_off", thruster=12.0)
     with pytest.raises(ScenarioError) as refused:
-        check_thrusters(file.model_copy(update={"faults": [fault]}))
+        check_faults(file.model_copy(update={"faults": [fault]}))
     assert_one_line(refused.value, "faults.valve.thruster", "at most 11")
 
 

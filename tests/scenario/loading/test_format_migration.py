@@ -103,11 +103,11 @@ def test_what_a_file_says_of_the_pressure_sensor_stays(tmp_path: Path, text: str
         assert rpojax.load(tmp_path / "new.toml").chamber_pressure.enabled is enabled
 
 
-@pytest.mark.parametrize("version", [0, 4, "2", True, 2.0])
+@pytest.mark.parametrize("version", [0, 5, "2", True, 2.0])
 def test_another_version_is_refused(tmp_path: Path, version: object) -> None:
     text = str(version).lower() if isinstance(version, bool) else repr(version)
     (tmp_path / "a.toml").write_text(f'extends = "inspection"\nname = "a"\nformat_version = {text}\n')
-    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 3"):
+    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 4"):
         rpojax.load(tmp_path / "a.toml")
 
 

@@ -17,7 +17,6 @@ from rpojax.scenario.warnings.key_uses import FAULT_USES, PHASE_USES, USES, keys
 FAULTS = "effects.faults=true"
 CASES: dict[str, tuple[str, list[str], str]] = {
     "faults.a.kind": ("inspection", ["faults.a.kind=gps_outage"], "found 'gps_outage', effects.faults = true"),
-    "faults.a.start_s": ("inspection", ["faults.a.kind=gps_outage", "faults.a.start_s=9"], "effects.faults = true"),
     "faults.a.severity": ("inspection", [FAULTS, "faults.a.kind=none", "faults.a.severity=0.1"], "other than 'none'"),
     "faults.a.wheel": ("inspection", [FAULTS, "faults.a.kind=gps_outage", "faults.a.wheel=1"], "'wheel_stuck'"),
     "faults.a.thruster": ("inspection", [FAULTS, "faults.a.kind=gps_outage", "faults.a.thruster=1"], "[[thrusters]]"),
@@ -125,17 +124,17 @@ CASES: dict[str, tuple[str, list[str], str]] = {
         ["phases.behind.reference={kind='relative_orbit', along_track_m=-120, radial_phase_deg=20, join_s=6000}"],
         "a reference.radial_m above 0",
     ),
-    "dispersions.faults.fault.start_s": (
-        "inspection",
-        ["faults.fault.kind=gps_outage", "dispersions.faults.fault.start_s={kind='uniform', low=0, high=10}"],
+    "dispersions.faults.fault.duration_s": (
+        "inspection_faults",
+        ["effects.faults=false", "dispersions.faults.fault.duration_s={kind='uniform', low=1, high=10}"],
         "found 'uniform', effects.faults",
     ),
     "dispersions.gps.noise_m.common": (
         "inspection", ["dispersions.gps.noise_m={kind='normal', sigma=0.1, common=true}"], "[[servicers]]"
     ),
-    "design.values.faults.fault.severity": (
-        "inspection",
-        ["faults.fault.kind=none", "design={kind='grid', values={'faults.fault.severity'=[0.1, 0.2]}}"],
+    "design.values.faults.fault.duration_s": (
+        "inspection_faults",
+        ["effects.faults=false", "design={kind='grid', values={'faults.fault.duration_s'=[0.1, 0.2]}}"],
         "found [0.1, 0.2], effects.faults",
     ),
     "servicers.second.faults.fault.severity": (
@@ -240,12 +239,12 @@ def test_defaults_of_phases_of_your_own_are_not_given() -> None:
 
 def test_a_copy_of_a_scenario_says_as_much_as_the_scenario(tmp_path: Path) -> None:
     file = scenario_loader.load(
-        "cooperative_faults", ["effects.faults=false", "faults.fault.start_s=100", "coverage.facet_size_m=0.2"]
+        "cooperative_faults", ["effects.faults=false", "faults.fault.start_s=100", "atmosphere.density_kg_m3=1e-12"]
     )
     copy = tmp_path / "copy.toml"
     copy.write_text(tomli_w.dumps(file.model_dump(mode="json", exclude_none=True)))
     lines = unused_key_warnings(file)
-    assert [line.partition(":")[0] for line in lines] == ["coverage.facet_size_m", "faults.fault.start_s"]
+    assert [line.partition(":")[0] for line in lines] == ["atmosphere.density_kg_m3", "faults.fault.start_s"]
     assert unused_key_warnings(scenario_loader.load(copy)) == lines
 
 
