@@ -190,5 +190,5 @@ def test_invalid_correlated_and_derived_dispersions_are_refused(
     inspection_file: ScenarioFile, entries: list[dict[str, Any]], named: str
 ) -> None:
     with pytest.raises(ScenarioError, match=named) as refused:
-        with_sections(inspection_file, dispersions=entries)
+        with_sections(inspection_file, dispersions=entries, faults=[{"name": "fault", "kind": "none"}])
     assert "\n" not in str(refused.value)
