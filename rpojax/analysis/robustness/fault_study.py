@@ -230,18 +230,15 @@ def faults(
         watch.show(compiled=True)
         nominal, *found = simulated.simulate_changes(changes, watch.round(len(changes)))
     radii = simulated.values.get("limits.keep_out_m", np.full(runs, file.limits.keep_out_m))
-    judged = [
-        (name, each)
-        for name, each in zip(requirement_names(file.requirements), file.requirements, strict=True)
-        if each.metric_name in nominal
-    ]
+    names = requirement_names(file.requirements)
+    judged = [each for each in zip(names, file.requirements, strict=True) if each[1].metric_name in nominal]
     study = {
         **provenance(file, runs, seed, free_drifts),
         "times_s": sorted({cell.time_s for cell in cells}),
         "double": double,
         "runs_simulated": watch.done,
         "judged": [name for name, _ in judged],
-        "not_judged": [name for name in requirement_names(file.requirements) if name not in dict(judged)],
+        "not_judged": [name for name in names if name not in dict(judged)],
     }
     rows = [
         {
