@@ -6,6 +6,7 @@ from rpojax.analysis.gradients.tuning.tune import tune as tune
 from rpojax.analysis.linear_covariance.linear_covariance import linear_covariance as linear_covariance
 from rpojax.analysis.reliability.rare_events.estimate_probability import estimate_probability as estimate_probability
 from rpojax.analysis.reliability.worst_case import worst_case as worst_case
+from rpojax.analysis.robustness.fault_study import faults as faults
 from rpojax.analysis.robustness.study import robustness as robustness
 from rpojax.analysis.statistics.campaign_comparison import compare as compare
 from rpojax.campaign.options.campaign_options import Shard as Shard

@@ -8,19 +8,23 @@ from pydantic import BaseModel
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
-TABLE = "gps.noise_m, formation.desired_position_m[1] ,fault.kind\n1.5,-30,none\n 2e0 ,-.25e2,gps_outage\n\n"
+TABLE = "gps.noise_m, formation.desired_position_m[1] ,faults.fault.kind\n1.5,-30,none\n 2e0 ,-.25e2,gps_outage\n\n"
 """Case table of two runs."""
+
+
+_FAULT = {"faults": [{"name": "fault", "kind": "none"}]}
+"""A fault, whose keys can be varied."""
 
 
 def with_design(file: ScenarioFile, **settings: Any) -> ScenarioFile:
     """`file` with another design, validated."""
-    return scenario_loader.validate(file.model_dump() | {"design": settings})
+    return scenario_loader.validate(file.model_dump() | _FAULT | {"design": settings})
 
 
 def with_dispersions(file: ScenarioFile, *entries: BaseModel | dict[str, Any]) -> ScenarioFile:
     """`file` with other dispersions, validated."""
     tables = [entry.model_dump() if isinstance(entry, BaseModel) else entry for entry in entries]
-    return scenario_loader.validate(file.model_dump() | {"dispersions": tables})
+    return scenario_loader.validate(file.model_dump() | _FAULT | {"dispersions": tables})
 
 
 def with_sections(file: ScenarioFile, **tables: Any) -> ScenarioFile:
@@ -41,5 +45,7 @@ def derived(key: str, *terms: str, offset: Any = 0.0) -> dict[str, Any]:
 def write_with_table(folder: Path, text: str, design: str = 'kind = "table"\nfile = "runs.csv"\n') -> Path:
     """Writes a scenario with the case table `text`; path of the scenario."""
     (folder / "runs.csv").write_text(text)
-    (folder / "mine.toml").write_text(f'extends = "inspection"\n[design]\n{design}')
+    (folder / "mine.toml").write_text(
+        f'extends = "inspection"\n[[faults]]\nname = "fault"\nkind = "none"\n[design]\n{design}'
+    )
     return folder / "mine.toml"

@@ -249,7 +249,7 @@ def test_the_scenario_page_lists_every_key_of_a_section_that_is_no_declared_numb
 
 
 def test_the_scenario_page_names_every_kind_of_fault() -> None:
-    text = section(SCENARIO_PAGE, "`fault`")
+    text = section(SCENARIO_PAGE, "`faults`")
     assert set(equipment_faults.KINDS) <= set(quoted(text.partition("Kinds:")[2]))
 
 

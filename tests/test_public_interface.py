@@ -21,12 +21,12 @@ NAMES = {
     *("run_campaign", "resume_campaign", "open_campaign", "Campaign", "Retention", "Shard", "RunRange"),
     *("write_report", "prepare_process"),
     *("Plugin", "metric", "AdditionalSensor", "export"),
-    *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "robustness", "compare"),
+    *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "robustness", "faults", "compare"),
     "estimate_probability",
 }
 SHOW_PROGRESS = (
     *("run_campaign", "resume_campaign"),
-    *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "robustness", "compare"),
+    *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "robustness", "faults", "compare"),
     *("simulate", "write_report", "estimate_probability", "export"),
 )
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 _PAGE = Path(__file__).parents[1] / "reference" / "scenario.md"
-_LISTS = {"dispersions", "phases", "requirements", "servicers", "design"}
+_LISTS = {"dispersions", "faults", "phases", "requirements", "servicers", "design"}
 
 
 def lines() -> Iterator[str]:
@@ -31,6 +31,11 @@ def lines() -> Iterator[str]:
         section = getattr(file, name, None)
         text = definition.get("description", "") if isinstance(section, Section) or section is None else ""
         yield from _table(f"`{name}`", text, list(keys), keys, values, meanings.get(name, {}), file, name)
+    fault = schema["$defs"]["FaultSection"]
+    known = meanings.get("faults", {}) | {"name": "of the fault"}
+    yield from _table(
+        "`faults`", fault["description"], list(fault["properties"]), fault["properties"], {}, known, file, "faults.NAME"
+    )
     yield from _phases(schema["$defs"], meanings["phases"], file)
 
 
@@ -85,16 +90,17 @@ def _table(
 
 def _needed(key: str) -> str:
     """What a key needs beside it to have an effect, nothing for most."""
-    from rpojax.scenario.warnings.key_uses import USES, keys_of
+    from rpojax.scenario.warnings.key_uses import FAULT_USES, USES, keys_of
 
     found = [use.needs for use in USES if any(key in keys_of(pattern) for pattern in use.keys)]
+    found += [use.needs for use in FAULT_USES if key in {f"faults.NAME.{name}" for name in use.keys}]
     return "; ".join(dict.fromkeys(found))
 
 
 def _varies(file: Any, key: str, entry: dict[str, Any]) -> str:
     from rpojax.scenario.parameter_keys import nominal_of_key
 
-    is_of_phase = key.startswith("phases.") and "description" in entry and entry.get("type") != "integer"
+    is_of_phase = key.startswith(("faults.", "phases.")) and "description" in entry and entry.get("type") != "integer"
     return "yes" if is_of_phase or ("." in key and nominal_of_key(file, key) is not None) else ""
 
 

@@ -23,6 +23,7 @@ GROUPS = {
         "worst_case",
         "estimate_probability",
         "robustness",
+        "faults",
     ),
     "Flight software and plugins": ("Stages", "Plugin", "metric", "AdditionalSensor"),
     "The process": ("prepare_process", "RpojaxError"),

@@ -18,7 +18,6 @@ from rpojax.core.orbits.zonal_gravity import GravityField
 from rpojax.core.pytree import pytree
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
-from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Target, Truth
 from rpojax.physics.plume_impingement import Plume
@@ -108,7 +107,6 @@ def plant_params(reference: Reference) -> PlantParams:
             wall_temperature=zero,
         ),
         isolation=IsolationValves(valve=zero),
-        fault=Fault(kind=zero, start=zero, duration=zero, severity=zero, wheel=zero, thruster=zero),
     )
 
 

@@ -5,6 +5,7 @@ part of one and the replay of one run use the values of the whole campaign.
 """
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ from rpojax.dispersions.designs.sobol_sequence import sobol_sequence
 from rpojax.dispersions.designs.table_and_grid import grid_points, grid_size, table_rows, table_size
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.scenario.dispersed_numbers.dispersion_keys import coordinate_count, design_keys
+from rpojax.scenario.former_fault import former_name
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 
@@ -67,18 +69,23 @@ def make_design(file: ScenarioFile, seed: int, run_range: RunRange) -> Design:
         RpojaxError: a table or grid has fewer runs, or the design takes too much memory.
     """
     check_size(file, run_range)
-    counts = {entry.name: coordinate_count(file, entry) for entry in file.dispersions}
+    names = {former_name(entry.name): entry.name for entry in file.dispersions}
+    counts = {former_name(entry.name): coordinate_count(file, entry) for entry in file.dispersions}
     match file.design:
         case LatinHypercubeDesign():
-            return Design(run_range, latin_hypercube(counts, seed, run_range))
+            return Design(run_range, _renamed(latin_hypercube(counts, seed, run_range), names))
         case SobolDesign():
-            return Design(run_range, sobol_sequence(counts, seed, run_range))
+            return Design(run_range, _renamed(sobol_sequence(counts, seed, run_range), names))
         case TableDesign():
             return Design(run_range, table_rows(file.design, run_range))
         case GridDesign():
             return Design(run_range, grid_points(file.design, run_range))
         case IndependentDesign():
             return Design(run_range, {})
+
+
+def _renamed(coordinates: Mapping[str, np.ndarray], names: Mapping[str, str]) -> dict[str, np.ndarray]:
+    return {names[name]: values for name, values in coordinates.items()}
 
 
 def check_size(file: ScenarioFile, run_range: RunRange) -> None:

@@ -52,6 +52,7 @@ COMMANDS: Final[dict[str, type[Command] | Group]] = {
     "sensitivity": analysis.SensitivityCommand,
     "worst-case": analysis.WorstCaseCommand,
     "robustness": analysis.RobustnessCommand,
+    "faults": analysis.FaultsCommand,
     "export": output.ExportCommand,
     "probability": campaigns.ProbabilityCommand,
     "export-bag": output.ExportBagCommand,

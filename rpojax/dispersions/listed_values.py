@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import ScenarioError
+from rpojax.physics.plant_options import is_fault_kind
 
 
 def check_listed_values(where: str, key: str, values: list[Any], shape: tuple[int, ...]) -> None:
@@ -15,8 +16,8 @@ def check_listed_values(where: str, key: str, values: list[Any], shape: tuple[in
         ScenarioError: naming what was found and what was expected.
     """
     named = any(isinstance(value, str) for value in values)
-    if named != (key == "fault.kind"):
-        raise ScenarioError(where, values[:5], "kinds of fault" if key == "fault.kind" else "numbers")
+    if named != is_fault_kind(key):
+        raise ScenarioError(where, values[:5], "kinds of fault" if is_fault_kind(key) else "numbers")
     odd = [value for value in values if np.shape(value) != shape]
     if odd:
         raise ScenarioError(where, odd[0], f"values of shape {shape}")

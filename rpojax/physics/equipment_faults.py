@@ -1,5 +1,7 @@
-"""Equipment faults of the servicer: one fault per run, of one kind, for some time."""
+"""Equipment faults of the servicer: a list of faults per run, each of one kind, for some time."""
 
+from collections.abc import Mapping
+from functools import reduce
 from typing import Any, Final, Literal, get_args
 
 import jax.numpy as jnp
@@ -33,20 +35,25 @@ class Fault:
     """Fault of one piece of equipment."""
 
     kind: Array = number("kind of fault", form=FaultKind)
-    start: Array = number("time of the fault", unit="s", at_least=0.0)
-    duration: Array = number("its duration", unit="s", at_least=0.0)
+    start: Array = number("time of the fault", unit="s", at_least=0.0, default=0.0)
+    duration: Array = number("its duration; by default it lasts for good", unit="s", above=0.0, default=1e9)
     severity: Array = number(
         "fraction of thrust that `thruster_weak` loses or `thruster_leak` gives without a command, or of the torque "
         "limit that `wheel_friction` takes",
         at_least=0.0,
         at_most=1.0,
+        default=0.5,
     )
-    wheel: Array = number("index of the wheel of a wheel fault", form=Literal[0, 1, 2])
+    wheel: Array = number("index of the wheel of a wheel fault", form=Literal[0, 1, 2], default=0)
     thruster: Array = number(
         "number of the thruster of a thruster fault among `[[thrusters]]` in the order of their names, from 0",
         at_least=0.0,
         default=0.0,
     )
+
+
+Faults = Mapping[str, Fault]
+"""Faults of a run by their names; their number is static."""
 
 
 @pytree
@@ -88,8 +95,22 @@ def with_propellant(health: Health, is_left: Bool[Array, ""]) -> Health:
     return replace(health, thrust_fraction=jnp.where(is_left, health.thrust_fraction, 0.0))
 
 
-def health_at(fault: Fault, time: Scalar) -> Health:
-    """Health of the equipment at `time` [s] from the start of the run."""
+def in_order(faults: Faults) -> list[Fault]:
+    """Faults in the order of their names, which a mapping has after a compiled program."""
+    return [faults[name] for name in sorted(faults)]
+
+
+def health_at(faults: Faults, time: Scalar) -> Health:
+    """Health of the equipment at `time` [s] from the start of the run, with all faults that act then.
+
+    Fractions of thrust multiply, and frictions add.
+    """
+    each = [_health_of(fault, time) for fault in in_order(faults)]
+    return reduce(_both, each) if each else healthy()
+
+
+def _health_of(fault: Fault, time: Scalar) -> Health:
+    """Health of the equipment with one fault alone."""
     active = _is_active(fault, time)
 
     def is_kind(name: str) -> Bool[Array, ""]:
@@ -107,6 +128,18 @@ def health_at(fault: Fault, time: Scalar) -> Health:
     )
 
 
+def _both(one: Health, other: Health) -> Health:
+    """Health of equipment that has two faults at once."""
+    return Health(
+        thrust_fraction=one.thrust_fraction * other.thrust_fraction,
+        wheel_friction=one.wheel_friction + other.wheel_friction,
+        wheel_stuck=one.wheel_stuck | other.wheel_stuck,
+        gps=one.gps & other.gps,
+        star_tracker=one.star_tracker & other.star_tracker,
+        camera=one.camera & other.camera,
+    )
+
+
 def _is_active(fault: Fault, time: Scalar) -> Bool[Array, ""]:
     """Whether the fault acts at `time` [s]."""
     return (time >= fault.start) & (time < fault.start + fault.duration)
@@ -119,9 +152,14 @@ def _lost_thrust(fault: Fault, active: Bool[Array, ""]) -> Scalar:
     return jnp.where(active, jnp.where(kind == KINDS.index("thruster_off"), 1.0, weak), 0.0)
 
 
-def rcs_fractions(fault: Fault, time: Scalar, count: int) -> Float[Array, " n"]:
+def rcs_fractions(faults: Faults, time: Scalar, count: int) -> Float[Array, " n"]:
     """Remaining fraction of the force of each of `count` thrusters of the reaction control system [-]."""
-    return 1.0 - jnp.where(_is_affected(fault, count), _lost_thrust(fault, _is_active(fault, time)), 0.0)
+
+    def left(fault: Fault) -> Float[Array, " n"]:
+        return 1.0 - jnp.where(_is_affected(fault, count), _lost_thrust(fault, _is_active(fault, time)), 0.0)
+
+    each = [left(fault) for fault in in_order(faults)]
+    return reduce(jnp.multiply, each) if each else jnp.ones(count, dtype=jnp.float64)
 
 
 def leak_shares(fault: Fault, count: int) -> Float[Array, " n"]:
@@ -143,6 +181,11 @@ def _is_affected(fault: Fault, count: int) -> Bool[Array, " n"]:
     return jnp.arange(count, dtype=fault.thruster.dtype) == jnp.round(fault.thruster)
 
 
-def radio_works(fault: Fault, time: Scalar) -> Bool[Array, ""]:
+def radio_works(faults: Faults, time: Scalar) -> Bool[Array, ""]:
     """False while the radio of a servicer of a team neither sends nor receives, at `time` [s] from the start."""
-    return ~(_is_active(fault, time) & (jnp.round(fault.kind) == KINDS.index("radio_off")))
+
+    def works(fault: Fault) -> Bool[Array, ""]:
+        return ~(_is_active(fault, time) & (jnp.round(fault.kind) == KINDS.index("radio_off")))
+
+    each = [works(fault) for fault in in_order(faults)]
+    return reduce(jnp.logical_and, each) if each else jnp.ones((), dtype=bool)

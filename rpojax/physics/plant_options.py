@@ -55,3 +55,18 @@ FaultKind = Literal[
     "thruster_leak",
 ]
 """Kinds of equipment faults."""
+
+
+def is_fault_kind(key: str) -> bool:
+    """Whether a key, such as `faults.first.kind`, is that of a kind of fault, whose values are names."""
+    return _is_of_fault(key, "kind")
+
+
+def is_category(key: str) -> bool:
+    """Whether the numbers of a key are codes without an order: kinds of fault, and the wheels that they are of."""
+    return is_fault_kind(key) or _is_of_fault(key, "wheel")
+
+
+def _is_of_fault(key: str, name: str) -> bool:
+    parts = key.split(".")
+    return len(parts) == 3 and parts[0] == "faults" and parts[2] == name

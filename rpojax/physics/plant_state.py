@@ -55,6 +55,7 @@ class PlantParams:
     """True parameters of the two vehicles and their environment.
 
     Attributes:
+        faults: of the equipment by name, empty without one
         thrusters: of the reaction control system by name, empty without one
         facets: of the target, None unless plumes push it
         hull_faces: of the target, None unless a phase is in its frame
@@ -69,9 +70,9 @@ class PlantParams:
     gravity: GravityField
     atmosphere: Atmosphere
     sunlight: Sunlight
-    fault: Fault
     plume: Plume
     isolation: IsolationValves
+    faults: dict[str, Fault] = field(default_factory=dict)
     thrusters: dict[str, RcsThruster] = field(default_factory=dict)
     facets: Facets | None = None
     hull_faces: HullFaces | None = None

@@ -1,6 +1,6 @@
 """Small thrusters of a reaction control system (RCS): pulses of all of them as one force and torque."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -90,7 +90,7 @@ class IsolationValves:
 
 @pytree
 class Leak:
-    """Force that thrusters give without a command in a step.
+    """Force that thrusters give without a command in a step, by one fault.
 
     Attributes:
         share: (n,) of the full force, 1 of a valve that is stuck open [-]
@@ -132,7 +132,7 @@ def true_state(thrusters: RcsThruster, normals: Float[Array, " n"], left: Float[
 
 
 def thrust_over_step(
-    state: RcsState, on_time: Float[Array, " n"], method: Method, dt: float | Scalar, leak: Leak | None = None
+    state: RcsState, on_time: Float[Array, " n"], method: Method, dt: float | Scalar, leaks: Sequence[Leak] = ()
 ) -> RcsThrust:
     """Thrust over a step of `dt` [s] at whose begin each thruster opens for its on-time [s], with exact impulses.
 
@@ -143,7 +143,7 @@ def thrust_over_step(
         return jax.vmap(lambda each: pulse_factors(each, method, dt), out_axes=1)(times)
 
     factors = pulses(on_time)
-    if leak is not None:
+    for leak in leaks:
         begin = jnp.clip(jnp.maximum(leak.begin, on_time), 0.0, dt)
         factors = factors + leak.share[None, :] * (pulses(jnp.clip(leak.end, begin, dt)) - pulses(begin))
 

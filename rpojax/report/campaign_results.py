@@ -8,6 +8,7 @@ import numpy as np
 
 from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.metrics.time_windows import MetricWindow
+from rpojax.physics.plant_options import is_category
 from rpojax.report.labels import in_display_order
 from rpojax.scenario.dispersed_numbers.values_by_run import values_of_runs
 from rpojax.scenario.parameter_keys import component_columns
@@ -19,8 +20,6 @@ _PHRASES = {
     "table": "a table of given values",
     "grid": "a grid of given values",
 }
-_CATEGORICAL_KEYS = ("fault.kind", "fault.wheel")
-"""Keys whose numbers are codes without an order; those of a servicer of a team have its name at the end."""
 _DEFAULT_METRICS = {"formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m"}
 _MIN_RUNS = 10
 _MAX_METRICS = 8
@@ -233,8 +232,8 @@ def rankable_scalars(campaign: CampaignResults) -> dict[str, np.ndarray]:
 
 
 def is_categorical(key: str) -> bool:
-    """Whether the numbers of a dispersed key, such as `fault.kind/second`, are codes without an order."""
-    return key.partition("/")[0] in _CATEGORICAL_KEYS
+    """Whether the numbers of a dispersed key, such as `faults.first.kind/second`, are codes without an order."""
+    return is_category(key.partition("/")[0])
 
 
 def select_key_metrics(campaign: CampaignResults) -> list[str]:

@@ -34,6 +34,7 @@ from rpojax.flight.navigation.target_attitude_ekf import BelievedTarget
 from rpojax.flight.team_guidance.team_situation import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import hull_distance, plume_impingement
+from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.hull_distance import HullFaces
 from rpojax.physics.plant_state import PlantParams
 from rpojax.physics.plume_impingement import Facets
@@ -141,8 +142,10 @@ up, and do not average out."""
 def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Parameters from the sections of a scenario; the flight software is configured with the nominal vehicle."""
     thrusters = {each["name"]: section_record(RcsThruster, each) for each in tables["thrusters"]}
+    faults = {each["name"]: section_record(Fault, each) for each in tables["faults"]}
     plant = PlantParams(
         gravity=jax.tree.map(array, EARTH_GRAVITY),
+        faults=faults,
         thrusters=thrusters,
         facets=_facets(tables),
         hull_faces=_hull_faces(tables),
@@ -322,8 +325,8 @@ def leaf_path_and_factor(key: str, params: Params | None = None) -> tuple[tuple[
         return leaves[key]
     section, _, name = key.rpartition(".")
     leaf, factor = key_units.split_unit(name)
-    if section.startswith("thrusters."):
-        return ("plant", "thrusters", section.partition(".")[2], leaf), factor
+    if section.startswith(("thrusters.", "faults.")):
+        return ("plant", *section.split(".", 1), leaf), factor
     if key.split(".")[0] in ("phases", "mission"):
         return ("flight", "mission", *mission_from_phases.leaf_path(key)), factor
     if section in sensor_names() and any(name in each.model_fields for each in sensor_classes(section)):

@@ -4,6 +4,7 @@ import hashlib
 import json
 from typing import Any
 
+from rpojax.scenario import former_fault
 from rpojax.scenario.measurement_delays import KEYS as DELAY_KEYS
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import coverage_surface, target_landmarks, trained_files
@@ -39,6 +40,7 @@ def scenario_digest(file: ScenarioFile) -> str:
             del phase["control"]
         if phase["frame"] == "hill":
             del phase["frame"]
+    content = former_fault.as_formerly(content)
     _remove_defaults(file, content)
     # Before this key existed, the pressure was measured where equipment could fail.
     if (measured := file.chamber_pressure.enabled) != file.effects.faults:
@@ -62,7 +64,7 @@ def scenario_digest(file: ScenarioFile) -> str:
 
 def _remove_defaults(file: ScenarioFile, content: dict[str, Any]) -> None:
     """Removes from the tables of `content` the keys that have a default and its value, and tables thus empty."""
-    for name in set(content) - {"design", "phases", "servicers", "thrusters", *sensor_names()}:
+    for name in set(content) - {"design", "fault", "faults", "phases", "servicers", "thrusters", *sensor_names()}:
         section = getattr(file, name)
         if not isinstance(section, Section):
             continue

@@ -42,6 +42,7 @@ from rpojax.scenario.sections import (
     LimitsSection,
     LinkRangeSection,
     LinkSection,
+    Name,
     NavigationSection,
     OrbitSection,
     PlumeSection,
@@ -122,16 +123,17 @@ class RequirementSection(OptionalKeys):
 
 MAX_THRUSTERS: Final = 24
 """Most thrusters of a reaction control system."""
+MAX_FAULTS: Final = 8
+"""Most faults of a run; the compiled program grows with them."""
 MAX_SERVICERS: Final = 8
 """Most servicers of a team; the filters' states and the compiled program grow with them."""
-ServicerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 _PHASE = ChangesOf(PhaseSection, nested=(("corridor", CorridorSection),), tables=("reference",), without=("name",))
 
 
 class ServicerChanges(OptionalKeys):
     """One servicer of a team: its name, and the keys of the scenario's sections that differ."""
 
-    name: ServicerName
+    name: Name
     decision_offset_s: NonNegative | None = None
     initial: Annotated[OptionalKeys, ChangesOf(InitialSection)] | None = None
     servicer: Annotated[OptionalKeys, ChangesOf(ServicerSection)] | None = None
@@ -151,7 +153,7 @@ class ServicerChanges(OptionalKeys):
     attitude_control: Annotated[OptionalKeys, ChangesOf(AttitudeControlSection)] | None = None
     health: Annotated[OptionalKeys, ChangesOf(HealthSection)] | None = None
     limits: Annotated[OptionalKeys, ChangesOf(LimitsSection)] | None = None
-    fault: Annotated[OptionalKeys, ChangesOf(FaultSection)] | None = None
+    faults: dict[Name, Annotated[OptionalKeys, ChangesOf(FaultSection, without=("name",))]] | None = None
     mission: Annotated[OptionalKeys, ChangesOf(MissionSection)] | None = None
     goal: GoalSection | None = None
     phases: dict[PhaseName, Annotated[OptionalKeys, _PHASE]] | None = None
@@ -162,7 +164,7 @@ class ServicerChanges(OptionalKeys):
         return self.model_dump(exclude={"name", "decision_offset_s"})
 
 
-FORMAT_VERSION: Final = 3
+FORMAT_VERSION: Final = 4
 """Version of the format of scenario files; `scenario/loading/format_migration.py` says what changed."""
 
 
@@ -210,7 +212,7 @@ class ScenarioFile(Summarised, AdditionalSensors):
     limits: LimitsSection
     safety: SafetySection = SafetySection()
     coverage: CoverageSection = CoverageSection()
-    fault: FaultSection
+    faults: list[FaultSection] = Field(default_factory=list, max_length=MAX_FAULTS)
     mission: MissionSection = MissionSection()
     goal: GoalSection = GoalSection()
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)

@@ -153,8 +153,13 @@ class SurfaceSection(section_of(Surface)):
     """Surface exposed to drag and solar radiation pressure."""
 
 
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+
+
 class FaultSection(section_of(Fault)):
     """Fault of the servicer's equipment."""
+
+    name: Name
 
 
 class ServicerSection(section_of(Body)):
@@ -172,7 +177,7 @@ class ThrusterSection(section_of(Thruster)):
 class RcsThrusterSection(section_of(RcsThruster)):
     """Thruster of the reaction control system."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+    name: Name
 
 
 class IsolationSection(section_of(IsolationValves, IsolationTuning, name="isolation", first=("enabled",))):

@@ -24,7 +24,7 @@ MEANINGS: Final[dict[str, str]] = {
     "effects.center_of_mass_shift": "propellant consumption moves the centre of mass",
     "effects.inertia_change": "propellant consumption changes the inertia, see `thruster.tank_radius_m`; it needs "
     "`center_of_mass_shift`, about which it is",
-    "effects.faults": "equipment faults, see [fault]",
+    "effects.faults": "equipment faults, see [[faults]]",
     "effects.plume": "plumes of `[[thrusters]]` push and turn the target",
     "rates.plant_hz": "steps of truth, gyro and attitude control; a whole multiple of camera_hz",
     "rates.camera_hz": "camera, GPS, star tracker, both filters and guidance",
@@ -143,7 +143,9 @@ MEANINGS: Final[dict[str, str]] = {
     "turns with it; places there are from the origin of its mesh, from which landmarks show the centre of mass",
     "phases.pointing": "where the camera points; burns are planned with `target` alone",
     "phases.control": "`burns` between turns by the one thruster, or `continuous` control by `[[thrusters]]`",
-    "thrusters.name": "of the thruster; flight software and `fault.thruster` have them in the order of their names",
+    "faults": "faults of the equipment",
+    "faults.name": "of the fault",
+    "thrusters.name": "of the thruster; flight software and `faults.thruster` have them in the order of their names",
     "phases.control_period_s": "time between burns, by default rates.formation_period_s",
     "phases.on_timeout": "what follows the longest duration",
     "phases.passively_safe": "no planned burn may lead to a free drift into the keep-out zone",
@@ -164,6 +166,6 @@ def setting_meaning(key: str) -> str:
     own = rest.partition(".")[2]
     if of_list == "servicers" and own.count(".") == 2 and own.startswith("phases."):
         return MEANINGS.get(f"phases.{own.rpartition('.')[2]}", "")
-    if of_list in ("phases", "servicers", "thrusters"):
+    if of_list in ("faults", "phases", "servicers", "thrusters"):
         return MEANINGS.get(f"{of_list}.{own}") or MEANINGS.get(own, "")
     return ""

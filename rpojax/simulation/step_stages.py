@@ -52,10 +52,10 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     time = elapsed_time(scenario, state.truth, state.tick)
     sky = sun_and_moon_at(params.epoch, time)
     health = (
-        equipment_faults.health_at(params.plant.fault, time) if scenario.effects.faults else equipment_faults.healthy()
+        equipment_faults.health_at(params.plant.faults, time) if scenario.effects.faults else equipment_faults.healthy()
     )
     if scenario.thrusters:
-        # The fault of a thruster is that of one of the list.
+        # Faults of thrusters are those of some of the list.
         health = replace(health, thrust_fraction=jnp.ones_like(health.thrust_fraction))
     health = _fed(params, state.truth, health)
     thrusters = reaction_control.true_thrusters(loop, state.truth, noise, time) if scenario.thrusters else None

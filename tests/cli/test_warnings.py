@@ -45,11 +45,11 @@ def test_a_run_warns_on_stderr_first_and_in_its_report(call: Call, tmp_path: Pat
 def test_a_key_without_effect_is_named_before_anything_is_simulated(
     call: Call, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = "fault.start_s: found 9.0, which has no effect, expected effects.faults = true beside it"
+    line = "faults.gps.kind: found 'gps_outage', which has no effect, expected effects.faults = true beside it"
     mine = tmp_path / "mine.toml"
-    mine.write_text('format_version = 3\nextends = "inspection"\nname = "mine"\n[fault]\nstart_s = 9.0\n')
+    mine.write_text('extends = "inspection"\nname = "mine"\n[[faults]]\nname = "gps"\nkind = "gps_outage"\n')
     assert call("validate", mine).out.splitlines()[1:] == [f"warning: {line}"]
-    assert call("validate", "inspection", "--set", "fault.start_s=9", "--json").json["warnings"] == [line]
+    assert call("validate", "inspection", "--set", "faults.gps.kind=gps_outage", "--json").json["warnings"] == [line]
     show_unused_keys(rpojax.load(mine), quiet=False)
     show_unused_keys(rpojax.load(mine), quiet=True)
     assert capsys.readouterr().err == f"rpojax: warning: {line}\n"

@@ -32,7 +32,7 @@ NOT_RUN = {
     r"ros2 ": "needs a ROS 2 installation",
     r"rpojax field (train|evaluate) kepler": "needs a mesh from elsewhere, and hours; tests/training have their own",
     r"rpojax detector ": "ray-traces and trains for hours; tests/training do it with few pictures",
-    r"rpojax (bench|robustness)|python benchmarks/|pytest benchmarks": "measures for minutes; tests have small ones",
+    r"rpojax (bench|robustness|faults)|python benchmarks/|pytest benchmarks": "takes minutes; tests have small ones",
     r"rpojax probability inspection": "ten thousand runs each; tests/analysis/reliability estimate with fewer",
 }
 """Beginning of a command -> why it is not run here."""

@@ -60,7 +60,7 @@ def test_the_table_of_keys_has_every_key_with_a_meaning() -> None:
         keys = schema["$defs"][f"{name.capitalize()}Section"]["properties"]
         assert {f"{name}.{key}" for key in keys} <= {*rows}
     assert [key for key, cells in rows.items() if not cells[5].strip()] == []
-    assert rows["fault.start_s"][6].strip().startswith("effects.faults = true; a fault.kind other than 'none'")
+    assert rows["faults.NAME.start_s"][6].strip().startswith("effects.faults = true; a kind other than 'none'")
     assert rows["gps.noise_m"][6].strip() == ""
     assert "4.0" in rows["navigation.gate_sigma"][3]
     assert rows["navigation.gate_sigma"][4].strip() == "yes"

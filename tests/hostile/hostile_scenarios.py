@@ -99,7 +99,7 @@ def table_cases(folder: Path) -> st.SearchStrategy[Case]:
 
     @st.composite
     def build(draw: st.DrawFn) -> Case:
-        keys = draw(st.lists(st.sampled_from((*KEYS[:80], "fault.kind", "", "x" * 300)), min_size=1, max_size=4))
+        keys = draw(st.lists(st.sampled_from((*KEYS[:80], "faults.fault.kind", "", "x" * 300)), min_size=1, max_size=4))
         cells = st.sampled_from((*NUMBERS, *TEXTS[:8], '"', ",", "\n", "\0"))
         rows = [",".join(keys)] + [",".join(draw(cells) for _ in keys) for _ in range(draw(st.integers(0, 3)))]
         damage, content = damaged_bytes("\n".join(rows).encode("utf-8", "replace"), draw)

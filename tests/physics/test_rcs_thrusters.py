@@ -87,7 +87,7 @@ def test_a_thruster_that_leaks_gives_the_exact_impulse_of_its_open_time(
     state = rcs_thrusters.true_state(rcs_thrusters.stacked(PAIR), jnp.zeros(2), jnp.ones(2))
     load = Impingement(force_N=2.0 * state.force_B, torque_T=3.0 * state.force_B, size=jnp.array([5.0, 7.0]))
     given = rcs_thrusters.thrust_over_step(
-        replace(state, plume=load), jnp.array([0.05, pulse]), "rk4", STEP, leak(share, begin, end)
+        replace(state, plume=load), jnp.array([0.05, pulse]), "rk4", STEP, [leak(share, begin, end)]
     )
     time = pulse + share * (open_s - pulse)
     force = np.array([0.3 * time, 0.2 * 0.05, 0.0])
@@ -113,7 +113,7 @@ def test_a_fault_lets_its_thruster_leak(kind: str, share: float) -> None:
     assert np.array_equal(equipment_faults.leak_shares(fault, 3), [0.0, share, 0.0])
     assert np.array_equal(equipment_faults.is_stuck_open(fault, 3), [False, share == 1.0, False])
     if share:
-        assert np.array_equal(equipment_faults.rcs_fractions(fault, jnp.array(11.0), 3), np.ones(3))
+        assert np.array_equal(equipment_faults.rcs_fractions({"a": fault}, jnp.array(11.0), 3), np.ones(3))
 
 
 def test_a_mapping_has_the_same_order_after_a_compiled_program() -> None:
@@ -134,7 +134,7 @@ def test_a_fault_takes_the_force_of_its_thruster_for_its_time() -> None:
         severity=jnp.array(0.4), wheel=jnp.array(0.0), thruster=jnp.array(1.0),
     )  # fmt: skip
     times = (9.0, 10.0, 14.9, 15.0)
-    left = [np.array(equipment_faults.rcs_fractions(fault, jnp.array(time), 3)) for time in times]
+    left = [np.array(equipment_faults.rcs_fractions({"a": fault}, jnp.array(time), 3)) for time in times]
     assert np.allclose(left, [[1, 1, 1], [1, 0.6, 1], [1, 0.6, 1], [1, 1, 1]])
 
 

@@ -8,10 +8,10 @@ from rpojax.report.sections import failure_section, sensitivity_section
 
 def test_categorical_inputs_are_not_ranked(build):
     campaign = build(runs=60, seconds=60, kept=(), failed=tuple(range(20)))
-    campaign.drawn |= {"fault.kind": np.repeat([3.0, 1.0, 2.0], 20), "fault.wheel": np.arange(60.0) % 3.0}
+    campaign.drawn |= {"faults.fault.kind": np.repeat([3.0, 1.0, 2.0], 20), "faults.fault.wheel": np.arange(60.0) % 3.0}
     # Those of a servicer of a team are codes, too.
-    campaign.drawn |= {f"{key}/second": values for key, values in campaign.drawn.items() if key.startswith("fault.")}
-    codes = {"fault.kind", "fault.wheel", "fault.kind/second", "fault.wheel/second"}
+    campaign.drawn |= {f"{key}/second": values for key, values in campaign.drawn.items() if key.startswith("faults.")}
+    codes = {"faults.fault.kind", "faults.fault.wheel", "faults.fault.kind/second", "faults.fault.wheel/second"}
     assert all(
         codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity_section.content(campaign)
     )

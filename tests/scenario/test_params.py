@@ -62,7 +62,7 @@ def numeric_keys() -> list[str]:
             keys += [
                 f"{name}.{key}"
                 for key in section.model_fields
-                if key not in STATIC or f"{name}.{key}" in ("fault.kind", "camera.delay_s")
+                if key not in STATIC or f"{name}.{key}" in ("faults.fault.kind", "camera.delay_s")
             ]
     return keys
 
@@ -82,7 +82,7 @@ def test_every_number_of_the_scenario_is_in_its_leaf_in_si_units(
 ) -> None:
     section, _, name = key.partition(".")
     value = getattr(getattr(inspection_file, section), name)
-    value = np.asarray(equipment_faults.KINDS.index(value) if key == "fault.kind" else value, dtype=float)
+    value = np.asarray(equipment_faults.KINDS.index(value) if key == "faults.fault.kind" else value, dtype=float)
     path, found_factor = parameters.leaf_path_and_factor(key)
     leaf = np.asarray(parameters.get_leaf(inspection_params, path))
     assert found_factor == pytest.approx(factor(key), rel=1e-15)

@@ -28,9 +28,9 @@ OVERRIDES = (
     "pointing.look_away_limit_s=80.0",
     "formation.lead_s=40.0",
     "wheels.initial_speed_rad_s=[20.0, 20.0, 20.0]",
-    "dispersions.fault.start_s=none",
-    f"fault.start_s={BEGIN}.0",
-    f"fault.duration_s={END - BEGIN}.0",
+    "dispersions.faults.fault.start_s=none",
+    f"faults.fault.start_s={BEGIN}.0",
+    f"faults.fault.duration_s={END - BEGIN}.0",
 )
 """Burns planned every 100 s and executed 40 s later."""
 ECLIPSE_RAAN = np.deg2rad(30.3)
@@ -43,7 +43,7 @@ def case(nominal: Params, name: str) -> Params:
     """Params of one case."""
     if name in equipment_faults.KINDS:
         return parameters.replace_leaf(
-            nominal, ("plant", "fault", "kind"), jnp.float64(equipment_faults.KINDS.index(name))
+            nominal, ("plant", "faults", "fault", "kind"), jnp.float64(equipment_faults.KINDS.index(name))
         )
     # 0.063 deg of orbit a second: sunset or sunrise some 150 s after the start.
     anomaly = np.deg2rad(20.5 if name == SUNSET else 149.5)

@@ -74,13 +74,13 @@ def fly(scenario: Scenario, params: Params, state: State, shares: Any, normals: 
 def with_fault(params: Params, start: float, kind: str = "thruster_stuck_open", severity: float = 0.5) -> Params:
     """Parameters with a fault of thruster 4."""
     fault = replace(
-        params.plant.fault,
+        params.plant.faults["fault"],
         kind=jnp.array(float(KINDS.index(kind))),
         start=jnp.array(start),
         thruster=jnp.array(float(THRUSTER)),
         severity=jnp.array(severity),
     )
-    return replace(params, plant=replace(params.plant, fault=fault))
+    return replace(params, plant=replace(params.plant, faults={"fault": fault}))
 
 
 def flown(scenario: Scenario, params: Params, state: State, shares: float = 0.0, seed: int = 0) -> Watched:
@@ -135,6 +135,36 @@ def test_a_leak_below_the_limit_goes_on_and_other_faults_isolate_nothing(
     assert np.allclose(np.array(found.impulse_B).sum(axis=0), expected, atol=1e-12)
 
 
+def test_two_faults_each_push_by_their_own_thruster_from_their_own_time(
+    failure: tuple[Scenario, Params, State],
+) -> None:
+    scenario, params, state = failure
+    first = with_fault(params, 0.3, "thruster_leak", 0.1).plant.faults["fault"]
+    other = THRUSTER + 1
+    second = replace(first, start=jnp.array(1.1), severity=jnp.array(0.2), thruster=jnp.array(float(other)))
+    one, both = (
+        flown(scenario, replace(params, plant=replace(params.plant, faults=faults)), state)
+        for faults in ({"a": first}, {"a": first, "b": second})
+    )
+    before = round(1.0 / STEP)
+    assert np.array_equal(np.array(both.impulse_B)[:before], np.array(one.impulse_B)[:before])
+    forces = np.array(rcs_thrusters.nominal_forces(rcs_thrusters.stacked(params.plant.thrusters)))
+    expected = 0.1 * (STEPS * STEP - 0.3) * forces[THRUSTER] + 0.2 * (STEPS * STEP - 1.1) * forces[other]
+    assert np.allclose(np.array(both.impulse_B).sum(axis=0), expected, atol=1e-12)
+
+
+def test_leaks_of_one_thruster_add_up_to_its_full_force(failure: tuple[Scenario, Params, State]) -> None:
+    scenario, params, state = failure
+    first = with_fault(params, 0.4, "thruster_leak", 0.2).plant.faults["fault"]
+    limit = replace(params.flight.isolation, pressure=jnp.array(2.0))  # nothing is isolated
+    params = replace(params, flight=replace(params.flight, isolation=limit))
+    for severity, share in ((0.1, 0.3), (0.9, 1.0)):
+        second = replace(first, start=jnp.array(1.0), severity=jnp.array(severity))
+        found = flown(scenario, replace(params, plant=replace(params.plant, faults={"a": first, "b": second})), state)
+        expected = FORCE * (0.2 * 0.6 + share * (STEPS * STEP - 1.0)) * direction(params)
+        assert np.allclose(np.array(found.impulse_B).sum(axis=0), expected, atol=1e-12)
+
+
 def test_a_leak_above_the_limit_is_isolated(failure: tuple[Scenario, Params, State]) -> None:
     scenario, params, state = failure
     found = flown(scenario, with_fault(params, 0.3, "thruster_leak", 0.6), state)
@@ -173,7 +203,8 @@ def test_the_delay_of_an_isolation_is_the_time_for_which_the_thruster_can_burn(
 ) -> None:
     scenario, params, _ = failure
     plant = with_fault(params, 100.0, kind).plant
-    plant = replace(plant, fault=replace(plant.fault, duration=jnp.array(1000.0)))
+    lasting = replace(plant.faults["fault"], duration=jnp.array(1000.0))
+    plant = replace(plant, faults={"fault": lasting})
     assert params.flight.thrusters is not None
     isolation = thruster_isolation.initial(params.flight.thrusters)
     isolation = replace(isolation, shut_at=isolation.shut_at.at[THRUSTER].set(shut_at).at[0].set(3.0))
@@ -190,7 +221,7 @@ def test_the_delay_of_an_isolation_is_the_time_for_which_the_thruster_can_burn(
 def test_every_stuck_thruster_of_the_packaged_scenario_is_shut_off_and_no_other(tmp_path: Path) -> None:
     campaign = rpojax.run_campaign(rpojax.load("thruster_failure"), runs=12, out=tmp_path / "runs", seed=7)
     delay, shut = (campaign.metrics[name] for name in ("isolation_delay_s", "isolated_thrusters"))
-    stuck = campaign.drawn["fault.kind"] == KINDS.index("thruster_stuck_open")
+    stuck = campaign.drawn["faults.fault.kind"] == KINDS.index("thruster_stuck_open")
     assert 0 < stuck.sum() < 12
     np.testing.assert_array_equal(np.isfinite(delay), stuck)
     np.testing.assert_array_equal(shut, stuck)

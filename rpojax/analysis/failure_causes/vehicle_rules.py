@@ -39,35 +39,34 @@ def findings(evidence: RunEvidence) -> Iterator[Finding]:
 
 
 def faults(evidence: RunEvidence) -> Iterator[Finding]:
-    """Faults that were injected and began before the run failed, one finding for each kind."""
-    if not evidence.file.effects.faults:
-        return
-    kind = evidence.drawn.get("fault.kind")
-    code = np.full(evidence.count, KINDS.index(evidence.file.fault.kind)) if kind is None else np.round(kind)
-    start_s = evidence.value("fault.start_s").astype(float)
-    end_s = start_s + evidence.value("fault.duration_s")
-    for number_of_kind in np.unique(code).astype(int).tolist():
-        if KINDS[number_of_kind] == "none":
-            continue
-        acts = (code == number_of_kind) & (start_s < evidence.until_s)
-        name = KINDS[number_of_kind].replace("_", " ")
+    """Faults that were injected and began before the run failed, one finding for each kind of each fault."""
+    for fault in evidence.file.faults if evidence.file.effects.faults else ():
+        codes = np.round(evidence.value(f"faults.{fault.name}.kind")).astype(int)
+        for code in np.unique(codes).tolist():
+            if KINDS[code] != "none":
+                yield _injected(evidence, fault.name, KINDS[code], codes == code)
 
-        def words(chosen: Flags, name: str = name, kind: str = KINDS[number_of_kind]) -> str:
-            lasting = median(np.minimum(end_s, evidence.until_s) - start_s, chosen)
-            found = f"the injected fault {name} acts from {number(median(start_s, chosen))} s on, for"
-            return f"{found} {number(lasting)} s{_isolated(evidence, kind, chosen)}"
 
-        title = f"injected fault: {name}"
-        strength = np.where(acts, _CERTAIN, 0.0)
-        yield Finding(
-            "fault",
-            title,
-            Depth.EQUIPMENT,
-            strength,
-            start_s,
-            words,
-            lambda _, kind=KINDS[number_of_kind]: _mended_fault(evidence, kind),
-        )
+def _injected(evidence: RunEvidence, fault: str, kind: str, is_kind: Flags) -> Finding:
+    """The fault of a name in the runs in which it is of a kind."""
+    start_s = evidence.value(f"faults.{fault}.start_s").astype(float)
+    end_s = start_s + evidence.value(f"faults.{fault}.duration_s")
+    name = kind.replace("_", " ")
+
+    def words(chosen: Flags) -> str:
+        lasting = median(np.minimum(end_s, evidence.until_s) - start_s, chosen)
+        found = f"the injected fault {name} acts from {number(median(start_s, chosen))} s on, for"
+        return f"{found} {number(lasting)} s{_isolated(evidence, kind, chosen)}"
+
+    return Finding(
+        "fault",
+        f"injected fault: {name}",
+        Depth.EQUIPMENT,
+        np.where(is_kind & (start_s < evidence.until_s), _CERTAIN, 0.0),
+        start_s,
+        words,
+        lambda _: _mended_fault(evidence, fault, kind),
+    )
 
 
 def _isolated(evidence: RunEvidence, kind: str, chosen: Flags) -> str:
@@ -82,7 +81,7 @@ def _isolated(evidence: RunEvidence, kind: str, chosen: Flags) -> str:
     return f"; the thruster is shut off after {number(after)} s" if np.isfinite(after) else ""
 
 
-def _mended_fault(evidence: RunEvidence, kind: str) -> str:
+def _mended_fault(evidence: RunEvidence, fault: str, kind: str) -> str:
     """What helps against a kind of fault."""
     file = evidence.file
     # The others of a list take the place of one whose failure is known.
@@ -92,7 +91,7 @@ def _mended_fault(evidence: RunEvidence, kind: str) -> str:
         needed["isolation"] = file.isolation.enabled
     if not all(needed.values()):
         return " and ".join(change(file, f"{name}.enabled", "true") for name, has in needed.items() if not has)
-    return "equipment in reserve, or a shorter fault.duration_s"
+    return f"equipment in reserve, or a shorter faults.{fault}.duration_s"
 
 
 def wheels(evidence: RunEvidence) -> Finding:

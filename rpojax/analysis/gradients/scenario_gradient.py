@@ -246,7 +246,7 @@ def _nominal_of(file: ScenarioFile, key: str) -> np.ndarray:
         return trained_tensors.nominal(single_run.nominal_parameters(file)[1], key)
     leaf_path_and_factor(key)
     value = nominal_of_key(file, key)
-    if value is None or key.startswith("fault."):
+    if value is None or key.startswith("faults."):
         raise RpojaxError(f"{key}: found no continuous number of the scenario, expected one")
     _check_delay(file, key)
     return np.asarray(value, dtype=np.float64)

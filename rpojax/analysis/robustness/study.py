@@ -3,29 +3,23 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from rpojax.analysis.robustness.assigned_runs import StudyProgress, check_study, provenance
 from rpojax.analysis.robustness.believed_quantities import Quantity, find_quantities, with_handover
 from rpojax.analysis.robustness.margin_search import SideSearch, StepVerdict, search
 from rpojax.analysis.robustness.step_runs import (
     DEFAULT_PROBABILITY,
     DEFAULT_RISK,
-    BatchCallback,
     StepRuns,
     judge_step,
     requirement_names,
 )
 from rpojax.analysis.statistics.tolerance_bounds import runs_for_bound
-from rpojax.campaign import argument_checks
 from rpojax.campaign.storage.atomic_outputs import to_json_types
-from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
-from rpojax.scenario.dispersed_numbers.dispersion_keys import design_keys
-from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.runtime.progress import run_progress
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.team.members import refuse_team
 
 DEFAULT_RUNS: Final = 100
-_MOST_RUNS: Final = 100_000
 STUDY: Final = "study"
 """Name of what is no quantity in the content of a study."""
 Side = tuple[str, str]
@@ -61,7 +55,7 @@ def robustness(
     sides = {(each.name, side): SideSearch(each.farthest(side)) for each in quantities for side in each.sides}
     simulated = StepRuns(whole, quantities, runs, seed, free_drifts)
     with run_progress(file.duration_s, quiet=not progress) as show:
-        watch = _Watch(runs, show)
+        watch = StudyProgress(runs, show)
         watch.show(compiled=False)
         simulated.compile()
         watch.show(compiled=True)
@@ -99,25 +93,13 @@ def check(file: ScenarioFile, runs: int, seed: int) -> None:
     Raises:
         RpojaxError: naming the argument or the key.
     """
-    refuse_team(file, "robustness")
-    argument_checks.check_numbers(runs, 0, seed, None)
-    if runs > _MOST_RUNS:
-        raise RpojaxError.of_argument("runs", f"found {runs}, expected at most {_MOST_RUNS} runs of each step")
-    if design_keys(file):
-        raise RpojaxError(f"design.kind: found {file.design.kind!r}, expected a design whose values dispersions draw")
+    check_study(file, "robustness", runs, seed)
 
 
 def _provenance(file: ScenarioFile, runs: int, seed: int, free_drifts: bool) -> dict[str, Any]:
     needed = [runs_for_bound(each.probability, 1.0 - each.consumer_risk) for each in file.requirements]
-    return {
-        "scenario": file.name,
-        "scenario_hash": scenario_digest(file),
-        "seed": seed,
-        "runs": runs,
-        "runs_that_decide": max(needed, default=runs_for_bound(DEFAULT_PROBABILITY, 1.0 - DEFAULT_RISK)),
-        "free_drifts": free_drifts,
-        "versions": package_versions(),
-    }
+    decide = max(needed, default=runs_for_bound(DEFAULT_PROBABILITY, 1.0 - DEFAULT_RISK))
+    return {**provenance(file, runs, seed, free_drifts), "runs_that_decide": decide}
 
 
 def _margins(quantity: Quantity, sides: Mapping[Side, SideSearch]) -> dict[str, Any]:
@@ -174,28 +156,3 @@ def _interval(side: str, found: SideSearch, quantity: Quantity) -> dict[str, Any
 def _in_unit(quantity: Quantity, size: float | None) -> float | None:
     """A size in sigmas in the unit of a quantity, without the last digits, which are rounding."""
     return None if size is None else float(f"{size * quantity.believed_sigma:.12g}")
-
-
-class _Watch:
-    """Progress: runs that are done, of those of the rounds so far."""
-
-    def __init__(self, runs: int, on_progress: ProgressCallback) -> None:
-        self._runs, self._on_progress = runs, on_progress
-        self.done, self._failed, self._total = 0, 0, runs
-
-    def show(self, compiled: bool, more: float = 0.0, failed: int = 0) -> None:
-        done = Progress(self.done + more, self._total, self._failed + failed, compiled, stage="simulating steps")
-        self._on_progress(done)
-
-    def round(self, steps: int) -> BatchCallback:
-        """Callback for the batches of a round of steps."""
-        self._total = self.done + steps * self._runs
-
-        def on_batch(fraction: float, runs: int, failed: int) -> None:
-            if fraction < 1.0:
-                self.show(True, fraction * runs, failed)
-            else:
-                self.done, self._failed = self.done + runs, self._failed + failed
-                self.show(True)
-
-        return on_batch

@@ -10,6 +10,7 @@ from scipy.stats import chisquare, kstest
 from rpojax.dispersions.kinds.registry import recorded_dispersion
 from rpojax.dispersions.marginal_distribution import DiscreteDistribution, Distribution
 from rpojax.physics import equipment_faults
+from rpojax.physics.plant_options import is_fault_kind
 from rpojax.scenario.parameter_keys import component_columns, parse_key
 
 
@@ -70,12 +71,19 @@ def goodness_of_fit_p(values: np.ndarray, distribution: Distribution) -> float:
     return float(np.asarray(chisquare(counts, distribution.probabilities * len(values)))[1]) if len(counts) > 1 else 1.0
 
 
+def _inner(value: Any, part: str) -> Any:
+    """What a table has under a name, or the table of that name in a list."""
+    if isinstance(value, list):
+        return next((each for each in value if isinstance(each, Mapping) and each.get("name") == part), None)
+    return value.get(part) if isinstance(value, Mapping) else None
+
+
 def declared_nominal(scenario: Mapping[str, Any], key: str) -> Any:
     """Value of a key, or of a component such as `a.b[1]`, in the tables of a scenario; None if it is absent."""
     place = parse_key(key)
     value: Any = scenario
     for part in place.key.split("."):
-        value = value.get(part) if isinstance(value, Mapping) else None
+        value = _inner(value, part)
     if place.index is not None:
         return value[place.index] if isinstance(value, list) and place.index < len(value) else None
-    return equipment_faults.kind_code(value) if key == "fault.kind" else value
+    return equipment_faults.kind_code(value) if is_fault_kind(key) else value

@@ -43,6 +43,7 @@ from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_plots import CampaignPlots
 from rpojax.campaign.storage.campaign_seal import RequirementChange, array_binding
 from rpojax.errors import ResultError, UnfinishedError
+from rpojax.scenario.former_fault import present_key
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import RequirementSection, ScenarioFile
@@ -289,12 +290,12 @@ class Campaign(Summarised):
     @property
     def drawn(self) -> dict[str, np.ndarray]:
         """Dispersed key -> (runs, ...) values drawn, in the user's units; `KEY/SERVICER` if each has its own."""
-        return self._read("drawn") | self._of_each_servicer("drawn")
+        return _with_present_names(self._read("drawn") | self._of_each_servicer("drawn"))
 
     @property
     def used(self) -> dict[str, np.ndarray]:
         """As `drawn`, values read back from the runs' Params."""
-        return self._read("used") | self._of_each_servicer("used")
+        return _with_present_names(self._read("used") | self._of_each_servicer("used"))
 
     @property
     def servicer_names(self) -> tuple[str, ...]:
@@ -505,3 +506,8 @@ def of_servicer(history: Mapping[str, np.ndarray], servicer: int) -> dict[str, n
 def trace_stride(file: ScenarioFile) -> int:
     """Ticks between samples of the traces."""
     return max(1, round(TRACE_INTERVAL_S * file.rates.camera_hz))
+
+
+def _with_present_names(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Values by key, also those of a campaign whose scenario had another name for it."""
+    return {present_key(key): each for key, each in values.items()}

@@ -147,3 +147,32 @@ class RobustnessCommand(Command):
         False
     )
     force: Annotated[bool, arg(help="Replace the files if they are there.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultsCommand(Command):
+    """Which faults of the equipment a scenario's runs survive, by kind and time, with share and margin, as a page.
+
+    Every kind of fault of every wheel, thruster and sensor is injected at every time into the same runs.
+    """
+
+    work = "analysis.faults:faults"
+
+    scenario: Source
+    session: Annotated[Session, FLAT]
+    out: Out
+    runs: Annotated[int, arg(metavar="N", help="Runs of each fault and time.")] = 32
+    times: Annotated[
+        str, arg(metavar="T1,T2,...", help="When faults begin [s].", help_behavior_hint="(default: see --every)")
+    ] = ""
+    every: Annotated[
+        float | None,
+        arg(metavar="S", help="Time between them [s].", help_behavior_hint="(default: a quarter of the run)"),
+    ] = None
+    double: Annotated[bool, arg(help="Inject each two faults of different equipment at once.")] = False
+    seed: Seed = 0
+    overrides: Overrides = ()
+    free_drifts: Annotated[bool, arg(help="Judge requirements on free drifts and coverage, too, which is slower.")] = (
+        False
+    )
+    force: Annotated[bool, arg(help="Replace the files if they are there.")] = False

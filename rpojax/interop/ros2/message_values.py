@@ -210,7 +210,7 @@ def gyro_variance(scenario: Scenario, params: Params) -> Array:
 
 def _motor_torque(scenario: Scenario, params: Params, telemetry: Telemetry, command: Vector, time: Array) -> Vector:
     effects = scenario.effects
-    health = equipment_faults.health_at(params.plant.fault, time) if effects.faults else equipment_faults.healthy()
+    health = equipment_faults.health_at(params.plant.faults, time) if effects.faults else equipment_faults.healthy()
     return forces_and_torques.motor_torque(
         effects, params.plant.wheels, telemetry.truth, command, health, scenario.step_s
     )

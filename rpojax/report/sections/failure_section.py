@@ -12,6 +12,7 @@ from rpojax.analysis.statistics.dependence import separate_failing_runs
 from rpojax.physics.equipment_faults import KINDS
 from rpojax.report.campaign_results import CampaignResults, rankable_scalars, runs_are_independent
 from rpojax.report.labels import format_number, format_p_value, heading, metric_label
+from rpojax.scenario import former_fault
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _SIGNS = (
@@ -195,9 +196,18 @@ def event_table(events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def fault_rows(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """Row for each kind of fault: runs, failed runs, percentiles of metrics; empty without the effect `faults`."""
+    """Row for each kind of fault: runs, failed runs, percentiles of metrics; empty without the effect `faults`.
+
+    A run with several faults is in the row of each of their kinds.
+    """
     kinds = _fault_codes(campaign)
-    return [_fault_row(campaign, code, kinds == code) for code in sorted(set(kinds.tolist()))]
+    none = KINDS.index("none")
+    rows = []
+    for code in sorted(set(kinds.ravel().tolist())):
+        has = (kinds == code).all(axis=0) if code == none else (kinds == code).any(axis=0)
+        if has.any():
+            rows.append(_fault_row(campaign, code, has))
+    return rows
 
 
 def fault_content(campaign: CampaignResults) -> list[dict[str, Any]]:
@@ -213,16 +223,17 @@ def headings() -> list[str]:
 
 
 def _fault_codes(campaign: CampaignResults) -> np.ndarray:
-    """Fault code of each run (runs,); empty without the effect `faults`, and where servicers have their own."""
-    scenario = campaign.info.get("scenario", {})
+    """Code (faults, runs) of each fault of each run; none without the effect, and where servicers have their own."""
+    scenario, runs = campaign.info.get("scenario", {}), campaign.run_ids.size
     if not scenario.get("effects", {}).get("faults"):
-        return np.zeros(0, dtype=int)
-    drawn = campaign.drawn.get("fault.kind")
-    if drawn is None and campaign.servicer_names:
-        return np.zeros(0, dtype=int)
-    if drawn is None:
-        return np.full(campaign.run_ids.size, KINDS.index(scenario["fault"]["kind"]))
-    return np.round(drawn).astype(int)
+        return np.zeros((0, runs), dtype=int)
+    codes = []
+    for fault in former_fault.declared(scenario):
+        drawn = campaign.drawn.get(f"faults.{fault['name']}.kind")
+        if drawn is None and campaign.servicer_names:
+            continue
+        codes.append(np.full(runs, KINDS.index(fault["kind"])) if drawn is None else np.round(drawn).astype(int))
+    return np.stack(codes) if codes else np.zeros((0, runs), dtype=int)
 
 
 def _fault_row(campaign: CampaignResults, code: int, chosen: np.ndarray) -> dict[str, Any]:

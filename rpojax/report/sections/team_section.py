@@ -29,6 +29,7 @@ from rpojax.report.figures.png_export import AXIS_NAMES, png_bytes
 from rpojax.report.labels import format_number, heading, metric_label
 from rpojax.report.sections import phase_section, phase_visits
 from rpojax.report.sections.failure_section import outcomes_text
+from rpojax.scenario import former_fault
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_kinds import REASONS, Outcome, count_outcomes
 
@@ -37,6 +38,8 @@ _COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY_BLUE, YELLOW, IN
 _WIDTH_INCHES: Final = 10.8
 _ALONG, _ACROSS, _RADIAL = 1, 2, 0
 FIGURE_NAME: Final = "relative_orbits.png"
+_FOR_GOOD_S: Final = 1e9
+"""Duration from which on a fault does not end [s]."""
 _DASH: Final = format_number(None)
 _RELATIVE_COMPONENTS: Final = 6
 _CONSISTENCY: Final = (
@@ -201,11 +204,12 @@ def _servicer_content(campaign: CampaignResults, number: int) -> dict[str, Any]:
     name, scenario = campaign.servicer_names[number], campaign.info.get("scenario", {})
     own = of_servicer(campaign, number)
     changes = next((servicer for servicer in scenario.get("servicers", []) if servicer.get("name") == name), {})
-    fault = {**scenario.get("fault", {}), **(changes.get("fault") or {})}
+    own_faults = changes.get("faults") or {former_fault.NAME: changes.get("fault") or {}}
+    faults = [{**each, **own_faults.get(each["name"], {})} for each in former_fault.declared(scenario)]
     return {
         "name": name,
         "outcomes": count_outcomes(own.outcomes),
-        "fault": fault if scenario.get("effects", {}).get("faults") else None,
+        "faults": faults if scenario.get("effects", {}).get("faults") else [],
         "mission": phase_section.content(own),
     }
 
@@ -256,8 +260,8 @@ def _outcome_rows(content: Mapping[str, Any]) -> list[list[str]]:
     """Servicer, completed runs, failed runs by outcome, and equipment fault; the team last."""
     rows = []
     for servicer in content["team"]["servicers"]:
-        outcomes, fault = servicer["outcomes"], servicer["fault"]
-        kind = _DASH if fault is None or fault.get("kind", "none") == "none" else _fault_text(fault)
+        outcomes = servicer["outcomes"]
+        kind = "; ".join(_fault_text(each) for each in servicer["faults"] if each["kind"] != "none") or _DASH
         rows.append([servicer["name"], str(outcomes["completed"]), outcomes_text(outcomes) or _DASH, kind])
     of_team = content["runs"]["outcomes"]
     return [*rows, ["team", str(of_team["completed"]), outcomes_text(of_team) or _DASH, _DASH]]
@@ -265,7 +269,8 @@ def _outcome_rows(content: Mapping[str, Any]) -> list[list[str]]:
 
 def _fault_text(fault: Mapping[str, Any]) -> str:
     kind = str(fault["kind"]).replace("_", " ")
-    return f"{kind} from {format_number(fault['start_s'])} s, for {format_number(fault['duration_s'])} s"
+    lasting = f", for {format_number(fault['duration_s'])} s" if fault["duration_s"] < _FOR_GOOD_S else ""
+    return f"{kind} from {format_number(fault['start_s'])} s{lasting}"
 
 
 def _seen_rows(content: Mapping[str, Any], names: list[str]) -> list[list[str]]:

@@ -12,7 +12,7 @@ from rpojax.scenario.checks.ranging_checks import check_ranging
 from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.checks.target_checks import check_target
 from rpojax.scenario.checks.target_frame_checks import check_target_frame
-from rpojax.scenario.checks.thruster_checks import check_thrusters
+from rpojax.scenario.checks.thruster_checks import check_faults, check_thrusters
 from rpojax.scenario.checks.wide_lens_checks import check_wide_lens
 from rpojax.scenario.measurement_delays import check_delays
 from rpojax.scenario.schema import ScenarioFile
@@ -76,6 +76,7 @@ def check_consistency(file: ScenarioFile) -> None:
     check_wide_lens(file)
     check_dispersions(file)
     check_design(file)
+    check_faults(file)
 
 
 def _check_precision(file: ScenarioFile) -> None:

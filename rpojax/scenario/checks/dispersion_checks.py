@@ -5,7 +5,8 @@ import numpy as np
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
 from rpojax.errors import ScenarioError
-from rpojax.scenario.dispersed_numbers.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable, check_key_exists
+from rpojax.physics.plant_options import is_category
+from rpojax.scenario.dispersed_numbers.assigned_value_checks import check_acceptable, check_key_exists
 from rpojax.scenario.dispersed_numbers.dispersion_keys import assigned_keys, evaluation_order, nominal_numbers
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
@@ -27,7 +28,7 @@ def check_dispersions(file: ScenarioFile) -> None:
             assigned.append(parameter)
             if dispersion.is_joint:
                 _check_joint_key(file, where, text)
-            elif text in CATEGORICAL_KEYS and not dispersion.takes_categories:
+            elif is_category(text) and not dispersion.takes_categories:
                 raise ScenarioError(f"{where}.kind", dispersion.kind, f"'choice' for {text}")
         nominal = nominal_numbers(file, dispersion)
         dispersion.check(where, nominal)
@@ -38,7 +39,7 @@ def check_dispersions(file: ScenarioFile) -> None:
 
 
 def _check_joint_key(file: ScenarioFile, where: str, text: str) -> None:
-    if np.ndim(nominal_value(file, parse_key(text))) > 1 or text in CATEGORICAL_KEYS:
+    if np.ndim(nominal_value(file, parse_key(text))) > 1 or is_category(text):
         raise ScenarioError(f"{where}.keys", text, "keys of numbers and of vectors")
 
 
@@ -46,7 +47,7 @@ def _check_terms(file: ScenarioFile, where: str, dispersion: Derived, shape: tup
     for number, term in enumerate(dispersion.terms):
         check_key_exists(file, f"{where}.terms.{number}.key", term.key)
         value = nominal_value(file, parse_key(term.key))
-        if term.key in CATEGORICAL_KEYS or np.shape(value) not in ((), shape):
+        if is_category(term.key) or np.shape(value) not in ((), shape):
             raise ScenarioError(f"{where}.terms.{number}.key", term.key, f"a number, or numbers of shape {shape}")
 
 

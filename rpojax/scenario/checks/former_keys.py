@@ -12,4 +12,6 @@ _FORMER_KEYS: Final = {
 
 def replacement(key: str) -> str | None:
     """The key that has replaced a former `key`, with the difference, or None for any other key."""
+    if key.startswith("fault."):
+        return f"faults.NAME.{key.removeprefix('fault.')}, a key of one of the list [[faults]]"
     return _FORMER_KEYS.get(key)

@@ -7,8 +7,8 @@ import numpy as np
 from rpojax.dispersions.designs.design_sections import GridDesign, TableDesign
 from rpojax.dispersions.listed_values import check_listed_values
 from rpojax.errors import ScenarioError
+from rpojax.physics.plant_options import is_category
 from rpojax.scenario.dispersed_numbers.assigned_value_checks import (
-    CATEGORICAL_KEYS,
     check_acceptable,
     check_key_exists,
 )
@@ -56,7 +56,7 @@ def _check_column_lengths(design: TableDesign) -> None:
 
 def _extreme_values(text: str, values: list[Any]) -> list[Any]:
     """Values that are acceptable only if all are: the allowed numbers form intervals, so least and greatest suffice."""
-    if text in CATEGORICAL_KEYS:
+    if is_category(text):
         return list(dict.fromkeys(values))
     return [min(values), max(values)] if not isinstance(values[0], list) else values
 

@@ -26,9 +26,6 @@ def check_thrusters(file: ScenarioFile) -> None:
     if file.effects.inertia_change:
         _check_tank(file)
     if not file.thrusters:
-        if file.effects.faults and (leaks := sorted(DispersedReach(file).fault_kinds & set(LEAKS))):
-            expected = "another kind, or [[thrusters]]: the one thruster neither sticks open nor leaks"
-            raise ScenarioError("fault.kind", leaks[0], expected)
         if file.isolation.enabled:
             raise ScenarioError("isolation.enabled", True, "false, or [[thrusters]] with isolation valves")
         if file.effects.plume:
@@ -44,12 +41,30 @@ def check_thrusters(file: ScenarioFile) -> None:
     if file.servicers:
         expected = "none in a team, whose servicers turn to burn"
         raise ScenarioError("thrusters", f"{len(names)} of them with [[servicers]]", expected)
-    if file.fault.thruster > len(names) - 1:
-        expected = f"at most {len(names) - 1}, the last of [[thrusters]]"
-        raise ScenarioError("fault.thruster", file.fault.thruster, expected)
     _check_authority(file, np.ones(len(names), dtype=bool), "thrusters")
     if file.plume.inhibit_within_m > 0.0:
         _check_authority(file, _away_from_boresight(file), "plume.inhibit_angle_deg")
+
+
+def check_faults(file: ScenarioFile) -> None:
+    """Refuses faults of one name, and of thrusters that there are not; dispersions have been checked.
+
+    Raises:
+        ScenarioError: naming the key, what was found and what was expected.
+    """
+    if not file.faults:
+        return
+    names, reach = [each.name for each in file.faults], DispersedReach(file)
+    for each in file.faults:
+        if names.count(each.name) > 1:
+            raise ScenarioError("faults.name", each.name, "a name that no other fault has")
+        leaks = sorted(reach.kinds_of(each.name) & set(LEAKS))
+        if file.effects.faults and leaks and not file.thrusters:
+            expected = "another kind, or [[thrusters]]: the one thruster neither sticks open nor leaks"
+            raise ScenarioError(f"faults.{each.name}.kind", leaks[0], expected)
+        last, key = len(file.thrusters) - 1, f"faults.{each.name}.thruster"
+        if file.thrusters and (most := max(each.thruster, reach.high(key))) > last:
+            raise ScenarioError(key, most, f"at most {last}, the last of [[thrusters]]")
 
 
 def _check_tank(file: ScenarioFile) -> None:

@@ -19,7 +19,7 @@ def first_error(error: ValidationError, tables: Mapping[str, Any]) -> ScenarioEr
     # For a key that takes a number or a list pydantic reports a fault of each; the deepest one fits the value given.
     related = [fault for fault in faults if _key_path(fault["loc"])[: len(first)] == first]
     fault = max(related, key=lambda fault: len(_key_path(fault["loc"])))
-    key = ".".join(_with_phase_name(_key_path(fault["loc"]), tables))
+    key = ".".join(_with_name(_key_path(fault["loc"]), tables))
     if fault["type"] == "extra_forbidden" and _is_of_world(fault["loc"]):
         expected = f"it only at the top of the scenario: one {fault['loc'][2]} for all servicers"
         return ScenarioError(key, "a value", expected)
@@ -32,6 +32,9 @@ def first_error(error: ValidationError, tables: Mapping[str, Any]) -> ScenarioEr
     if fault["type"] == "union_tag_invalid" and fault["loc"][0] == "phases":
         context = fault.get("ctx", {})
         return ScenarioError(f"{key}.kind", context["tag"], f"one of {context['expected_tags']}")
+    if fault["type"] == "too_long" and isinstance(fault["input"], list):
+        most = fault["ctx"]["max_length"]
+        return ScenarioError(key, f"{len(fault['input'])} of them", f"at most {most}")
     if fault["type"] in ("model_type", "model_attributes_type"):
         return ScenarioError(key, fault["input"], "a table")
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ").removeprefix("expected ")
@@ -47,13 +50,13 @@ def _key_path(location: tuple[int | str, ...]) -> list[str]:
     return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
 
 
-def _with_phase_name(path: list[str], tables: Mapping[str, Any]) -> list[str]:
-    """Path of a key with the name of a phase, where it has one, in place of its number."""
-    phases = tables.get("phases")
-    if path[:1] != ["phases"] or len(path) < 2 or not path[1].isdecimal() or not isinstance(phases, list):
+def _with_name(path: list[str], tables: Mapping[str, Any]) -> list[str]:
+    """Path of a key with the name of a phase or fault, where it has one, in place of its number."""
+    parts = tables.get(path[0]) if path[:1] in (["phases"], ["faults"]) else None
+    if len(path) < 2 or not path[1].isdecimal() or not isinstance(parts, list):
         return path
-    phase = phases[int(path[1])]
-    name = phase.get("name") if isinstance(phase, dict) else None
+    part = parts[int(path[1])]
+    name = part.get("name") if isinstance(part, dict) else None
     # A fault of the name itself is told with the number.
     return [path[0], name, *path[2:]] if isinstance(name, str) and name and path[2:] != ["name"] else path
 

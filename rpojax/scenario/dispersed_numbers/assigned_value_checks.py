@@ -5,18 +5,17 @@ from typing import Any
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
+from rpojax.scenario.checks import former_keys
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key, section_of_key
 from rpojax.scenario.schema import ScenarioFile
 
-CATEGORICAL_KEYS = ("fault.kind", "fault.wheel")
-"""Keys whose values are categories, not quantities."""
 _EXPECTED_KEY = "the key of a number in this scenario, such as 'servicer.mass_kg'"
 
 
 def check_key_exists(file: ScenarioFile, where: str, text: str) -> None:
     """Refuses a key that names no number of the scenario."""
     if nominal_value(file, parse_key(text)) is None:
-        raise ScenarioError(where, text, _EXPECTED_KEY)
+        raise ScenarioError(where, text, former_keys.replacement(text) or _EXPECTED_KEY)
 
 
 def check_acceptable(

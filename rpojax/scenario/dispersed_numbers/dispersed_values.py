@@ -23,6 +23,7 @@ from rpojax.scenario.dispersed_numbers.dispersion_keys import (
     nominal_numbers,
     varied_keys,
 )
+from rpojax.scenario.former_fault import former_name
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
@@ -95,7 +96,7 @@ def _keys_of_entries(entries: Sequence[DispersionKind], run_key: Array, team_key
 
 def _random_keys(stream: Array, names: Sequence[str]) -> Array:
     """(n, 2) random keys of dispersions by their names."""
-    numbers = np.array([zlib.crc32(name.encode()) & 0x7FFFFFFF for name in names], dtype=np.uint32)
+    numbers = np.array([zlib.crc32(former_name(name).encode()) & 0x7FFFFFFF for name in names], dtype=np.uint32)
     return random_streams.fold_in_per_key(jnp.broadcast_to(stream, (len(names), 2)), jnp.asarray(numbers))
 
 

@@ -7,14 +7,12 @@ import re
 from pathlib import Path
 
 from rpojax.errors import MISSING, ScenarioError
+from rpojax.physics.plant_options import is_fault_kind
 from rpojax.untrusted.file_reading import FileError, FileKind
 from rpojax.untrusted.text_reading import read_text
 
 MAX_CELLS = 1_000_000
 MAX_COLUMNS = 1000
-
-TEXT_KEY = "fault.kind"
-"""Key whose column holds names instead of numbers."""
 
 Columns = dict[str, list[float] | list[str]]
 
@@ -68,7 +66,7 @@ def _rows(path: Path, text: str) -> list[list[str]]:
 
 
 def _column(path: Path, key: str, cells: list[str]) -> list[float] | list[str]:
-    if key == TEXT_KEY:
+    if is_fault_kind(key):
         return cells
     values: list[float] = []
     for number, cell in enumerate(cells, start=2):

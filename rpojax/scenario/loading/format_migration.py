@@ -5,6 +5,7 @@
 | 1 | files without `format_version` |
 | 2 | three keys of `navigation` count seconds and no longer frames |
 | 3 | `chamber_pressure.enabled` measures the pressure, not `effects.faults`; a tolerance of `navigation` is an angle |
+| 4 | a list `[[faults]]` in place of one `[fault]` |
 """
 
 import math
@@ -13,6 +14,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from rpojax.errors import ScenarioError
+from rpojax.scenario import former_fault
 from rpojax.scenario.schema import FORMAT_VERSION
 
 _COUNTED_FRAMES: Final = {
@@ -65,6 +67,7 @@ def _changes(tables: dict[str, Any], base: Mapping[str, Any], found: int) -> lis
     changes = _seconds_for_frames(tables, base) if found < 2 else []
     changes += _pressure_with_faults(tables, base) if found < 3 else []
     changes += _angle_for_pixels(tables, base) if found < 3 else []
+    changes += _list_of_faults(tables, base) if found < 4 else []
     return changes
 
 
@@ -111,6 +114,35 @@ def _angle_for_pixels(tables: dict[str, Any], base: Mapping[str, Any]) -> list[s
     navigation[present] = math.degrees(tangent)
     camera = f"a camera of {width:g} pixels and {field_of_view:g} deg"
     return [f"navigation.{former} = {value:g} became {present} = {navigation[present]:.4g} by {camera}"]
+
+
+def _list_of_faults(tables: dict[str, Any], base: Mapping[str, Any]) -> list[str]:
+    """Makes the one fault of a file the list of that fault, and of those of the files that it extends."""
+    parts = ("fault", "servicers", "dispersions", "design")
+    before = {name: tables.get(name) for name in parts}
+    own = tables.pop("fault", {})
+    if not isinstance(own, dict):
+        raise ScenarioError("fault", own, "a list [[faults]]")
+    for name in ("dispersions", "design"):
+        if name in tables:
+            tables[name] = former_fault.with_present_keys(tables[name])
+    if isinstance(servicers := tables.get("servicers"), list):
+        tables["servicers"] = [_with_faults(each) for each in servicers]
+    if before == {name: tables.get(name) for name in parts}:
+        return []
+    faults = [each for each in tables.get("faults", base.get("faults", [])) if isinstance(each, dict)]
+    known = next((each for each in faults if each.get("name") == former_fault.NAME), {})
+    entry = {"name": former_fault.NAME, **former_fault.NOMINAL, **known, **own}
+    tables["faults"] = [each for each in faults if each is not known] + [entry]
+    return [f"[fault] became [[faults]] with name = {former_fault.NAME!r}, its keys faults.{former_fault.NAME}.KEY"]
+
+
+def _with_faults(servicer: Any) -> Any:
+    """Table of a servicer with the changes of its one fault by the name of that."""
+    if not isinstance(servicer, dict) or "fault" not in servicer:
+        return servicer
+    rest = {name: value for name, value in servicer.items() if name != "fault"}
+    return {**rest, "faults": {former_fault.NAME: servicer["fault"]}}
 
 
 def _camera_number(name: str, *layers: Mapping[str, Any]) -> float:

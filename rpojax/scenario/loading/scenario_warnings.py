@@ -113,6 +113,8 @@ def _content(file: ScenarioFile) -> dict[str, Any]:
     for phase in file.phases:
         # Of a phase without a packaged one of its name only the defaults say what was not given.
         found |= _leaves(phase.model_dump(exclude_defaults=True), f"phases.{phase.name}.")
+    for fault in file.faults:
+        found |= _leaves(fault.model_dump(exclude_defaults=True), f"faults.{fault.name}.")
     for changes in file.servicers:
         found |= _leaves(changes.tables, f"servicers.{changes.name}.")
     return found | {

@@ -23,7 +23,7 @@ _OVERRIDE: Final = "--set"
 _FURTHER_UNITS: Final = {"_m_px": "m/pixel", "_hz": "Hz"}
 """Units of settings that are no parameters, by suffix."""
 _NUMBERED: Final = "requirements"
-_BY_NAME: Final = ("phases", "servicers", "thrusters")
+_BY_NAME: Final = ("faults", "phases", "servicers", "thrusters")
 """Lists of which each part has a name."""
 _WHOLE: Final = (*_BY_NAME, _NUMBERED, "design")
 """What a file replaces as a whole (`table_merging.merge`); overrides set keys in place."""

@@ -17,7 +17,7 @@ _OPTIONAL_SECTIONS = (
     "team", "gps_differences", "link_range",
 )  # fmt: skip
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
-_NAMED = {"phases": "phase", "servicers": "servicer", "thrusters": "thruster"}
+_NAMED = {"faults": "fault", "phases": "phase", "servicers": "servicer", "thrusters": "thruster"}
 """Lists of tables with names, by which overrides find them, and what one of them is."""
 REMOVED = "none"
 """In place of a kind: the dispersion of the base is removed."""
@@ -113,8 +113,10 @@ def _override_value(override: str, text: str) -> Any:
 
 
 def _set_of_named(tables: dict[str, Any], key: str, path: list[str], leaf: str, value: Any) -> None:
-    """Sets a key of the phase or servicer of a name; those that it may leave out are made."""
+    """Sets a key of the phase or servicer of a name; those that it may leave out are made, and so is a fault."""
     of_list, name, *inner = path
+    if of_list == "faults" and all(each.get("name") != name for each in tables.get(of_list) or []):
+        tables[of_list] = [*(tables.get(of_list) or []), {"name": name}]
     entries = [each for each in tables.get(of_list) or [] if isinstance(each, dict)]
     names = [str(each.get("name")) for each in entries]
     if name not in names:

@@ -54,14 +54,16 @@ def _member(schema: type[ScenarioFile], tables: dict[str, Any], changes: Service
 
 
 def _with_changes(tables: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables of a scenario with what differs for one servicer, in phases by their name."""
-    of_phases = changes.get("phases", {})
-    names = [phase["name"] for phase in tables["phases"]]
-    for name in of_phases:
-        if name not in names:
-            raise ScenarioError("phases", name, f"the name of a phase of the scenario{did_you_mean(name, names)}")
-    phases = [_merged(phase, of_phases.get(phase["name"], {})) for phase in tables["phases"]]
-    return _merged(tables, {**changes, "phases": phases})
+    """Tables of a scenario with what differs for one servicer, in phases and faults by their name."""
+    lists = {}
+    for of_list, what in (("faults", "fault"), ("phases", "phase")):
+        own = changes.get(of_list, {})
+        names = [each["name"] for each in tables[of_list]]
+        for name in own:
+            if name not in names:
+                raise ScenarioError(of_list, name, f"the name of a {what} of the scenario{did_you_mean(name, names)}")
+        lists[of_list] = [_merged(each, own.get(each["name"], {})) for each in tables[of_list]]
+    return _merged(tables, {**changes, **lists})
 
 
 def _merged(table: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

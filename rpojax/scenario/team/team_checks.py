@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from rpojax.errors import MISSING, ScenarioError, ServicerError
+from rpojax.physics.plant_options import is_category
 from rpojax.scenario.checks.consistency_checks import check_consistency
 from rpojax.scenario.dispersed_numbers.dispersion_keys import varied_keys
 from rpojax.scenario.schema import ScenarioFile, ServicerChanges
@@ -78,12 +79,12 @@ def _differences(own: dict[str, Any], others: dict[str, Any], path: str) -> Iter
     """Key, what was found and what was expected, where two servicers differ in more than a number."""
     for key in {**own, **others}:
         where, found, expected = f"{path}{key}", own.get(key), others.get(key)
-        if key == "phases":
-            for phase, other in zip(own[key], others[key], strict=True):
-                yield from _differences(phase, other, f"{where}.{phase['name']}.")
+        if key in ("faults", "phases"):
+            for part, other in zip(own[key], others[key], strict=True):
+                yield from _differences(part, other, f"{where}.{part['name']}.")
         elif isinstance(found, dict) and isinstance(expected, dict):
             yield from _differences(found, expected, f"{where}.")
-        elif key in _FREE or where in ("fault.kind", "fault.wheel") or path.endswith("until."):
+        elif key in _FREE or is_category(where) or path.endswith("until."):
             continue
         elif found is None or expected is None:
             yield where, MISSING if found is None else found, "no value" if expected is None else "a value"

@@ -123,11 +123,12 @@ def _thruster_momentum(
 
 def _lost_wheel(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """A fault in all runs that leaves fewer than three axes of torque."""
-    if not file.effects.faults or reach.fault_kinds != {"wheel_stuck"}:
+    stuck = [each.name for each in file.faults if reach.kinds_of(each.name) == {"wheel_stuck"}]
+    if not file.effects.faults or not stuck:
         return []
     return [
-        "fault.kind: found 'wheel_stuck' with three wheels, expected other kinds, or runs whose attitude is not "
-        "controlled any more"
+        f"faults.{stuck[0]}.kind: found 'wheel_stuck' with three wheels, expected other kinds, or runs whose attitude "
+        "is not controlled any more"
     ]
 
 

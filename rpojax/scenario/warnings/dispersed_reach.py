@@ -10,7 +10,8 @@ from rpojax.dispersions.kinds.choice import Choice
 from rpojax.dispersions.kinds.derived import Derived
 from rpojax.dispersions.listed_values import listed_ends
 from rpojax.errors import ScenarioError
-from rpojax.scenario.dispersed_numbers.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable
+from rpojax.physics.plant_options import is_category
+from rpojax.scenario.dispersed_numbers.assigned_value_checks import check_acceptable
 from rpojax.scenario.dispersed_numbers.dispersion_keys import (
     assigned_keys,
     assigned_parts,
@@ -42,11 +43,16 @@ class DispersedReach:
     @property
     def fault_kinds(self) -> set[str]:
         """Kinds of fault that the runs may have."""
-        key, design = "fault.kind", self._file.design
+        return {kind for fault in self._file.faults for kind in self.kinds_of(fault.name)}
+
+    def kinds_of(self, fault: str) -> set[str]:
+        """Kinds that the fault of a name may be of."""
+        key, design = f"faults.{fault}.kind", self._file.design
         if isinstance(design, TableDesign | GridDesign) and key in design.values:
             return {str(kind) for kind in design.values[key]}
         drawn = [entry.values for entry in self._file.dispersions if isinstance(entry, Choice) and entry.key == key]
-        return {str(kind) for kind in (drawn[-1] if drawn else [self._file.fault.kind])}
+        nominal = [each.kind for each in self._file.faults if each.name == fault]
+        return {str(kind) for kind in (drawn[-1] if drawn else nominal)}
 
     def ends(self, text: str) -> np.ndarray:
         """(2, ...) least and greatest value of a key, or of a component of one, by component."""
@@ -98,7 +104,7 @@ def bound_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     found = []
     for index, dispersion in enumerate(file.dispersions):
         for text, parameter in zip(dispersion.key_texts, assigned_keys(dispersion), strict=True):
-            if text in CATEGORICAL_KEYS:
+            if is_category(text):
                 continue
             errors = []
             for value in reach.ends(text):

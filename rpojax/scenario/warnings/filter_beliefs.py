@@ -22,7 +22,7 @@ _SIZE_SIGMAS = 3.0
 """Error of the log of the size in its sigmas that is no cause for a warning: a normal dispersion reaches as far."""
 _SIZE_ROUNDING = 1.01
 """Factor for the rounding of a belief that is written down."""
-_FAULT_KIND, _THRUSTER_FAULTS = "fault.kind", ("thruster_off", "thruster_weak", *LEAKS)
+_THRUSTER_FAULTS = ("thruster_off", "thruster_weak", *LEAKS)
 _TINY = 1e-30
 _TOO_WIDE = ", expected at least the "
 """Of warnings about beliefs that doubt more than they need to."""
@@ -169,7 +169,7 @@ def _unmeasured_thrust(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     kinds = reach.fault_kinds
     found = [kind for kind in _THRUSTER_FAULTS if kind in kinds]
     return [
-        f"chamber_pressure.enabled: found false with {_FAULT_KIND} = {kind!r}, expected true, or flight software "
+        f"chamber_pressure.enabled: found false with a fault of the kind {kind!r}, expected true, or flight software "
         + ("does not notice it" if kind in LEAKS else "believes that burns give their full velocity change")
         for kind in found[:1]
     ]

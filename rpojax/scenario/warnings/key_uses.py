@@ -54,6 +54,10 @@ class Situation:
         """Kinds of fault of the runs, without `none`; empty where faults are off."""
         return self.reach.fault_kinds - {"none"} if self.file.effects.faults else set()
 
+    def kinds_of(self, fault: str) -> set[str]:
+        """Kinds that the fault of a name may be of, without `none`."""
+        return self.reach.kinds_of(fault) - {"none"}
+
     @property
     def can_hold(self) -> bool:
         """Whether a mission of phases may come to hold its place, by command or after a timeout."""
@@ -103,6 +107,21 @@ class PhaseUse:
     keys: tuple[str, ...]
     needs: str
     holds: Callable[[Situation, PhaseSection], bool]
+
+
+@dataclass(frozen=True)
+class FaultUse:
+    """The same, of keys of a fault.
+
+    Attributes:
+        keys: without `faults.NAME.`
+        needs: what makes it hold
+        holds: the condition, of the situation and the name of the fault
+    """
+
+    keys: tuple[str, ...]
+    needs: str
+    holds: Callable[[Situation, str], bool]
 
 
 def _surfaces(*names: str) -> tuple[str, ...]:
@@ -172,36 +191,6 @@ _PLANT: Final = (
         lambda at: at.file.effects.center_of_mass_shift,
     ),
     Use(("thruster.tank_radius_m",), "effects.inertia_change = true", lambda at: at.file.effects.inertia_change),
-)
-
-_FAULTS: Final = (
-    Use(("fault.*",), "effects.faults = true", lambda at: at.file.effects.faults),
-    Use(
-        ("fault.start_s", "fault.duration_s", "fault.severity", "fault.wheel"),
-        "a fault.kind other than 'none'",
-        lambda at: bool(at.fault_kinds),
-    ),
-    Use(
-        ("fault.kind", "fault.start_s", "fault.duration_s"),
-        "navigation.sharing",
-        lambda at: at.fault_kinds != {"radio_off"} or at.sharing != "none",
-    ),
-    Use(
-        ("fault.severity",),
-        "fault.kind = 'thruster_weak', 'thruster_leak' or 'wheel_friction'",
-        lambda at: bool(at.fault_kinds & {"thruster_weak", "thruster_leak", "wheel_friction"}),
-    ),
-    Use(
-        ("fault.wheel",),
-        "fault.kind = 'wheel_stuck' or 'wheel_friction'",
-        lambda at: bool(at.fault_kinds & {"wheel_stuck", "wheel_friction"}),
-    ),
-    Use(
-        ("fault.kind", "fault.start_s", "fault.severity", "fault.wheel"),
-        "a fault.duration_s above 0",
-        lambda at: at.can_differ_from_zero("fault.duration_s"),
-    ),
-    Use(("fault.start_s",), "a longer duration_s", lambda at: not at.ends_before("fault.start_s")),
 )
 
 _CAMERA: Final = (
@@ -448,7 +437,7 @@ _TEAM: Final = (
     ),
 )
 
-USES: Final = (*_PLANT, *_FAULTS, *_CAMERA, *_DELAYS, *_FLIGHT, *_TEAM)
+USES: Final = (*_PLANT, *_CAMERA, *_DELAYS, *_FLIGHT, *_TEAM)
 """Conditions of keys of sections."""
 
 
@@ -483,6 +472,42 @@ PHASE_USES: Final = (
 """Conditions of keys of a phase; a phase has only some of them."""
 
 
+def _has_kind(*kinds: str) -> Callable[[Situation, str], bool]:
+    return lambda at, fault: bool(at.kinds_of(fault) & {*kinds})
+
+
+FAULT_USES: Final = (
+    FaultUse(
+        ("kind", "start_s", "duration_s", "severity", "wheel", "thruster"),
+        "effects.faults = true",
+        lambda at, _: at.file.effects.faults,
+    ),
+    FaultUse(
+        ("start_s", "duration_s", "severity", "wheel", "thruster"),
+        "a kind other than 'none'",
+        lambda at, fault: bool(at.kinds_of(fault)),
+    ),
+    FaultUse(
+        ("kind", "start_s", "duration_s"),
+        "navigation.sharing",
+        lambda at, fault: at.kinds_of(fault) != {"radio_off"} or at.sharing != "none",
+    ),
+    FaultUse(
+        ("severity",),
+        "kind = 'thruster_weak', 'thruster_leak' or 'wheel_friction'",
+        _has_kind("thruster_weak", "thruster_leak", "wheel_friction"),
+    ),
+    FaultUse(("wheel",), "kind = 'wheel_stuck' or 'wheel_friction'", _has_kind("wheel_stuck", "wheel_friction")),
+    FaultUse(
+        ("thruster",),
+        "[[thrusters]], and the kind of a fault of one",
+        lambda at, fault: bool(at.file.thrusters) and any(kind.startswith("thruster_") for kind in at.kinds_of(fault)),
+    ),
+    FaultUse(("start_s",), "a longer duration_s", lambda at, fault: not at.ends_before(f"faults.{fault}.start_s")),
+)
+"""Conditions of keys of a fault."""
+
+
 _HANDED: Final[dict[str, tuple[str, ...]]] = {
     "orbit_update": ("navigation.",),
     "orbit_predict": ("navigation.",),
@@ -511,6 +536,11 @@ def _unused_by_packaged(at: Situation) -> dict[str, str]:
         for use in PHASE_USES:
             if not use.holds(at, phase):
                 found |= {f"phases.{phase.name}.{name}": use.needs for name in use.keys}
+    for fault in at.file.faults:
+        for use in FAULT_USES:
+            if not use.holds(at, fault.name):
+                for name in use.keys:
+                    found.setdefault(f"faults.{fault.name}.{name}", use.needs)
     return found
 
 

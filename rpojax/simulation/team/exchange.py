@@ -249,7 +249,7 @@ def _radio_works(loop: TeamLoop, time: Array) -> Bool[Array, " N"]:
     """Whether the radio of each servicer works at `time` [s]."""
     if not loop.scenario.effects.faults:
         return jnp.ones(loop.settings.servicers, dtype=bool)
-    return loop.params.each(lambda params: equipment_faults.radio_works(params.plant.fault, time))()
+    return loop.params.each(lambda params: equipment_faults.radio_works(params.plant.faults, time))()
 
 
 def _pairs(pairs: tuple[tuple[int, int], ...], count: int) -> Bool[Array, "N N"]:

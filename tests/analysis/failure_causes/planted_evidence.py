@@ -21,6 +21,8 @@ def file_of(name: str = "inspection", **tables: Mapping[str, Any]) -> ScenarioFi
     content = scenario_loader.load(name).model_dump()
     for table, values in tables.items():
         content[table] = {**content[table], **values}
+    if content["effects"]["faults"] and not content["faults"]:
+        content["faults"] = [{"name": "fault", "kind": "none"}]
     return ScenarioFile.model_validate(content)
 
 

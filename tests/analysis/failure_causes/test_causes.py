@@ -75,8 +75,8 @@ def false_boxes() -> RunEvidence:
 def fault() -> RunEvidence:
     file = file_of(effects={"faults": True})
     drawn = {
-        "fault.kind": np.where(FAILED, KINDS.index("thruster_off"), KINDS.index("gps_outage")),
-        "fault.start_s": np.full(RUNS, 500.0),
+        "faults.fault.kind": np.where(FAILED, KINDS.index("thruster_off"), KINDS.index("gps_outage")),
+        "faults.fault.start_s": np.full(RUNS, 500.0),
     }
     return planted(file, drawn=drawn, signs={"good_boxes": 0.1})
 
@@ -85,8 +85,8 @@ def stuck_open() -> RunEvidence:
     """Twelve thrusters without isolation valves, of which one is stuck open."""
     file = file_of("final_approach", effects={"faults": True})
     drawn = {
-        "fault.kind": np.where(FAILED, KINDS.index("thruster_stuck_open"), KINDS.index("none")),
-        "fault.start_s": np.full(RUNS, 500.0),
+        "faults.fault.kind": np.where(FAILED, KINDS.index("thruster_stuck_open"), KINDS.index("none")),
+        "faults.fault.start_s": np.full(RUNS, 500.0),
     }
     return planted(file, "keep_out", drawn=drawn, phases=phases_of(file, 1))
 
@@ -95,8 +95,8 @@ def isolated() -> RunEvidence:
     """One is stuck open and isolated, and the run aborts."""
     file = file_of("thruster_failure")
     drawn = {
-        "fault.kind": np.where(FAILED, KINDS.index("thruster_stuck_open"), KINDS.index("thruster_off")),
-        "fault.start_s": np.where(FAILED, 500.0, 5000.0),
+        "faults.fault.kind": np.where(FAILED, KINDS.index("thruster_stuck_open"), KINDS.index("thruster_off")),
+        "faults.fault.start_s": np.where(FAILED, 500.0, 5000.0),
     }
     evidence = planted(file, "aborted", drawn=drawn, phases=phases_of(file, 1, abort_reason=AbortReason.TARGET_LOST))
     return replace(evidence, metrics={**evidence.metrics, "isolation_delay_s": np.where(FAILED, 1.0625, np.nan)})

@@ -120,7 +120,7 @@ def test_derivatives_agree_with_central_differences() -> None:
     [
         ([], [METRIC], {}, "keys"),
         (["servicer.mas_kg"], [METRIC], {}, "servicer.mas_kg"),
-        (["fault.kind"], [METRIC], {}, "fault.kind"),
+        (["faults.fault.kind"], [METRIC], {}, "faults.fault.kind"),
         (["servicer.mass_kg"], ["no_such_metric"], {}, "no_such_metric"),
         (["servicer.mass_kg"], [METRIC], {"runs": 0}, "runs"),
         (["servicer.mass_kg"], [METRIC], {"mode": "sideways"}, "sideways"),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from rpojax.analysis.robustness.assigned_runs import values_of_runs
 from rpojax.analysis.robustness.believed_quantities import HANDOVER, find_quantities, with_handover
-from rpojax.analysis.robustness.step_runs import COMPLETED, judge_step, values_of_runs
+from rpojax.analysis.robustness.step_runs import COMPLETED, judge_step
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.experiment_design import make_design
 from rpojax.dispersions.designs.run_range import RunRange

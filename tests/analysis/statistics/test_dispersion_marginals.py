@@ -14,7 +14,7 @@ RUNS = 3000
 SCENARIO: dict[str, Any] = {
     "servicer": {"mass_kg": 24.0, "offset_m": [1.0, -2.0, 0.0]},
     "target": {"axis": [0.0, 0.0, 1.0], "attitude": [0.5, -0.5, 0.1, 0.7]},
-    "fault": {"kind": "none"},
+    "faults": [{"name": "fault", "kind": "none"}],
 }
 
 
@@ -127,6 +127,6 @@ def test_every_element_of_a_matrix_has_its_law() -> None:
 def test_nominal_values_of_keys_components_and_kinds_of_faults() -> None:
     assert declared_nominal(SCENARIO, "servicer.mass_kg") == 24.0
     assert declared_nominal(SCENARIO, "servicer.offset_m[1]") == -2.0
-    assert declared_nominal(SCENARIO, "fault.kind") == 0
+    assert declared_nominal(SCENARIO, "faults.fault.kind") == 0
     assert declared_nominal(SCENARIO, "servicer.offset_m[7]") is None
     assert declared_nominal(SCENARIO, "nothing.here") is None

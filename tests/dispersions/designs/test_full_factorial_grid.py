@@ -17,7 +17,7 @@ def test_every_combination_occurs_once_and_the_last_key_varies_fastest(mission: 
     values = {
         "gps.noise_m": [1.0, 2.0],
         "formation.desired_position_m": positions,
-        "fault.kind": ["none", "gps_outage"],
+        "faults.fault.kind": ["none", "gps_outage"],
     }
     file = with_design(mission, kind="grid", values=values)
     assigned = experiment_design.make_design(file, 0, RunRange(0, 12)).assigned

@@ -92,8 +92,8 @@ def test_its_settings_are_checked(file: Callable[..., ScenarioFile]) -> None:
         file(ENTRY | {"half_width": 31.0})
     with pytest.raises(ScenarioError, match=r"^dispersions.0.key: found 'servicer.inertia_kg_m2', expected the key of"):
         file(ENTRY | {"key": "servicer.inertia_kg_m2"})
-    with pytest.raises(ScenarioError, match=r"^dispersions.0.kind: found 'triangular', expected 'choice' for fault"):
-        file(ENTRY | {"key": "fault.wheel"})
+    with pytest.raises(ScenarioError, match=r"^dispersions.0.kind: found 'triangular', expected 'choice' for faults"):
+        file(ENTRY | {"key": "faults.fault.wheel"})
 
 
 def of_a_design(file: Callable[..., ScenarioFile], mission: ScenarioFile) -> ScenarioFile:

@@ -55,11 +55,16 @@ def test_outcomes_are_those_of_each_servicer(pair: SyntheticCampaign) -> None:
     ]
 
 
+FAULT = {"name": "camera", "kind": "none", "start_s": 0.0, "duration_s": 1e9}
+
+
 def test_a_fault_is_told_of_the_servicer_that_has_it(pair: SyntheticCampaign) -> None:
-    pair.info["scenario"] |= {"effects": {"faults": True}, "fault": {"kind": "none", "start_s": 0.0, "duration_s": 1e9}}
-    pair.info["scenario"]["servicers"][1]["fault"] = {"kind": "camera_blackout", "start_s": 50.0, "duration_s": 20.0}
-    faults = [servicer["fault"] for servicer in (team_section.content(pair) or {})["servicers"]]
-    assert [fault["kind"] for fault in faults] == ["none", "camera_blackout"]
+    pair.info["scenario"] |= {"effects": {"faults": True}, "faults": [FAULT]}
+    pair.info["scenario"]["servicers"][1]["faults"] = {
+        "camera": {"kind": "camera_blackout", "start_s": 50.0, "duration_s": 20.0}
+    }
+    faults = [servicer["faults"] for servicer in (team_section.content(pair) or {})["servicers"]]
+    assert [fault["kind"] for (fault,) in faults] == ["none", "camera_blackout"]
     assert failure_section.fault_rows(pair) == []
     assert [row[3] for row in tables(pair)["outcomes"]][1] == "camera blackout from 50 s, for 20 s"
 

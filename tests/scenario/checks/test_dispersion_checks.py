@@ -13,8 +13,8 @@ from rpojax.scenario.schema import ScenarioFile
 
 @pytest.fixture
 def tables(inspection_file: ScenarioFile) -> dict[str, Any]:
-    """Tables of the nominal scenario, free to be changed."""
-    return inspection_file.model_dump()
+    """Tables of the nominal scenario with a fault, free to be changed."""
+    return inspection_file.model_dump() | {"faults": [{"name": "fault", "kind": "none"}]}
 
 
 BAD_DISPERSIONS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
@@ -68,13 +68,17 @@ BAD_DISPERSIONS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
         {"key": "target.attitude", "kind": "direction"}, "dispersions.0.kind", ("3 components",)
     ),
     "a kind of fault by number": (
-        {"key": "fault.kind", "kind": "choice", "values": [1.0, 2.0]}, "dispersions.0.values", ("kinds of fault",)
+        {"key": "faults.fault.kind", "kind": "choice", "values": [1.0, 2.0]},
+        "dispersions.0.values",
+        ("kinds of fault",),
     ),
     "names for a number": (
-        {"key": "fault.severity", "kind": "choice", "values": ["gps_outage"]}, "dispersions.0.values", ("numbers",)
+        {"key": "faults.fault.severity", "kind": "choice", "values": ["gps_outage"]},
+        "dispersions.0.values",
+        ("numbers",),
     ),
     "a kind of fault without choice": (
-        {"key": "fault.kind", "kind": "uniform", "low": 0.0, "high": 7.0}, "dispersions.0.kind", ("'choice'",)
+        {"key": "faults.fault.kind", "kind": "uniform", "low": 0.0, "high": 7.0}, "dispersions.0.kind", ("'choice'",)
     ),
     "a switch of the plant": (
         {"key": "effects.drag", "kind": "normal", "sigma": 1.0}, "dispersions.0.key", ("key of a number",)
@@ -156,7 +160,7 @@ PAIR = ["gps.noise_m", "thruster.force_n"]
         ([correlated(["initial.relative_position_m"], ONE)], "each of the 3"),
         ([correlated(["gps.noise"], ONE)], "dispersions.0.keys: found 'gps.noise', expected the key"),
         ([correlated(["servicer.inertia_kg_m2"], ONE)], "dispersions.0.keys"),
-        ([correlated(["fault.kind"], ONE)], "dispersions.0.keys"),
+        ([correlated(["faults.fault.kind"], ONE)], "dispersions.0.keys"),
         (
             [correlated(["gps.noise_m", "gps.noise_m"], [[1.0, 0.0], [0.0, 1.0]])],
             "a key that no other dispersion draws",
@@ -178,13 +182,13 @@ PAIR = ["gps.noise_m", "thruster.force_n"]
         ([derived("gps.noise_m", "gps.noise")], r"dispersions.0.terms.0.key"),
         ([derived("gps.noise_m")], r"dispersions.0.terms"),
         ([derived("thruster.position_m", "gps.noise_m", offset=[1.0, 2.0])], r"dispersions.0.offset"),
-        ([derived("fault.wheel", "gps.noise_m")], r"dispersions.0.kind"),
-        ([derived("gps.noise_m", "fault.kind")], r"dispersions.0.terms.0.key"),
+        ([derived("faults.fault.wheel", "gps.noise_m")], r"dispersions.0.kind"),
+        ([derived("gps.noise_m", "faults.fault.kind")], r"dispersions.0.terms.0.key"),
     ],
 )
 def test_invalid_correlated_and_derived_dispersions_are_refused(
     inspection_file: ScenarioFile, entries: list[dict[str, Any]], named: str
 ) -> None:
     with pytest.raises(ScenarioError, match=named) as refused:
-        with_sections(inspection_file, dispersions=entries)
+        with_sections(inspection_file, dispersions=entries, faults=[{"name": "fault", "kind": "none"}])
     assert "\n" not in str(refused.value)

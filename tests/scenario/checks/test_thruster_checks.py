@@ -4,8 +4,9 @@ import pytest
 
 import rpojax
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks.thruster_checks import check_thrusters
+from rpojax.scenario.checks.thruster_checks import check_faults, check_thrusters
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.sections import FaultSection
 from tests.scenario_error_assertions import assert_one_line
 
 
@@ -51,10 +52,10 @@ def test_equal_names_are_refused(file: ScenarioFile) -> None:
 
 
 def test_a_fault_of_no_thruster_is_refused(file: ScenarioFile) -> None:
-    fault = file.fault.model_copy(update={"thruster": 12.0})
+    fault = FaultSection(name="valve", kind="thruster_off", thruster=12.0)
     with pytest.raises(ScenarioError) as refused:
-        check_thrusters(file.model_copy(update={"fault": fault}))
-    assert_one_line(refused.value, "fault.thruster", "at most 11")
+        check_faults(file.model_copy(update={"faults": [fault]}))
+    assert_one_line(refused.value, "faults.valve.thruster", "at most 11")
 
 
 def test_continuous_control_needs_thrusters() -> None:
@@ -74,19 +75,22 @@ def test_a_number_of_one_thruster_is_set_by_its_name() -> None:
     assert [each.force_n for each in file.thrusters].count(0.2) == 1
 
 
+NO_FAULT = "faults.fault.kind=none"
+
+
 @pytest.mark.parametrize(
     ("kind", "change"),
     [
-        ("thruster_stuck_open", "fault.kind=thruster_stuck_open"),
-        ("thruster_leak", "dispersions.fault.kind={kind='choice', values=['gps_outage', 'thruster_leak']}"),
+        ("thruster_stuck_open", "faults.fault.kind=thruster_stuck_open"),
+        ("thruster_leak", "dispersions.faults.fault.kind={kind='choice', values=['gps_outage', 'thruster_leak']}"),
     ],
 )
 def test_the_one_thruster_neither_sticks_open_nor_leaks(kind: str, change: str) -> None:
-    expected = rf"fault\.kind: found '{kind}', expected another kind, or \[\[thrusters\]\]"
+    expected = rf"faults\.fault\.kind: found '{kind}', expected another kind, or \[\[thrusters\]\]"
     with pytest.raises(ScenarioError, match=expected):
-        rpojax.load("inspection", ["effects.faults=true", change])
-    rpojax.load("inspection", [change])
-    rpojax.load("final_approach", ["effects.faults=true", change])
+        rpojax.load("inspection", ["effects.faults=true", NO_FAULT, change])
+    rpojax.load("inspection", [NO_FAULT, change])
+    rpojax.load("final_approach", ["effects.faults=true", NO_FAULT, change])
 
 
 def test_isolation_valves_need_thrusters() -> None:

@@ -25,8 +25,8 @@ from rpojax.scenario.static_settings import static_settings
 
 def test_a_fault_kind_chosen_by_name_affects_the_equipment_of_that_name(mission: ScenarioFile) -> None:
     names = ["thruster_weak", "gps_outage", "camera_blackout"]
-    file = with_dispersions(mission, Choice(key="fault.kind", kind="choice", values=names))
-    drawn = draw(file, np.arange(RUNS))["fault.kind"]
+    file = with_dispersions(mission, Choice(key="faults.fault.kind", kind="choice", values=names))
+    drawn = draw(file, np.arange(RUNS))["faults.fault.kind"]
     codes = [equipment_faults.KINDS.index(name) for name in names]
     fractions = [np.mean(drawn == code) for code in codes]
     np.testing.assert_allclose(fractions, 1 / 3, atol=FIVE_SIGMA * np.sqrt(2.0) / 3.0)
@@ -34,8 +34,8 @@ def test_a_fault_kind_chosen_by_name_affects_the_equipment_of_that_name(mission:
     settings = static_settings(file)
     nominal = params.build_params(file.model_dump(), settings.width_px, settings.height_px)
     for code, name in zip(codes, names, strict=True):
-        plant = dispersed_values.apply_to_params(nominal, {"fault.kind": jnp.float64(code)}).plant
-        health = equipment_faults.health_at(plant.fault, jnp.asarray(10.0))
+        plant = dispersed_values.apply_to_params(nominal, {"faults.fault.kind": jnp.float64(code)}).plant
+        health = equipment_faults.health_at(plant.faults, jnp.asarray(10.0))
         assert float(health.thrust_fraction) == (0.5 if name == "thruster_weak" else 1.0)
         assert bool(health.gps) is (name != "gps_outage")
         assert bool(health.camera) is (name != "camera_blackout")
@@ -43,7 +43,11 @@ def test_a_fault_kind_chosen_by_name_affects_the_equipment_of_that_name(mission:
 
 @pytest.mark.parametrize(
     ("key", "values"),
-    [("fault.kind", ["wheel_stuck", "no_such_fault"]), ("fault.start_s", ["wheel_stuck"]), ("fault.kind", [1.0, 2.0])],
+    [
+        ("faults.fault.kind", ["wheel_stuck", "no_such_fault"]),
+        ("faults.fault.start_s", ["wheel_stuck"]),
+        ("faults.fault.kind", [1.0, 2.0]),
+    ],
     ids=["a name of no fault", "names for a number", "numbers for a name"],
 )
 def test_fault_kinds_are_chosen_by_name_and_other_keys_by_number(
@@ -90,9 +94,9 @@ def every_key(file: ScenarioFile) -> list[str]:
 
 def _any_dispersion(key: str) -> Any:
     """A valid dispersion of the key."""
-    if key == "fault.kind":
+    if key == "faults.fault.kind":
         return Choice(key=key, kind="choice", values=["gps_outage"])
-    if key == "fault.wheel":
+    if key == "faults.fault.wheel":
         return Choice(key=key, kind="choice", values=[2.0])
     if key in [f"camera.{each}" for each in DELAY_KEYS]:
         return Uniform(key=key, kind="uniform", low=0.01, high=0.02)

@@ -1,5 +1,6 @@
 """Format versions of scenario files: older ones are migrated with a line, newer ones refused."""
 
+import copy
 import warnings
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 import rpojax
 from rpojax.cli import main
 from rpojax.errors import ScenarioError
+from rpojax.scenario import former_fault
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.loading.format_migration import FormatChangeWarning
 from rpojax.scenario.scenario_digest import scenario_digest
@@ -79,7 +81,7 @@ def test_faults_of_an_older_file_keep_the_pressure_sensor(tmp_path: Path, versio
         f'format_version = {version}\nextends = "inspection"\nname = "old"\n[effects]\nfaults = true\n'
     )
     expected = (
-        f"format {version} read as 3: chamber_pressure.enabled = true was added, which effects.faults = true meant"
+        f"format {version} read as 4: chamber_pressure.enabled = true was added, which effects.faults = true meant"
     )
     with pytest.warns(FormatChangeWarning, match=expected):
         assert rpojax.load(tmp_path / "old.toml").chamber_pressure.enabled
@@ -101,11 +103,11 @@ def test_what_a_file_says_of_the_pressure_sensor_stays(tmp_path: Path, text: str
         assert rpojax.load(tmp_path / "new.toml").chamber_pressure.enabled is enabled
 
 
-@pytest.mark.parametrize("version", [0, 4, "2", True, 2.0])
+@pytest.mark.parametrize("version", [0, 5, "2", True, 2.0])
 def test_another_version_is_refused(tmp_path: Path, version: object) -> None:
     text = str(version).lower() if isinstance(version, bool) else repr(version)
     (tmp_path / "a.toml").write_text(f'extends = "inspection"\nname = "a"\nformat_version = {text}\n')
-    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 3"):
+    with pytest.raises(ScenarioError, match=r"format_version: found .* a version from 1 to 4"):
         rpojax.load(tmp_path / "a.toml")
 
 
@@ -123,7 +125,7 @@ def test_the_command_line_says_what_changed(tmp_path: Path, capsys: pytest.Captu
     assert main.main(["validate", str(tmp_path / "old.toml")]) == 0
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 1
-    assert told[0].startswith(f"rpojax: {tmp_path / 'old.toml'}: format 1 read as 3: navigation.confirm_frames")
+    assert told[0].startswith(f"rpojax: {tmp_path / 'old.toml'}: format 1 read as 4: navigation.confirm_frames")
 
 
 @pytest.mark.parametrize("base", scenario_loader.packaged_names())
@@ -177,3 +179,49 @@ def test_the_schema_of_partial_files_requires_nothing_and_knows_what_is_extended
     content = json.loads(capsys.readouterr().out)
     assert "extends" in content["properties"]
     assert all("required" not in each for each in (content, *content["$defs"].values()))
+
+
+FORMER = """
+format_version = 3
+extends = "inspection_faults"
+name = "old"
+[fault]
+duration_s = 900.0
+[[dispersions]]
+key = "fault.severity"
+kind = "uniform"
+low = 0.1
+high = 0.2
+"""
+
+
+def test_one_fault_of_an_older_file_is_a_list_of_it_with_the_same_random_numbers(tmp_path: Path) -> None:
+    (tmp_path / "old.toml").write_text(FORMER)
+    with pytest.warns(FormatChangeWarning, match=r"\[fault\] became \[\[faults\]\] with name = 'fault'"):
+        file = scenario_loader.load(tmp_path / "old.toml")
+    (fault,) = file.faults
+    assert (fault.name, fault.kind, fault.duration_s, fault.severity) == ("fault", "none", 900.0, 0.5)
+    assert "faults.fault.severity" in {entry.name for entry in file.dispersions}
+    assert former_fault.former_name("faults.fault.severity+faults.fault.wheel") == "fault.severity+fault.wheel"
+    assert former_fault.former_name("faults.other.severity") == "faults.other.severity"
+
+
+def test_the_fault_of_a_servicer_and_of_a_recorded_scenario_are_read(tmp_path: Path) -> None:
+    tables = scenario_loader.load("cooperative_faults").model_dump(mode="json")
+    present = copy.deepcopy(tables)
+    (fault,) = tables.pop("faults")
+    tables["fault"] = {key: value for key, value in fault.items() if key != "name"}
+    tables["servicers"][1]["fault"] = tables["servicers"][1].pop("faults")["fault"]
+    tables["format_version"] = 3
+    found = scenario_loader.validate_recorded(tables)
+    assert found == scenario_loader.validate(present)
+    assert scenario_digest(found) == scenario_digest(scenario_loader.validate(present))
+
+
+def test_faults_under_new_names_change_the_digest() -> None:
+    one = ["effects.faults=true", "faults.a.kind=gps_outage"]
+    digests = {
+        scenario_digest(scenario_loader.load("inspection", settings))
+        for settings in (one, [*one, "faults.a.start_s=5"], [*one, "faults.b.kind=none"], one[:1])
+    }
+    assert len(digests) == 4

@@ -110,10 +110,14 @@ def test_a_case_table_becomes_part_of_the_scenario(tmp_path: Path) -> None:
     values = {
         "gps.noise_m": [1.5, 2.0],
         "formation.desired_position_m[1]": [-30.0, -25.0],
-        "fault.kind": ["none", "gps_outage"],
+        "faults.fault.kind": ["none", "gps_outage"],
     }
     assert file.design.model_dump() == {"kind": "table", "file": "", "values": values}
-    assert dispersion_keys.varied_keys(file)[-3:] == ["gps.noise_m", "formation.desired_position_m", "fault.kind"]
+    assert dispersion_keys.varied_keys(file)[-3:] == [
+        "gps.noise_m",
+        "formation.desired_position_m",
+        "faults.fault.kind",
+    ]
     (tmp_path / "runs.csv").unlink()
     again = scenario_loader.validate(file.model_dump(mode="json"))
     assert again == file

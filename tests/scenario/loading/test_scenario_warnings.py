@@ -11,16 +11,23 @@ from rpojax.scenario.loading.scenario_warnings import scenario_warnings, unused_
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.phases.reference_sections import RelativeOrbitSection, TransferSection
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.warnings.key_uses import PHASE_USES, USES, keys_of
+from rpojax.scenario.sections import FaultSection
+from rpojax.scenario.warnings.key_uses import FAULT_USES, PHASE_USES, USES, keys_of
 
+FAULTS = "effects.faults=true"
 CASES: dict[str, tuple[str, list[str], str]] = {
-    "inspection: fault.start_s": ("inspection", ["fault.start_s=2000"], "found 2000.0, effects.faults = true"),
-    "a value of another packaged scenario": ("inspection", ["fault.duration_s=1800"], "effects.faults = true"),
-    "fault.severity": ("inspection", ["effects.faults=true", "fault.severity=0.1"], "a fault.kind other than 'none'"),
-    "fault.wheel": ("inspection", ["effects.faults=true", "fault.kind=gps_outage", "fault.wheel=1"], "'wheel_stuck'"),
-    "fault.kind": ("inspection", ["effects.faults=true", "fault.kind=radio_off"], "navigation.sharing"),
-    "fault.start_s": (
-        "inspection", ["effects.faults=true", "fault.kind=gps_outage", "fault.start_s=7000"], "a longer duration_s"
+    "faults.a.kind": ("inspection", ["faults.a.kind=gps_outage"], "found 'gps_outage', effects.faults = true"),
+    "faults.a.severity": ("inspection", [FAULTS, "faults.a.kind=none", "faults.a.severity=0.1"], "other than 'none'"),
+    "faults.a.wheel": ("inspection", [FAULTS, "faults.a.kind=gps_outage", "faults.a.wheel=1"], "'wheel_stuck'"),
+    "faults.a.thruster": ("inspection", [FAULTS, "faults.a.kind=gps_outage", "faults.a.thruster=1"], "[[thrusters]]"),
+    "a radio of nobody": ("inspection", [FAULTS, "faults.a.kind=radio_off"], "navigation.sharing"),
+    "a fault after the end": (
+        "inspection", [FAULTS, "faults.a.kind=gps_outage", "faults.a.start_s=7000"], "a longer duration_s"
+    ),
+    "the second of two faults": (
+        "inspection",
+        [FAULTS, "faults.a.kind=wheel_stuck", "faults.b.kind=gps_outage", "faults.b.wheel=1"],
+        "faults.b.wheel: found 1, 'wheel_stuck'",
     ),
     "atmosphere.density_kg_m3": ("inspection", ["atmosphere.density_kg_m3=1e-12"], "effects.drag = true"),
     "sunlight.flux_w_m2": ("inspection", ["sunlight.flux_w_m2=1400"], "effects.solar_pressure = true"),
@@ -88,9 +95,6 @@ CASES: dict[str, tuple[str, list[str], str]] = {
         ["mission.hold_at_s=1000", "mission.resume_at_s=3000", "mission.abort_at_s=2000"],
         "mission.resume_at_s, a later mission.abort_at_s",
     ),
-    "a fault of no duration": (
-        "inspection", ["effects.faults=true", "fault.kind=gps_outage", "fault.duration_s=0"], "a fault.duration_s above"
-    ),
     "mission.resume_at_s": ("vbar_approach", ["mission.resume_at_s=5000"], "mission.hold_at_s or a phase with"),
     "gps.common_share": ("inspection", ["gps.common_share=0.5"], "[[servicers]]"),
     "navigation.difference_noise_m": ("inspection", ["navigation.difference_noise_m=1"], "[[servicers]] and"),
@@ -120,19 +124,23 @@ CASES: dict[str, tuple[str, list[str], str]] = {
         ["phases.behind.reference={kind='relative_orbit', along_track_m=-120, radial_phase_deg=20, join_s=6000}"],
         "a reference.radial_m above 0",
     ),
-    "dispersions.fault.start_s": (
-        "inspection", ["dispersions.fault.start_s={kind='uniform', low=0, high=10}"], "found 'uniform', effects.faults"
+    "dispersions.faults.fault.duration_s": (
+        "inspection_faults",
+        ["effects.faults=false", "dispersions.faults.fault.duration_s={kind='uniform', low=1, high=10}"],
+        "found 'uniform', effects.faults",
     ),
     "dispersions.gps.noise_m.common": (
         "inspection", ["dispersions.gps.noise_m={kind='normal', sigma=0.1, common=true}"], "[[servicers]]"
     ),
-    "design.values.fault.severity": (
-        "inspection", ["design={kind='grid', values={'fault.severity'=[0.1, 0.2]}}"], "found [0.1, 0.2], effects.faults"
+    "design.values.faults.fault.duration_s": (
+        "inspection_faults",
+        ["effects.faults=false", "design={kind='grid', values={'faults.fault.duration_s'=[0.1, 0.2]}}"],
+        "found [0.1, 0.2], effects.faults",
     ),
-    "servicers.second.fault.severity": (
-        "cooperative_faults", ["servicers.second.fault.severity=0.1"], "fault.kind = 'thruster_weak'"
+    "servicers.second.faults.fault.severity": (
+        "cooperative_faults", ["servicers.second.faults.fault.severity=0.1"], "kind = 'thruster_weak'"
     ),
-    "a key that no servicer uses": ("cooperative_faults", ["fault.severity=0.1"], "fault.severity: "),
+    "a key that no servicer uses": ("cooperative_faults", ["faults.fault.severity=0.1"], "faults.fault.severity: "),
 }  # fmt: skip
 
 
@@ -167,18 +175,29 @@ def test_there_is_no_warning_about_a_packaged_scenario_or_a_complete_copy(name: 
         ("safety_ellipse", ["coverage.enabled=false", "requirements=[]"]),
         ("inspection_abort", ["duration_s=600", "requirements=[]"]),
         # What the user gave, and is used.
-        ("inspection", ["effects.faults=true", "fault.kind=wheel_friction", "fault.severity=0.1", "fault.wheel=1"]),
+        (
+            "inspection",
+            [
+                "effects.faults=true",
+                "faults.fault.kind=wheel_friction",
+                "faults.fault.severity=0.1",
+                "faults.fault.wheel=1",
+            ],
+        ),
         ("inspection", ["effects.drag=true", "target.mass_kg=50", "atmosphere.density_kg_m3=1e-12"]),
-        ("inspection_faults", ["fault.duration_s=100", "wheels.stiction_speed_rad_s=2"]),
+        ("inspection_faults", ["faults.fault.duration_s=100", "wheels.stiction_speed_rad_s=2"]),
         ("inspection", ["camera.edge_noise_px=0.7", "camera.outlier_size_max_px=32"]),
         ("inspection", ["chamber_pressure={enabled=true, noise=0.02}", "formation.thruster_retry_s=10"]),
         ("safety_ellipse", ["coverage.facet_size_m=0.2"]),
         ("cooperative_inspection", ["link.loss=0.1", "gps.common_share=0.5", "navigation.difference_noise_m=0.1"]),
         ("rendezvous", ["phases.behind.control_period_s=400", "phases.drift.on_timeout=abort"]),
         # A servicer's own fault is one of the team.
-        ("cooperative_faults", ["fault.start_s=100", "servicers.third.fault={kind='gps_outage', start_s=50.0}"]),
+        (
+            "cooperative_faults",
+            ["faults.fault.start_s=100", "servicers.third.faults.fault={kind='gps_outage'}"],
+        ),
         # The packaged value.
-        ("inspection", ["fault.start_s=0", "imaging.center_sigma_m=0.016"]),
+        ("inspection", ["imaging.center_sigma_m=0.016"]),
     ],
 )
 def test_there_is_no_warning_about_keys_that_are_used_or_were_not_given(source: str, overrides: list[str]) -> None:
@@ -219,11 +238,13 @@ def test_defaults_of_phases_of_your_own_are_not_given() -> None:
 
 
 def test_a_copy_of_a_scenario_says_as_much_as_the_scenario(tmp_path: Path) -> None:
-    file = scenario_loader.load("cooperative_far", ["fault.start_s=100", "coverage.facet_size_m=0.2"])
+    file = scenario_loader.load(
+        "cooperative_faults", ["effects.faults=false", "faults.fault.start_s=100", "atmosphere.density_kg_m3=1e-12"]
+    )
     copy = tmp_path / "copy.toml"
     copy.write_text(tomli_w.dumps(file.model_dump(mode="json", exclude_none=True)))
     lines = unused_key_warnings(file)
-    assert [line.partition(":")[0] for line in lines] == ["fault.start_s", "coverage.facet_size_m"]
+    assert [line.partition(":")[0] for line in lines] == ["atmosphere.density_kg_m3", "faults.fault.start_s"]
     assert unused_key_warnings(scenario_loader.load(copy)) == lines
 
 
@@ -240,6 +261,8 @@ def test_every_key_of_the_table_exists() -> None:
         annotation: Any = ScenarioFile.model_fields[section].annotation
         model = next((each for each in get_args(annotation) if each is not type(None)), annotation)
         assert name in model.model_fields, key
+    of_faults = {name for use in FAULT_USES for name in use.keys}
+    assert {*FaultSection.model_fields} - of_faults == {"name"}
     of_phases = {name for use in PHASE_USES for name in use.keys}
     references = {f"reference.{name}" for each in (RelativeOrbitSection, TransferSection) for name in each.model_fields}
     assert of_phases <= {*PhaseSection.model_fields, *references}

@@ -113,6 +113,7 @@ def test_what_the_cooperative_scenarios_fail() -> None:
     file = scenario_loader.load("cooperative_faults")
     assert file.link.loss == 0.3
     first, second, third = member_files(file)
-    assert (first.fault.kind, second.fault.kind, second.fault.duration_s) == ("none", "camera_blackout", 1800.0)
+    (of_first,), (of_second,) = first.faults, second.faults
+    assert (of_first.kind, of_second.kind, of_second.duration_s) == ("none", "camera_blackout", 1800.0)
     assert first.mission.abort_at_s > file.duration_s > third.mission.abort_at_s
     assert static_settings(file, allow_team=True).effects.faults

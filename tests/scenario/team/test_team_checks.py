@@ -134,10 +134,10 @@ def test_an_unknown_key_of_a_servicer_is_named(tables: Tables) -> None:
 
 
 def test_a_value_that_a_dispersion_replaces_is_refused(tables: Tables) -> None:
-    tables["dispersions"].append({"key": "fault.kind", "kind": "choice", "values": ["none", "gps_outage"]})
+    tables["dispersions"].append({"key": "faults.camera.kind", "kind": "choice", "values": ["none", "gps_outage"]})
     with pytest.raises(ScenarioError) as caught:
         scenario_loader.validate(tables)
-    assert_one_line(caught.value, SECOND + ".fault.kind", "the choice dispersion")
+    assert_one_line(caught.value, SECOND + ".faults.camera.kind", "the choice dispersion")
 
 
 def test_a_joint_or_derived_dispersion_does_not_mix_what_is_common_with_what_is_not(tables: Tables) -> None:

@@ -12,7 +12,7 @@ HEAVY = [
     "limits.propellant_kg=30",
 ]
 NEAR = ["formation.desired_position_m=[0,-6,0]", "limits.keep_out_m=2"]
-FAULT = ["effects.faults=true", "fault.kind=wheel_stuck"]
+FAULT = ["effects.faults=true", "faults.fault.kind=wheel_stuck"]
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ FAULT = ["effects.faults=true", "fault.kind=wheel_stuck"]
         (["wheels.torque_limit_n_m=[0.025,0.002,0.025]"], "pointing.slew_acceleration_mrad_s2", ("0.0152", "0.002")),
         (["wheels.initial_speed_rad_s=[0,600,0]"], "wheels.initial_speed_rad_s", ("0.0224", "0.17")),
         (["thruster.position_m=[-0.25,0.15,0]"], "thruster.position_m", ("wheel 2", "0.502")),
-        (FAULT, "fault.kind", ("wheel_stuck", "three wheels")),
+        (FAULT, "faults.fault.kind", ("wheel_stuck", "three wheels")),
         (["camera.field_of_view_deg=4"], "pointing.search_pitch_deg", ("6.5", "4 deg")),
         (
             ["formation.desired_position_m=[0,-6,0]", "limits.keep_out_m=2"],
@@ -46,7 +46,7 @@ def test_what_cannot_be_flown_is_warned_of(overrides: list[str], key: str, numbe
     [
         ["thruster.position_m=[-0.25,0.05,0]"],
         ["effects.drag=true"],
-        ["effects.faults=true", "fault.kind=wheel_friction"],
+        ["effects.faults=true", "faults.fault.kind=wheel_friction"],
         ["camera.field_of_view_deg=7"],
         ["wheels.torque_limit_n_m=[0.02,0.02,0.02]"],
     ],

@@ -82,15 +82,23 @@ CASES = {
         "the truth is 0.02503 by",
     ),
     "a thruster that fails without a sensor for it": (
-        ["effects.faults=true", "fault.kind='thruster_off'"], "chamber_pressure.enabled", "'thruster_off'"
+        ["effects.faults=true", "faults.fault.kind='thruster_off'"], "chamber_pressure.enabled", "'thruster_off'"
     ),
     "a thruster that fails in some runs": (
-        ["effects.faults=true", "dispersions.fault.kind={kind='choice', values=['gps_outage', 'thruster_weak']}"],
+        [
+            "effects.faults=true",
+            "faults.fault.kind=none",
+            "dispersions.faults.fault.kind={kind='choice', values=['gps_outage', 'thruster_weak']}",
+        ],
         "chamber_pressure.enabled",
         "'thruster_weak'",
     ),
     "a thruster that fails in a case of a grid": (
-        ["effects.faults=true", "design={kind='grid', values={'fault.kind'=['none', 'thruster_off']}}"],
+        [
+            "effects.faults=true",
+            "faults.fault.kind=none",
+            "design={kind='grid', values={'faults.fault.kind'=['none', 'thruster_off']}}",
+        ],
         "chamber_pressure.enabled",
         "'thruster_off'",
     ),
@@ -135,9 +143,9 @@ def test_a_mission_that_cannot_work_is_warned_about_in_one_line(name: str) -> No
         ["target.scale=1.2", "navigation.target_size_sigma=0.2"],
         ["dispersions.target.scale={kind='log_normal', sigma=0.05}", "navigation.target_size_sigma=0.05"],
         ["chamber_pressure={enabled=false, noise=0.1}", "thruster.magnitude_noise=0.015"],
-        ["effects.faults=true", "fault.kind='gps_outage'"],
-        ["effects.faults=false", "fault.kind='thruster_off'"],
-        ["effects.faults=true", "fault.kind='thruster_off'", "chamber_pressure.enabled=true"],
+        ["effects.faults=true", "faults.fault.kind='gps_outage'"],
+        ["effects.faults=false", "faults.fault.kind='thruster_off'"],
+        ["effects.faults=true", "faults.fault.kind='thruster_off'", "chamber_pressure.enabled=true"],
         ["dispersions=[]", "gps.noise_m=0.0", "thruster.magnitude_noise=0.0", "camera.edge_noise_px=0.0"],
     ],
 )

@@ -121,9 +121,10 @@ SILENT = [
     "duration_s=1500",
     "team.phasing=spread",
     "effects.faults=true",
-    "servicers.second.fault.kind=radio_off",
-    "servicers.second.fault.start_s=300",
-    "servicers.second.fault.duration_s=100000",
+    "faults.fault.kind=none",
+    "servicers.second.faults.fault.kind=radio_off",
+    "servicers.second.faults.fault.start_s=300",
+    "servicers.second.faults.fault.duration_s=100000",
 ]
 
 
