@@ -53,8 +53,8 @@ def _with_aborts(file: ScenarioFile, runs: int, seed: int, fails: bool) -> Scena
     values: dict[str, list[float]] = {"mission.abort_at_s": instants}
     if fails:
         tables["effects"]["faults"] = True
-        tables["fault"]["kind"] = "thruster_off"
-        values |= {"fault.start_s": instants, "fault.thruster": thrusters}
+        tables["faults"] = [{"name": "fault", "kind": "thruster_off"}]
+        values |= {"faults.fault.start_s": instants, "faults.fault.thruster": thrusters}
     tables["duration_s"] += GOES_ON_S
     tables["design"] = {"kind": "table", "values": values}
     return scenario_loader.validate(tables)

@@ -111,7 +111,7 @@ def eclipse(table: Table, result: Campaign) -> None:
 
 def faults(result: Campaign) -> bool:
     """Prints a table by kind of fault; true if no run failed."""
-    kinds = np.round(result.used["fault.kind"]).astype(int)
+    kinds = np.round(result.used["faults.fault.kind"]).astype(int)
     print("\n| fault | runs | failed | formation error median, p95 [m] | smallest range [m] | 3-sigma coverage |")
     print("|---|---|---|---|---|---|")
     for code in sorted(set(kinds)):

@@ -97,12 +97,12 @@ VARIANTS: dict[str, Variant] = {
         {"orbit.semi_major_axis_m": 6728137.0, "atmosphere.density_kg_m3": 1e-12}, overrides=DRAG
     ),
     "star tracker blind": Variant(
-        {"fault.start_s": between(500.0, 4000.0), "fault.duration_s": between(300.0, 1500.0)},
-        overrides=(*FAULTS, "fault.kind=star_tracker_blind"),
+        {"faults.fault.start_s": between(500.0, 4000.0), "faults.fault.duration_s": between(300.0, 1500.0)},
+        overrides=(*FAULTS, "faults.fault.kind=star_tracker_blind"),
     ),
     "wheel stuck": Variant(
-        {"fault.start_s": between(500.0, 4000.0), "fault.wheel": lambda rng, runs: rng.integers(0, 3, runs) * 1.0},
-        overrides=(*FAULTS, "fault.kind=wheel_stuck"),
+        {"faults.fault.start_s": between(500.0, 4000.0), "faults.fault.wheel": lambda rng, runs: rng.integers(0, 3, runs) * 1.0},
+        overrides=(*FAULTS, "faults.fault.kind=wheel_stuck"),
     ),
 }
 """Mismatches by name."""

@@ -55,9 +55,9 @@ def _missions_of_one() -> list[str]:
 
 def thruster_is_dead(run: Runs, index: int, at_s: int) -> bool:
     """Whether the thruster gives nothing at a time of a run, or fails within the lead of a burn decided then."""
-    if "fault.kind" not in run or KINDS[round(float(run["fault.kind"][index]))] != "thruster_off":
+    if "faults.fault.kind" not in run or KINDS[round(float(run["faults.fault.kind"][index]))] != "thruster_off":
         return False
-    start = float(run["fault.start_s"][index])
+    start = float(run["faults.fault.start_s"][index])
     return start - BURN_S <= at_s < start + FAULT_S
 
 

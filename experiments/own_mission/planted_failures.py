@@ -53,13 +53,13 @@ PLANTED = (
     Planted(
         "thruster_fault",
         "inspection",
-        ["effects.faults=true", 'fault.kind="thruster_off"', "fault.start_s=300.0"],
+        ["effects.faults=true", 'faults.fault.kind="thruster_off"', "faults.fault.start_s=300.0"],
         ["fault"],
     ),
     Planted(
         "camera_fault",
         "inspection",
-        ["effects.faults=true", 'fault.kind="camera_blackout"', "fault.start_s=2000.0"],
+        ["effects.faults=true", 'faults.fault.kind="camera_blackout"', "faults.fault.start_s=2000.0"],
         ["fault"],
     ),
     Planted(
@@ -93,7 +93,7 @@ BLIND = (
     Planted(
         "approach_weak_thruster",
         "vbar_approach",
-        ["effects.faults=true", 'fault.kind="thruster_weak"', "fault.severity=0.9", "fault.start_s=1500.0"],
+        ["effects.faults=true", 'faults.fault.kind="thruster_weak"', "faults.fault.severity=0.9", "faults.fault.start_s=1500.0"],
         ["fault"],
     ),
     Planted(

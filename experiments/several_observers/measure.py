@@ -113,9 +113,10 @@ def groups() -> dict[str, list[Case]]:
                 [
                     "duration_s=4500",
                     "effects.faults=true",
-                    "servicers.second.fault.kind=camera_blackout",
-                    "servicers.second.fault.start_s=1500.0",
-                    "servicers.second.fault.duration_s=1800.0",
+                    "faults.fault.kind=none",
+                    "servicers.second.faults.fault.kind=camera_blackout",
+                    "servicers.second.faults.fault.start_s=1500.0",
+                    "servicers.second.faults.fault.duration_s=1800.0",
                 ],
             )
         ],

@@ -164,7 +164,7 @@ IDLE = {
         [
             "navigation.gating=none",
             "effects.faults=true",
-            "fault={kind='gps_outage', start_s=100, duration_s=50, severity=0.5, wheel=0}",
+            "faults=[{name='fault', kind='gps_outage', start_s=100, duration_s=50, severity=0.5, wheel=0}]",
             "camera.outlier_probability=0",
             "gps.bias_sigma_m=0",
             "target.tumble_rate_deg_s=0",

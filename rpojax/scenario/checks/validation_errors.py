@@ -7,7 +7,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from rpojax.errors import MISSING, ScenarioError, UnknownKeyError
-from rpojax.scenario.checks import former_keys
+from rpojax.scenario import former_keys
 from rpojax.scenario.checks.nearest_key import nearest_key
 from rpojax.scenario.schema import ScenarioFile
 

@@ -5,7 +5,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks import former_keys
+from rpojax.scenario import former_keys
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key, section_of_key
 from rpojax.scenario.schema import ScenarioFile
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks import former_keys
+from rpojax.scenario import former_keys
 from rpojax.scenario.checks.nearest_key import is_known_key, nearest_key
 from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
