@@ -304,7 +304,7 @@ def export_tables(
             raise RpojaxError.of_argument("what", f"found {name!r}, expected some of {', '.join(TABLE_NAMES)}")
     check_replaceable(paths_of_tables(out, names, form).values(), force)
     tables = [make_table(campaign, name, run_id) for name in names]
-    all_runs, finished = campaign.configuration.options.runs, len(campaign.run_ids)
+    all_runs, finished = campaign.configuration.runs, len(campaign.run_ids)
     if run_id is None and finished < all_runs:
         warnings.warn(
             f"warning: {campaign.directory}: found {finished} of {all_runs} runs finished, expected all; the tables "

@@ -9,7 +9,6 @@ import numpy as np
 from rpojax.analysis.robustness.believed_quantities import Quantity
 from rpojax.analysis.robustness.margin_search import StepVerdict
 from rpojax.analysis.statistics.intervals import success_bounds
-from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine, fitted_block_size
 from rpojax.campaign.execution.passive_safety import NoDrifts
@@ -25,6 +24,7 @@ from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import RequirementSection, ScenarioFile
 from rpojax.simulation.noise import run_keys
 from rpojax.simulation.outcomes.outcome_kinds import Outcome, of_codes
+from rpojax.simulation.outcomes.requirement_violations import counts, required_values, violates
 
 COMPLETED: Final = "completed"
 """Name under which runs that fail are counted, beside the requirements."""

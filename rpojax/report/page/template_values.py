@@ -13,7 +13,7 @@ from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.figures.scatter_explorer import scatter_explorer
 from rpojax.report.left_out_parts import Notes
 from rpojax.report.page.first_screen import leading_figures, verdict_tiles
-from rpojax.report.page.headline import headline, headline_notes
+from rpojax.report.page.headline import ended_runs, headline, headline_notes
 from rpojax.report.page.marked_runs import run_marks, shown_rows
 from rpojax.report.page.metric_groups import histogram_groups
 from rpojax.report.page.next_steps import next_steps
@@ -34,6 +34,7 @@ from rpojax.report.sections import (
     requirement_verdict_section,
     safety_section,
     sensitivity_section,
+    sequential_section,
     simulation_section,
     team_section,
     trace_section,
@@ -162,6 +163,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
     return {
         "identity": identity_section.identity_lines(campaign, content),
         "requirements": requirement_verdict_section.rows(content["requirements"]),
+        "plan_sentence": sequential_section.plan_sentence(content["requirements"], ended_runs(content)),
         "tiles": metrics_section.headline_tiles(content),
         "metric_rows": notes.derived("Metrics", lambda: metrics_section.metric_rows(campaign, content), []),
         "safety": safety_section.rows(content["safety"]),
