@@ -4,6 +4,7 @@ python experiments/evidence/sequential_risks.py
 """
 
 import json
+import math
 
 import numpy as np
 from scipy.stats import binomtest
@@ -16,7 +17,7 @@ DEMANDS = ((0.99, 0.1), (0.95, 0.1), (0.9, 0.05), (0.999, 0.1))
 
 def looks_of(runs: int, block: int) -> tuple[int, ...]:
     """Looks of a campaign of at most `runs` runs, as `sequential_looks.with_plan` makes them for blocks of a size."""
-    step = -(-(-(-runs // 24)) // block) * block
+    step = math.ceil(math.ceil(runs / 24) / block) * block
     return (*range(step, runs, step), runs)
 
 

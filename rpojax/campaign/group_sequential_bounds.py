@@ -50,7 +50,7 @@ class Decision:
 
 
 def spent_share(fraction: float) -> float:
-    """Share of the risk that may be spent by a fraction of the plan: a low power of it, to decide early where it can."""
+    """Share of the risk that may be spent by a fraction of the plan: a low power of it, to decide early."""
     return fraction**SPENDING_POWER
 
 
