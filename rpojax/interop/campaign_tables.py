@@ -64,8 +64,8 @@ class Table:
 def make_table(campaign: Campaign, name: TableName, run_id: int | None = None) -> Table:
     """Table of the finished runs of a campaign, or of one of them.
 
-    `runs`, `metrics` and `draws` have one row a run, and `runs` has the columns of both others; `traces` has one for each run and sample, `history` one for each run and tick:
-    of all runs with a stored history unless one is named.
+    `runs`, `metrics` and `draws` have one row a run, and `runs` has the columns of both others; `traces` has one row
+    for each run and sample, `history` one for each run and tick: of all runs with a stored history unless one is named.
 
     Raises:
         RpojaxError: there is no such run, or it has no history.

@@ -61,7 +61,8 @@ def export(
         out: file; with several of them, `NAME.csv` becomes `NAME_metrics.csv` and `NAME.oem` `NAME_servicer.oem`
         form: format, by default that of the file's suffix
         what: tables: `runs` (the default), one row a run with metrics and draws, these alone as `metrics` and `draws`,
-            `traces`, one row for each run and sample, and `history`, one row for each run with a history and tick; refused with formats without tables
+            `traces`, one row for each run and sample, and `history`, one row for each run with a history and tick;
+            refused with formats without tables
         run_id: this run alone; needed for messages and CZML
         force: replace files that exist
         progress: show progress on stderr

@@ -24,6 +24,7 @@ from rpojax.report.sections import (
     coverage_section,
     detection_section,
     dispersion_section,
+    driver_section,
     envelope_section,
     failure_section,
     identity_section,
@@ -178,6 +179,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
             "whiteness": consistency_section.whiteness_rows(consistency),
         },
         "low_coverage": consistency_section.low_coverage_text(consistency),
+        "drivers": driver_section.table(content["drivers"]),
         "sensitivity": content["sensitivity"],
         "failures": failure_section.failure_table(content),
         "why_rows": cause_section.rows(content["why_failed"]),
@@ -186,8 +188,6 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
             (
                 cause,
                 failure_section.sign_rows(cause),
-                failure_section.cause_rows(cause),
-                failure_section.cause_sentence(cause),
             )
             for cause in content["failure_causes"]
         ],

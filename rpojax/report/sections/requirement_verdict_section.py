@@ -34,7 +34,8 @@ class RequirementRow:
 
     `cells` are pairs of a text and a smaller one below it: worst value; percentile of the sample; tolerance bound,
     which is compared with the limit, and its rank; margin; violations, and those allowed; success fraction, and its
-    bounds; consumer's risk, and that reached. `looks` are those of a sequential campaign.
+    bounds; consumer's risk, and that reached. `decided` and `looks` are those of a sequential
+    campaign.
     """
 
     title: str
@@ -45,6 +46,7 @@ class RequirementRow:
     cells: list[tuple[str, str]]
     violating: list[int]
     more_violating: int
+    decided: str = ""
     looks: Sequence[sequential_section.LookRow] = ()
 
 
@@ -132,7 +134,7 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         **requirement.model_dump(),
         "unit": metric_label(requirement.metric_name).unit or "-",
         "verdict": str(found.verdict),
-        "verdict_text": sequential_section.verdict_text(words, sequential),
+        "verdict_text": f"{words} {sequential_section.decided_text(sequential)}".rstrip(),
         "more_runs": None if is_hopeless or found.is_out_of_reach else found.more_runs,
         "runs": found.runs,
         "violations": found.violations,
@@ -194,13 +196,15 @@ def _reached_entry(requirement: RequirementSection, reached: np.ndarray, of_outc
 
 def _row(entry: Mapping[str, Any]) -> RequirementRow:
     label = metric_label(entry.get("of", entry["metric"]))
-    cells = _cells(entry)
+    cells, decided = _cells(entry), sequential_section.decided_text(entry)
     return RequirementRow(
         title=limit_text(entry),
         probability=f"in at least {_share(entry)}" + _reached(entry),
-        verdict=entry["verdict_text"],
+        verdict=entry["verdict_text"].removesuffix(decided).rstrip(),
+        decided=decided,
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
-        note=f"in {_share(entry)}"
+        note=(f"{decided}; " if decided else "")
+        + f"in {_share(entry)}"
         + _reached(entry)
         + f"; {violations_text(entry)}"
         + _not_counted(entry)

@@ -48,12 +48,12 @@ def entry(found: RequirementEvaluation, looks: Sequence[int]) -> dict[str, Any]:
     }
 
 
-def verdict_text(text: str, judged: Mapping[str, Any]) -> str:
-    """A verdict in words with the look that made it, if a look did."""
+def decided_text(judged: Mapping[str, Any]) -> str:
+    """The look that made a verdict, such as `at look 3 of 16, 192 runs`; empty if no look did."""
     found = judged.get("sequential")
     if found is None or found["decided_at_look"] is None:
-        return text
-    return f"{text} at look {found['decided_at_look']} of {found['planned_looks']}, {found['decided_at_runs']} runs"
+        return ""
+    return f"at look {found['decided_at_look']} of {found['planned_looks']}, {found['decided_at_runs']} runs"
 
 
 def plan_sentence(requirements: Sequence[Mapping[str, Any]], ended: int) -> str:
