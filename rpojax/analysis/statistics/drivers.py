@@ -293,7 +293,7 @@ def _driver(one: _Candidate, q: float, features: Mapping[str, _Input], event: np
     flat = np.ravel_multi_index(places, sizes)
     total = int(np.prod(sizes))
     runs = np.bincount(flat, minlength=total).reshape(sizes)
-    events = np.bincount(flat[event], minlength=total).reshape(sizes)
+    events = np.bincount(flat, weights=event, minlength=total).astype(int).reshape(sizes)
     return Driver(one.event, one.inputs, one.p_value, q, parts, runs, events)
 
 
