@@ -68,7 +68,7 @@ def test_a_function_with_many_options_takes_them_as_a_record() -> None:
     many = {name: count for name, count in counts.items() if count > MOST_PARAMETERS}
     # Public calls whose keywords are the fields of a record.
     assert many == {
-        "analysis.gradients.scenario_gradient.gradient": 11,
+        "analysis.gradients.scenario_gradient.gradient": 12,
         "analysis.gradients.tuning.tune.tune": 12,
         "analysis.reliability.worst_case.worst_case": 11,
         "campaign.run_and_resume.run_campaign": 13,

@@ -101,7 +101,10 @@ VARIANTS: dict[str, Variant] = {
         overrides=(*FAULTS, "faults.fault.kind=star_tracker_blind"),
     ),
     "wheel stuck": Variant(
-        {"faults.fault.start_s": between(500.0, 4000.0), "faults.fault.wheel": lambda rng, runs: rng.integers(0, 3, runs) * 1.0},
+        {
+            "faults.fault.start_s": between(500.0, 4000.0),
+            "faults.fault.wheel": lambda rng, runs: rng.integers(0, 3, runs) * 1.0,
+        },
         overrides=(*FAULTS, "faults.fault.kind=wheel_stuck"),
     ),
 }

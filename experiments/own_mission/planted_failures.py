@@ -93,7 +93,12 @@ BLIND = (
     Planted(
         "approach_weak_thruster",
         "vbar_approach",
-        ["effects.faults=true", 'faults.fault.kind="thruster_weak"', "faults.fault.severity=0.9", "faults.fault.start_s=1500.0"],
+        [
+            "effects.faults=true",
+            'faults.fault.kind="thruster_weak"',
+            "faults.fault.severity=0.9",
+            "faults.fault.start_s=1500.0",
+        ],
         ["fault"],
     ),
     Planted(

@@ -65,9 +65,9 @@ def evaluator_of(runs: int, seconds: float, temperature: float) -> Any:
         row[key][component or 0] = 1.0
         rows.append(np.concatenate(list(row.values())))
     matrix = np.array(rows)
-    return RolloutEvaluator(
-        file, lambda x, key: shifted(x @ matrix, key), len(INPUTS), [METRIC], runs, temperature=temperature
-    )
+    evaluator = RolloutEvaluator(file, lambda x, key: shifted(x @ matrix, key), len(INPUTS), [METRIC], runs)
+    evaluator.soften_detector(temperature)
+    return evaluator
 
 
 def differences(evaluator: Any, keys: np.ndarray) -> Any:

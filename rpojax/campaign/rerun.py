@@ -79,6 +79,8 @@ def rerun(
             histories=Retention("all"),
             run_range=options.design_range,
             report=True,
+            until_decided=False,
+            plan=None,
         ),
         rerun_of={"first_run": options.first_run, "runs": options.runs},
         **provenance.new_provenance(1),

@@ -3,13 +3,14 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
 
 import jax
 import jax.numpy as jnp
 
-from rpojax.campaign import argument_checks, experiment_design, resource_estimates
+from rpojax.campaign import argument_checks, experiment_design, resource_estimates, sequential_looks
 from rpojax.campaign.execution import block_runner, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size, fitted_block_size
 from rpojax.campaign.execution.executor import Executor, LocalExecutor
@@ -103,7 +104,7 @@ def run_campaign(
 
     Args:
         file: the scenario
-        runs: number of runs
+        runs: number of runs; with `until_decided` the most
         out: folder to make
         seed: master seed
         histories: run numbers, or the rule as of the command, of the runs that keep a history; by default the first
@@ -116,7 +117,7 @@ def run_campaign(
         on_progress: shows the progress instead
         shard: simulates only its blocks, in a folder that other shards of the same campaign may have made
         executor: by default one that uses the devices of this process
-        further: `first_run`, `block_size`, `run_range` and `report` of `CampaignOptions`
+        further: `first_run`, `block_size`, `run_range`, `report` and `until_decided` of `CampaignOptions`
 
     Raises:
         RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
@@ -145,11 +146,16 @@ def start_campaign(
         UnfinishedError: the results cannot be written.
     """
     used = execution or Execution()
+    if options.until_decided and used.shard is not None:
+        found = "found it with until_decided, expected one process that looks at all runs"
+        raise RpojaxError.of_argument("shard", found)
     if used.shard is None:
         argument_checks.check_folder(out, force)
     # Processes that share a campaign need blocks of the same size, whatever each has of cores.
     is_shared = used.shard is not None or used.executor is not None
     most = len(programs_per_device.choose_devices(used.devices))
+    if options.until_decided:
+        options = sequential_looks.with_plan(file, options, most)
     fitted = default_block_size(file) if is_shared else fitted_block_size(file, options.runs, most)
     size = options.block_size or fitted
     options = replace(options, block_size=size)
@@ -210,11 +216,11 @@ def resume_campaign(
     release_lost(campaign, shard)
     campaign.verify()
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
-    if blocks:
+    if blocks or not campaign.has_ended:
         found = plugin_registry.stages_of(campaign.file, stages)
         provenance.check_same_stages(campaign.configuration.stages, found)
         if executor is None:
-            devices = programs_per_device.choose_devices(None, most=len(blocks))
+            devices = programs_per_device.choose_devices(None, most=max(1, len(blocks)))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
             chosen: Executor = LocalExecutor(campaign, engine)
         else:
@@ -267,7 +273,7 @@ def _progress_display(
 
 def is_complete(campaign: Campaign) -> bool:
     """Whether a campaign has all its blocks, and all histories that its results select."""
-    return not campaign.missing_blocks() and not selected_histories.pending_histories(campaign)
+    return campaign.has_ended and not campaign.missing_blocks() and not selected_histories.pending_histories(campaign)
 
 
 def simulate_missing_blocks(
@@ -287,16 +293,24 @@ def simulate_missing_blocks(
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     report_progress = on_progress or (lambda progress: None)
     total = sum(campaign.configuration.runs_in_block(block) for block in blocks)
-
-    def report_runs(done: float, failed: int, compiled: bool) -> None:
-        report_progress(Progress(done=done, total=total, failed=failed, compiled=compiled))
-
-    if blocks:
-        campaign.failed_blocks.update(executor.run_blocks(blocks, report_runs))
+    before = (0, 0)
+    for group in [blocks] if campaign.has_ended else sequential_looks.blocks_by_look(campaign):
+        report_runs = partial(_report_runs, report_progress, total, before)
+        if group:
+            campaign.failed_blocks.update(executor.run_blocks(group, report_runs))
+            before = (before[0] + sum(map(campaign.configuration.runs_in_block, group)), int(campaign.failed.sum()))
     if not campaign.missing_blocks():
         selected_histories.remove_displaced_histories(campaign)
         engine = executor.engine if isinstance(executor, LocalExecutor) else None
         _simulate_selected_histories(campaign, report_progress, stages, engine)
+
+
+def _report_runs(
+    on_progress: ProgressCallback, total: int, before: tuple[int, int], done: float, failed: int, compiled: bool
+) -> None:
+    """Reports progress of some blocks, added to the runs done and failed `before` them, for which it was compiled."""
+    is_compiled = compiled or before[0] > 0
+    on_progress(Progress(done=before[0] + done, total=total, failed=before[1] + failed, compiled=is_compiled))
 
 
 def _simulate_selected_histories(

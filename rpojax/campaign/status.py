@@ -1,9 +1,11 @@
 """Status of a campaign from its manifests alone: fast, also while other processes write, and free of jax."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rpojax.campaign.storage import block_manifests, campaign_configuration, lost_results
+from rpojax.campaign.storage import block_manifests, campaign_configuration, look_records, lost_results
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
@@ -35,18 +37,35 @@ def status(directory: Path) -> dict[str, Any]:
         "name": configuration.name,
         "blocks": {"total": blocks, "done": len(entries), "missing": blocks - len(entries)},
         "runs": {
-            "requested": configuration.options.runs,
+            "requested": configuration.runs,
             "completed": completed,
             "failed": failed,
             "not_judged": not_judged,
-            "missing": configuration.options.runs - ended,
+            "missing": configuration.runs - ended,
             "outcomes": outcomes,
         },
         "reasons": reasons,
         "lost": [{"block": block, "file": str(file.path), "found": file.words} for block, file in lost.items()],
         "begun": [{"block": block, "attempts": count} for block, count in attempts.items()],
+        **_sequential(directory, configuration),
         "timing": block_manifests.timing(entries, _duration_s(configuration.scenario)),
         "report": str(page) if page.is_file() else None,
+    }
+
+
+def _sequential(directory: Path, configuration: CampaignConfiguration) -> dict[str, Any]:
+    """Entry on the looks of a sequential campaign; none for any other."""
+    plan = configuration.options.plan
+    if plan is None:
+        return {}
+    looks = look_records.read(directory, configuration.seal)
+    return {
+        "sequential": {
+            "looks": {"planned": len(plan.looks), "taken": len(looks)},
+            "at_most": plan.looks[-1],
+            "decided_at": configuration.ended_at,
+            "requirements": [asdict(each) for each in looks[-1].requirements] if looks else [],
+        }
     }
 
 

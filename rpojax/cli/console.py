@@ -85,6 +85,9 @@ def show_status(found: Mapping[str, Any]) -> None:
 
     line(f"{found['name']}: {blocks['done']} of {blocks['total']} blocks done, {blocks['missing']} missing")
     line(f"runs: {_count_text(runs)}")
+    if looks := found.get("sequential"):
+        for text in _look_lines(looks):
+            line(text)
     for reason, count in found["reasons"].items():
         line(f"failed: {count} x {reason}")
     for entry in found["lost"]:
@@ -94,6 +97,19 @@ def show_status(found: Mapping[str, Any]) -> None:
     if timing:
         line(f"speed: {timing['run_seconds_per_s']:,.0f} simulated seconds per second in {timing['run_s']:,.0f} s")
     line(f"report: {found['report'] or 'none yet'}")
+
+
+def _look_lines(found: Mapping[str, Any]) -> list[str]:
+    """Lines on the looks of a sequential campaign, and on each requirement at the last one."""
+    taken, planned = found["looks"]["taken"], found["looks"]["planned"]
+    end = f"decided with {found['decided_at']} runs" if found["decided_at"] else f"at most {found['at_most']} runs"
+    return [
+        f"looks: {taken} of {planned} taken, {end}",
+        *(
+            f"{each['verdict']}: {each['requirement']}, {each['violations']} of {each['counted']} violate it"
+            for each in found["requirements"]
+        ),
+    ]
 
 
 def _count_text(runs: Mapping[str, Any]) -> str:

@@ -22,7 +22,7 @@ from rpojax.metrics import metric_catalogue
 from rpojax.optional_packages import require_package
 from rpojax.scenario.plugins import plugin_registry
 
-TableName = Literal["metrics", "draws", "traces", "history"]
+TableName = Literal["runs", "metrics", "draws", "traces", "history"]
 TABLE_NAMES: Final[tuple[TableName, ...]] = get_args(TableName)
 """What can be exported."""
 FileFormat = Literal["csv", "parquet", "mat", "npz"]
@@ -64,8 +64,8 @@ class Table:
 def make_table(campaign: Campaign, name: TableName, run_id: int | None = None) -> Table:
     """Table of the finished runs of a campaign, or of one of them.
 
-    `metrics` and `draws` have one row a run, `traces` one for each run and sample, `history` one for each run and tick:
-    of all runs with a stored history unless one is named.
+    `runs`, `metrics` and `draws` have one row a run, and `runs` has the columns of both others; `traces` has one row
+    for each run and sample, `history` one for each run and tick: of all runs with a stored history unless one is named.
 
     Raises:
         RpojaxError: there is no such run, or it has no history.
@@ -81,6 +81,8 @@ def _make_table(campaign: Campaign, name: TableName, run_id: int | None) -> Tabl
         if not len(rows):
             raise RpojaxError.of_argument("run_id", f"found {run_id}, expected a finished run of the campaign")
     match name:
+        case "runs":
+            return Table(name, [*_metric_columns(campaign, rows), *_grouped(campaign.drawn, "drawn", rows)])
         case "metrics":
             return Table(name, list(_metric_columns(campaign, rows)))
         case "draws":
@@ -304,7 +306,7 @@ def export_tables(
             raise RpojaxError.of_argument("what", f"found {name!r}, expected some of {', '.join(TABLE_NAMES)}")
     check_replaceable(paths_of_tables(out, names, form).values(), force)
     tables = [make_table(campaign, name, run_id) for name in names]
-    all_runs, finished = campaign.configuration.options.runs, len(campaign.run_ids)
+    all_runs, finished = campaign.configuration.runs, len(campaign.run_ids)
     if run_id is None and finished < all_runs:
         warnings.warn(
             f"warning: {campaign.directory}: found {finished} of {all_runs} runs finished, expected all; the tables "

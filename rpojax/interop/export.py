@@ -21,8 +21,8 @@ ExportFormat = Literal["csv", "parquet", "mat", "npz", "oem", "aem", "opm", "czm
 FORMATS: Final[tuple[ExportFormat, ...]] = get_args(ExportFormat)
 SIMULATED: Final = ("oem", "aem", "czml")
 """Formats for which a run is simulated again."""
-DEFAULT_TABLES: Final[tuple[TableName, ...]] = ("metrics", "draws")
-"""Tables that are written where none are named."""
+DEFAULT_TABLES: Final[tuple[TableName, ...]] = ("runs",)
+"""Table that is written where none is named."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class ExportOptions:
     """What is exported, and whether files are replaced.
 
     Attributes:
-        tables: names of tables, None for metrics and draws; only formats of tables have a choice
+        tables: names of tables, None for `runs`; only formats of tables have a choice
         run_id: this run alone, None for all
         force: replace files that exist
     """
@@ -60,8 +60,9 @@ def export(
         campaign: or its folder
         out: file; with several of them, `NAME.csv` becomes `NAME_metrics.csv` and `NAME.oem` `NAME_servicer.oem`
         form: format, by default that of the file's suffix
-        what: tables: `metrics` and `draws` (the default), one row a run, `traces`, one row for each run and sample, and
-            `history`, one row for each run with a history and tick; refused with formats without tables
+        what: tables: `runs` (the default), one row a run with metrics and draws, these alone as `metrics` and `draws`,
+            `traces`, one row for each run and sample, and `history`, one row for each run with a history and tick;
+            refused with formats without tables
         run_id: this run alone; needed for messages and CZML
         force: replace files that exist
         progress: show progress on stderr

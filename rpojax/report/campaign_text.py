@@ -32,9 +32,9 @@ def campaign_summary(campaign: Campaign) -> Summary:
 
 
 def _progress(campaign: Campaign) -> str:
-    options, done = campaign.configuration.options, len(campaign.run_ids)
-    runs = counted(done, "run") if done == options.runs else f"{done} of {options.runs} runs, unfinished"
-    return f"{runs} of {campaign.file.duration_s:g} s, seed {campaign.info['seed']}"
+    runs, done = campaign.configuration.runs, len(campaign.run_ids)
+    shown = counted(done, "run") if done == runs else f"{done} of {runs} runs, unfinished"
+    return f"{shown} of {campaign.file.duration_s:g} s, seed {campaign.info['seed']}"
 
 
 def _rows(campaign: Campaign) -> Iterator[tuple[str, str]]:
@@ -52,7 +52,7 @@ def _rows(campaign: Campaign) -> Iterator[tuple[str, str]]:
 
 def _requirements(campaign: Campaign) -> Iterator[tuple[str, str]]:
     """Count of the requirements by verdict, and the first of those that are not verified, the most violated first."""
-    missing = campaign.configuration.options.runs - len(campaign.run_ids)
+    missing = campaign.configuration.runs - len(campaign.run_ids)
     try:
         entries = requirement_verdict_section.content(campaign, missing)
     except ResultError as error:

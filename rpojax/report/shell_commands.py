@@ -34,10 +34,10 @@ def more_runs_command(campaign: CampaignResults, runs: int, seed: int) -> str:
     if code := _code_from_python(campaign):
         given = "".join(f", {name}=..." for name in code)
         file = "file" if "metrics" in code else f"rpojax.load({str(scenario)!r})"
+        given += ", until_decided=True" if campaign.info.get("sequential") else ""
         return f"rpojax.run_campaign({file}, runs={runs}, seed={seed}, out='DIR'{given})"
-    return command_line(
-        "campaign", scenario, "--runs", runs, "--seed", seed, "--out", "DIR", plugin=plugin_of(campaign)
-    )
+    number = ("--until-decided", "--at-most", runs) if campaign.info.get("sequential") else ("--runs", runs)
+    return command_line("campaign", scenario, *number, "--seed", seed, "--out", "DIR", plugin=plugin_of(campaign))
 
 
 def film_command(campaign: CampaignResults, run: int | None) -> str:

@@ -16,7 +16,7 @@ from rpojax.cli.options.arguments import Group
     [
         (["campain", "inspection"], "did you mean 'campaign'?"),
         (["field", "trian"], "did you mean 'train'?"),
-        (["campaign", "inspection"], "--runs N"),
+        (["campaign", "inspection"], "--runs: missing"),
         (["resume"], "DIR"),
         (["run", "inspection", "--out", "x", "--seed"], "--seed"),
         (["campaign", "inspection", "--runs", "x", "--out", "y"], "'x'"),

@@ -96,11 +96,11 @@ def test_an_interrupt_says_that_the_same_command_goes_on(
 ) -> None:
     traced: list[int] = []
 
-    def frame(tracer: object, rotation: object, position: object, sun: object, seed: int) -> np.ndarray:
+    def frame(tracer: object, rotation: object, position: object, sun: object, fill: object, seed: int) -> np.ndarray:
         traced.append(seed)
         if len(traced) == 40:
             raise KeyboardInterrupt
-        return np.zeros((128, 128, 5), np.float32)
+        return np.zeros((128, 128, 8), np.float32)
 
     monkeypatch.setattr(ray_traced_views.RayTracer, "trace", frame)
     assert main.main(["field", "train", "box.stl", "--out", "new.field", "--views", "48"]) == main.Status.INTERRUPTED

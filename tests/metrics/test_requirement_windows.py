@@ -17,6 +17,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import OutcomeName, ScenarioFile
 from rpojax.simulation.metrics import recorded_metrics
+from rpojax.simulation.outcomes import requirement_violations
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 RUNS, TICKS = 3, 600
@@ -226,8 +227,8 @@ def test_a_total_at_an_event_is_that_since_the_start(records: Records) -> None:
 def verdict_on(file: ScenarioFile, metrics: dict[str, Any], outcomes: np.ndarray) -> RequirementEvaluation:
     """Verdict on the first requirement, from those of the runs that count."""
     [requirement, *_] = file.requirements
-    counted = tolerance_verdicts.counts(requirement, metrics, outcomes)
-    values = tolerance_verdicts.required_values(requirement, metrics)
+    counted = requirement_violations.counts(requirement, metrics, outcomes)
+    values = requirement_violations.required_values(requirement, metrics)
     return tolerance_verdicts.evaluate_requirement(requirement, values, np.arange(RUNS), True, counted=counted)
 
 

@@ -214,8 +214,8 @@ def refine(
         settings.runs,
         cotangent=cotangent,
         on_stage=lambda words: on_step(0, words),
-        temperature=settings.temperature,
     )
+    evaluator.soften_detector(settings.temperature)
     optimizer = optax.scale_by_adam()
     adam, objectives, begin = optimizer.init(x), [], time.perf_counter()
     rate = optax.cosine_decay_schedule(settings.rate, settings.steps, 0.1)

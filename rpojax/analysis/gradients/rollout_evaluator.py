@@ -130,16 +130,11 @@ class RolloutEvaluator:
         cotangent: CotangentFunction | None = None,
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
         on_stage: Callable[[str], None] = lambda words: None,
-        temperature: float | None = None,
     ) -> None:
-        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins.
-
-        With a `temperature` the detector of a rendered camera is soft (`static_settings.Scenario`).
-        """
+        """Compiles nothing yet; `on_stage` gets a description when a compilation or a simulation begins."""
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         refuse_team(file, "derivatives of runs")
-        settings, self._nominal = single_run.nominal_parameters(file)
-        self.scenario = replace(settings, temperature=temperature)
+        self.scenario, self._nominal = single_run.nominal_parameters(file)
         self._stages = plugin_registry.stages_of(file, stages)
         known = plugin_registry.catalogue_of(file)
         self._metrics = [known[name] for name in self.metric_names]
@@ -162,6 +157,10 @@ class RolloutEvaluator:
     def take_gates_as_steps(self) -> None:
         """Derivatives see gates and dead band as the steps that they are, without slopes; before the first of them."""
         self._nominal = self._nominal.with_steps()
+
+    def soften_detector(self, temperature: float) -> None:
+        """The detector of a rendered camera is soft (`static_settings.Scenario`); before the first evaluation."""
+        self.scenario = replace(self.scenario, temperature=temperature)
 
     def evaluate(self, inputs: np.ndarray, keys: np.ndarray) -> RolloutResult:
         """Metrics alone, for inputs (runs, k) and random keys (runs, 2)."""

@@ -123,15 +123,13 @@ def gradient(
     from a finite difference of runs it differs by 0.2 % in the median and by half at worst in a close approach. With
     'steps' it is the derivative of the run itself. Flight software keeps its own model.
 
-    With a rendered camera it is the derivative through the picture, of a run with a soft detector: a box is a mean
-    over the cells around a peak of the detector, weighs by its score as by the gate, and 'slopes' is what the values
-    have, too. A low `temperature` is close to a run itself, and has larger derivatives in fewer frames.
+    With a rendered camera it is the derivative through the picture, of a run with a soft detector and gate. A low
+    `temperature` is close to a run itself, and has larger derivatives in fewer frames.
 
     Args:
         file: scenario with independent runs
         keys: such as `formation.delta_v_weight`; a vector stands for all its components. With a rendered camera also
-            tensors of its networks, such as `imaging.detector.second.out_quality.bias` or
-            `imaging.field.network.2.bias`
+            tensors of its networks, such as `imaging.detector.second.out_quality.bias`
         metrics: names of metrics with a derivative; by default those of the scenario's requirements
         runs: number of runs, those of a campaign with the same seed
         first_run: number of the first run
@@ -156,9 +154,9 @@ def gradient(
     run_ids = first_run + np.arange(runs)
     if mode == "auto":
         mode = "forward" if count <= FORWARD_MODE_MAX_INPUTS * len(names) else "reverse"
-    evaluator = RolloutEvaluator(
-        used, _shifted_values(used, nominal), count, names, runs, stages, temperature=temperature
-    )
+    evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages)
+    if temperature is not None:
+        evaluator.soften_detector(temperature)
     if gates == "steps":
         evaluator.take_gates_as_steps()
     with stage(f"derivatives in {mode} mode: compiling, then simulating", quiet=not progress):

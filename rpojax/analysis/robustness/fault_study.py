@@ -11,7 +11,6 @@ import numpy as np
 from rpojax.analysis.robustness.assigned_runs import AssignedRuns, StudyProgress, check_study, provenance
 from rpojax.analysis.robustness.step_runs import requirement_names
 from rpojax.analysis.statistics.intervals import clopper_pearson_interval
-from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.campaign.storage.atomic_outputs import to_json_types
 from rpojax.errors import RpojaxError
 from rpojax.metrics.metric_catalogue import UNITS
@@ -22,6 +21,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.loading.table_merging import apply_override
 from rpojax.scenario.schema import RequirementSection, ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import count_outcomes, is_failed, is_frozen
+from rpojax.simulation.outcomes.requirement_violations import counts, required_values, violates
 
 DEFAULT_RUNS: Final = 32
 _PARTS: Final = 4

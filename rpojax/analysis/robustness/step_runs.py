@@ -9,9 +9,9 @@ from rpojax.analysis.robustness.assigned_runs import AssignedRuns, BatchCallback
 from rpojax.analysis.robustness.believed_quantities import Quantity
 from rpojax.analysis.robustness.margin_search import StepVerdict
 from rpojax.analysis.statistics.intervals import success_bounds
-from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.scenario.schema import RequirementSection, ScenarioFile
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
+from rpojax.simulation.outcomes.requirement_violations import counts, required_values, violates
 
 COMPLETED: Final = "completed"
 """Name under which runs that fail are counted, beside the requirements."""

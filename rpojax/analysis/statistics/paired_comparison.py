@@ -8,10 +8,10 @@ import numpy as np
 from scipy.stats import binomtest
 
 from rpojax.analysis.statistics.intervals import resampled_medians
-from rpojax.analysis.statistics.tolerance_verdicts import counts, required_values, violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.outcomes.outcome_kinds import Outcome, is_failed
+from rpojax.simulation.outcomes.requirement_violations import counts, required_values, violates
 
 _LEVELS = (0.90, 0.95)
 MIN_PAIRS: Final = 10

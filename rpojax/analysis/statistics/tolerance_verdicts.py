@@ -5,15 +5,16 @@ fraction of runs (Hanson and Beard, NASA/TP-2010-216447).
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
 from rpojax.analysis.statistics.intervals import success_bounds
 from rpojax.analysis.statistics.tolerance_bounds import allowed_failures, consumer_risk_reached, runs_for_bound
+from rpojax.campaign.group_sequential_bounds import Decision, LookPath
 from rpojax.scenario.schema import RequirementSection
+from rpojax.simulation.outcomes.requirement_violations import severity_of, worse_sign
 
 _MAX_IDS = 20
 VIOLATED = "violated"
@@ -28,6 +29,7 @@ class Verdict(StrEnum):
     VERIFIED = "verified"
     NOT_VERIFIED = "not verified"
     MORE_RUNS = "needs more runs"
+    UNDECIDED = "undecided by all runs of the plan"
     NO_RUNS = "no run counts: no verdict"
     NOT_INDEPENDENT = "not independent: no verdict"
     UNFINISHED = "unfinished: no verdict"
@@ -58,6 +60,8 @@ class RequirementEvaluation:
         success_fraction: fraction of runs without violation; None without runs
         success_interval: exact bounds of the probability of success, each of them wrong with the consumer's risk
         risk_reached: smallest consumer's risk at which the runs would verify
+        decision: look of a sequential campaign that decided; None without one, and with a fixed number of runs
+        looks: taken at a sequential campaign
         violating_ids: numbers of at most 20 violating runs, those without a value first, then the worst
     """
 
@@ -77,6 +81,8 @@ class RequirementEvaluation:
     success_interval: tuple[float, float] | None
     risk_reached: float | None
     violating_ids: tuple[int, ...]
+    decision: Decision | None = None
+    looks: LookPath | None = None
 
     @property
     def beyond_limit(self) -> int:
@@ -108,37 +114,6 @@ class RequirementEvaluation:
         return f"needs {least}{self.more_runs} more {'run' if self.more_runs == 1 else 'runs'}"
 
 
-def violates(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:
-    """Flags (n,) of runs that violate a requirement: metric `values` (n,) beyond the limit, or undefined."""
-    return _severity(requirement, values) > _sign(requirement) * requirement.limit
-
-
-def is_of_outcome(requirement: RequirementSection, outcomes: np.ndarray) -> np.ndarray:
-    """Flags (n,) of runs with the outcome that a requirement names; all runs if it names none."""
-    return np.full(len(outcomes), True) if requirement.outcome is None else outcomes == requirement.outcome
-
-
-def reaches(requirement: RequirementSection, metrics: Mapping[str, np.ndarray]) -> np.ndarray | None:
-    """Flags (n,) of runs that once were in a requirement's phase or at its event; None for one without a phase."""
-    if requirement.phase is None:
-        return None
-    presence = metrics[requirement.window.presence_name]
-    return np.isfinite(presence) if requirement.at is not None else presence > 0.0
-
-
-def counts(requirement: RequirementSection, metrics: Mapping[str, np.ndarray], outcomes: np.ndarray) -> np.ndarray:
-    """Flags (n,) of runs that count for a requirement: they have its outcome and, if it demands so, reach its phase."""
-    reached = reaches(requirement, metrics) if requirement.is_of_reaching_runs else None
-    of_outcome = is_of_outcome(requirement, outcomes)
-    return of_outcome if reached is None else of_outcome & reached
-
-
-def required_values(requirement: RequirementSection, metrics: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Values (n,) of a requirement's metric; NaN, which violates it, for runs that never came to its phase or event."""
-    values, reached = np.asarray(metrics[requirement.metric_name], np.float64), reaches(requirement, metrics)
-    return values if reached is None else np.where(reached, values, np.nan)
-
-
 def evaluate_requirement(
     requirement: RequirementSection,
     values: np.ndarray,
@@ -147,26 +122,28 @@ def evaluate_requirement(
     missing: int = 0,
     counted: np.ndarray | None = None,
     sealed: bool = True,
+    looks: LookPath | None = None,
 ) -> RequirementEvaluation:
     """Evaluates a requirement by the metric's `values` (n,), NaN where undefined, of runs with `run_ids` (n,).
 
     While `missing` requested runs are not done there is no verdict, and none of a folder that is not `sealed`. Flags
-    `counted` (n,) of `counts`; by default all.
+    `counted` (n,) of `counts`; by default all. With the `looks` of a sequential campaign, verdict, bounds and risk are
+    those of the plan with all its looks.
     """
     not_counted = 0 if counted is None else int(np.sum(~counted))
     if counted is not None:
         values, run_ids = values[counted], run_ids[counted]
-    severity = _severity(requirement, values)
-    violating = severity > _sign(requirement) * requirement.limit
+    severity = severity_of(requirement, values)
+    violating = severity > worse_sign(requirement) * requirement.limit
     count, runs = int(violating.sum()), len(values)
-    conclusive = independent and not missing and sealed
-    allowed = allowed_failures(runs, requirement.probability, requirement.consumer_risk) if conclusive else None
-    rank = None if allowed is None else runs - allowed
+    judged = _NOT_JUDGED
+    if independent and not missing and sealed:
+        judged = _by_plan(requirement, count, runs) if looks is None else _by_looks(requirement, looks)
+        if not runs and not_counted:
+            judged = replace(judged, verdict=Verdict.NO_RUNS)
+    verdict = judged.verdict or _without_verdict(independent, sealed)
+    rank = None if judged.allowed is None else runs - judged.allowed
     at_rank = None if rank is None else _value(requirement, np.sort(severity)[rank - 1])
-    verdict, interval = _without_verdict(independent, sealed), None
-    if conclusive:
-        interval = success_bounds(count, runs, requirement.consumer_risk)
-        verdict = _verdict(requirement, count, allowed, interval[1]) if runs or not not_counted else Verdict.NO_RUNS
     return RequirementEvaluation(
         requirement=requirement,
         verdict=verdict,
@@ -174,16 +151,18 @@ def evaluate_requirement(
         runs=runs,
         not_counted=not_counted,
         violations=count,
-        allowed=allowed,
+        allowed=judged.allowed,
         rank=rank,
         order_statistic=at_rank,
-        margin=None if at_rank is None else _sign(requirement) * (requirement.limit - at_rank),
+        margin=None if at_rank is None else worse_sign(requirement) * (requirement.limit - at_rank),
         without_value=int(np.sum(np.isinf(severity))),
         worst=_value(requirement, np.max(severity[np.isfinite(severity)], initial=-np.inf)),
         success_fraction=1.0 - count / runs if runs else None,
-        success_interval=interval,
-        risk_reached=consumer_risk_reached(count, runs, requirement.probability) if conclusive else None,
+        success_interval=judged.interval,
+        risk_reached=judged.risk_reached,
         violating_ids=_worst_first(severity, violating, run_ids),
+        decision=judged.decision,
+        looks=looks,
     )
 
 
@@ -193,10 +172,40 @@ def _without_verdict(independent: bool, sealed: bool) -> Verdict:
     return Verdict.UNFINISHED if independent else Verdict.NOT_INDEPENDENT
 
 
-def _verdict(requirement: RequirementSection, count: int, allowed: int | None, highest: float) -> Verdict:
+@dataclass(frozen=True)
+class _Judged:
+    """Verdict, and what it rests on; None where there is none."""
+
+    verdict: Verdict | None = None
+    allowed: int | None = None
+    interval: tuple[float, float] | None = None
+    risk_reached: float | None = None
+    decision: Decision | None = None
+
+
+_NOT_JUDGED = _Judged()
+
+
+def _by_plan(requirement: RequirementSection, count: int, runs: int) -> _Judged:
+    """Verdict by `count` violations of a number of runs that was fixed before."""
+    probability, risk = requirement.probability, requirement.consumer_risk
+    allowed, interval = allowed_failures(runs, probability, risk), success_bounds(count, runs, risk)
+    verdict = Verdict.NOT_VERIFIED if interval[1] < probability else Verdict.MORE_RUNS
     if allowed is not None and count <= allowed:
-        return Verdict.VERIFIED
-    return Verdict.NOT_VERIFIED if highest < requirement.probability else Verdict.MORE_RUNS
+        verdict = Verdict.VERIFIED
+    return _Judged(verdict, allowed, interval, consumer_risk_reached(count, runs, probability))
+
+
+def _by_looks(requirement: RequirementSection, looks: LookPath) -> _Judged:
+    """Verdict by the first look that decided, with the bounds of a plan of which each look takes its share of risk."""
+    probability, risk = requirement.probability, requirement.consumer_risk
+    decision = looks.decision(probability, risk)
+    verdict = Verdict.UNDECIDED
+    if decision is not None:
+        verdict = Verdict.VERIFIED if decision.verified else Verdict.NOT_VERIFIED
+    allowed = [each.allowed for each in looks.bounds(probability, risk) if each.allowed is not None]
+    interval = looks.success_bounds(probability, risk)
+    return _Judged(verdict, max(allowed, default=None), interval, looks.risk_reached(probability, risk), decision)
 
 
 def _more_runs(requirement: RequirementSection, count: int, runs: int, not_counted: int) -> int:
@@ -208,17 +217,8 @@ def _more_runs(requirement: RequirementSection, count: int, runs: int, not_count
     return math.ceil(missing * (runs + not_counted) / runs) if runs else missing
 
 
-def _sign(requirement: RequirementSection) -> float:
-    return 1.0 if requirement.bound == "at most" else -1.0
-
-
-def _severity(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:
-    """Values with the sign by which more is worse; infinite for runs that have none."""
-    return np.where(np.isfinite(values), _sign(requirement) * values, np.inf)
-
-
 def _value(requirement: RequirementSection, severity: float) -> float | None:
-    return _sign(requirement) * float(severity) if np.isfinite(severity) else None
+    return worse_sign(requirement) * float(severity) if np.isfinite(severity) else None
 
 
 def _worst_first(severity: np.ndarray, violating: np.ndarray, run_ids: np.ndarray) -> tuple[int, ...]:

@@ -3,17 +3,22 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any, Final, TypedDict
 
 from tyro.conf import AvoidSubcommands, Fixed, arg
 
 from rpojax.campaign import argument_checks
 from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.options.sequential_plan import SequentialPlan
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.errors import RpojaxError
 
 DEFAULT_HISTORIES = Retention("8+requirements")
 """The first eight runs keep a full history, and the worst run of each requirement."""
+
+
+UNSTATED: Final = -1
+"""Number of runs of a command that states none."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +35,22 @@ class CampaignOptions:
         histories: which runs keep a history
         run_range: the runs that the experiment design is made for, if they are more than these
         report: whether a report is wanted, so that a resume writes it
+        until_decided: whether the campaign ends as soon as its requirements are verified or refuted
+        plan: its looks, if so
 
     Raises:
         RpojaxError: a number is out of range, or a history is wanted of a run outside of the campaign.
     """
 
-    runs: Annotated[int, arg(metavar="N", help="Number of runs.")]
+    runs: Annotated[
+        int,
+        arg(
+            metavar="N",
+            aliases=("--at-most",),
+            help="Number of runs; with --until-decided the most.",
+            help_behavior_hint="(required; with --until-decided by default what its hardest requirement may take)",
+        ),
+    ] = UNSTATED
     seed: Annotated[int, arg(metavar="S", help="Master seed.")] = 0
     first_run: Fixed[int] = 0
     block_size: Annotated[
@@ -49,8 +64,16 @@ class CampaignOptions:
     histories: Annotated[Retention, arg(name="")] = DEFAULT_HISTORIES
     run_range: Annotated[RunRange | None, Fixed, AvoidSubcommands] = None
     report: Fixed[bool] = False
+    until_decided: Annotated[
+        bool, arg(help="End as soon as every requirement is verified or refuted; the risks include all looks.")
+    ] = False
+    plan: Annotated[SequentialPlan | None, Fixed, AvoidSubcommands] = None
 
     def __post_init__(self) -> None:
+        if self.runs == UNSTATED:
+            if self.until_decided:
+                return  # the record is made again with a number, and checked
+            raise RpojaxError.of_argument("runs", "missing, expected the number of runs (or --until-decided)")
         argument_checks.check_numbers(self.runs, self.first_run, self.seed, self.block_size)
         self.histories.check_run_ids(self.first_run, self.runs)
 
@@ -77,6 +100,7 @@ class CampaignOptions:
             "histories": self.histories.to_record(),
             "design": {"first_run": design.first_run, "runs": design.runs},
             "report": self.report,
+            **({} if self.plan is None else {"sequential": self.plan.to_record()}),
         }
 
     @classmethod
@@ -96,6 +120,8 @@ class CampaignOptions:
             histories=Retention.from_record(record["histories"]),
             run_range=None if run_range == RunRange(first_run, runs) else run_range,
             report=record["report"],
+            until_decided="sequential" in record,
+            plan=SequentialPlan.from_record(record["sequential"], runs) if "sequential" in record else None,
         )
 
 
@@ -106,6 +132,7 @@ class FurtherOptions(TypedDict, total=False):
     block_size: int | None
     run_range: RunRange | None
     report: bool
+    until_decided: bool
 
 
 @dataclass(frozen=True)

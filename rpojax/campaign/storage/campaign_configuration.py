@@ -1,14 +1,15 @@
 """Configuration of a campaign: the record of `campaign.json`, written before anything is compiled; free of jax."""
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.argument_checks import MAX_BLOCKS, MAX_RUN_ID, MAX_SEED
 from rpojax.campaign.options.campaign_options import CampaignOptions
-from rpojax.campaign.storage import atomic_files, campaign_seal, safe_paths
+from rpojax.campaign.storage import atomic_files, campaign_seal, look_records, safe_paths
+from rpojax.campaign.storage.look_records import Look
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.untrusted.file_reading import FileKind
 
@@ -51,6 +52,7 @@ _SHARED_ENTRIES = (
     "stages",
     "design",
     "batching",
+    "sequential",
 )
 """Entries that must be equal for processes that share one folder."""
 
@@ -76,6 +78,7 @@ class CampaignConfiguration:
         rerun_of: in the folder of a rerun, `first_run` and `runs` of the original campaign
         plugin: description of the scenario's plugin, from which results can be read without its code
         format_version: of the layout of the folder
+        ended_at: number of runs at which a sequential campaign was decided
         seal: of the `campaign.json` that was read; None in one that has none, and in a configuration that was not read
     """
 
@@ -96,6 +99,7 @@ class CampaignConfiguration:
     plugin: dict[str, Any] | None = None
     format_version: int = FORMAT_VERSION
     seal: str | None = field(default=None, compare=False)
+    ended_at: int | None = field(default=None, compare=False)
 
     @property
     def block_size(self) -> int:
@@ -104,13 +108,23 @@ class CampaignConfiguration:
         return self.options.block_size
 
     @property
+    def runs(self) -> int:
+        """Number of runs that the campaign has when it is complete; fewer than its options say once it is decided."""
+        return self.options.runs if self.ended_at is None else self.ended_at
+
+    @property
     def block_count(self) -> int:
         """Number of blocks."""
-        return -(-self.options.runs // self.block_size)
+        return -(-self.runs // self.block_size)
 
     def runs_in_block(self, block: int) -> int:
         """Number of runs of a block, without padding."""
         return min(self.block_size, self.options.runs - block * self.block_size)
+
+    def after(self, looks: Sequence[Look]) -> "CampaignConfiguration":
+        """The configuration after the looks that were taken, the last of which may have decided."""
+        decided = looks[-1].runs if self.options.plan is not None and looks and looks[-1].is_decided else None
+        return replace(self, ended_at=decided)
 
     def to_record(self) -> dict[str, Any]:
         """Content of `campaign.json` without its seal, in the types of JSON."""
@@ -193,6 +207,7 @@ def read(directory: Path) -> CampaignConfiguration:
         raise
     except RpojaxError as error:
         raise ResultError(f"{path}: {error}") from None
+    configuration = configuration.after(look_records.read(directory, configuration.seal))
     if configuration.block_count > MAX_BLOCKS:
         raise ResultError(f"{path}: found {configuration.block_count} blocks, expected at most {MAX_BLOCKS}")
     return configuration

@@ -12,6 +12,7 @@
 | `results.zarr/surface` | facets of the target, of a scenario with coverage |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
 | `manifest/000000.json` | one per finished block, written last; a resume runs the blocks without one |
+| `looks.json` | looks that a sequential campaign has taken, with their verdicts |
 | `requirements/000001.json` | changes of the requirements after the campaign, one file each |
 | `manifest/000000.attempts` | one per unfinished block that was begun: a line for every attempt |
 | `report.html`, `report.json`, `figures/` | the report |
@@ -33,6 +34,7 @@ from rpojax.campaign.storage import (
     campaign_seal,
     folder_creation,
     labelled_results,
+    look_records,
     provenance,
 )
 from rpojax.campaign.storage.arrays import array_files, zarr_encoding, zarr_reader
@@ -42,6 +44,7 @@ from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_plots import CampaignPlots
 from rpojax.campaign.storage.campaign_seal import RequirementChange, array_binding
+from rpojax.campaign.storage.look_records import Look
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.former_fault import present_key
 from rpojax.scenario.loading import scenario_loader
@@ -89,6 +92,7 @@ class Campaign(Summarised):
         configuration: content of `campaign.json`
         failed_blocks: blocks that executors of this process gave up -> reason
         requirement_changes: changes of the requirements after the campaign, in their order
+        looks: taken at a sequential campaign
 
     Raises:
         ResultError: the folder is no campaign, or not one that this version reads, or its identity was changed.
@@ -106,6 +110,7 @@ class Campaign(Summarised):
         options, seal = self.configuration.options, self.configuration.seal
         self._writer = ZarrWriter(self.directory, options.runs, self.configuration.block_size, seal)
         self.requirement_changes: list[RequirementChange] = campaign_seal.read_changes(self.directory, seal)
+        self.looks: list[Look] = look_records.read(self.directory, seal)
 
     @property
     def info(self) -> dict[str, Any]:
@@ -117,6 +122,7 @@ class Campaign(Summarised):
             list(self.manifests.values()), float(self.configuration.scenario.get("duration_s", 0.0))
         )
         record = self.configuration.to_record() | {"sealed": self.is_sealed, "seal": self.configuration.seal}
+        record |= {"runs": self.configuration.runs}
         if self.requirement_changes:
             record["scenario"] = {**record["scenario"], "requirements": self.requirement_changes[-1].requirements}
             record["requirement_changes"] = [asdict(change) for change in self.requirement_changes]
@@ -210,6 +216,24 @@ class Campaign(Summarised):
     def _binding(self, group: str, block: int) -> str:
         first = self.configuration.options.first_run + block * self.configuration.block_size
         return array_binding(self.configuration.seal, group, first, self.configuration.runs_in_block(block))
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether no further run is wanted by the plan of a sequential campaign; true of any other."""
+        plan = self.configuration.options.plan
+        return plan is None or self.configuration.ended_at is not None or len(self.looks) == len(plan.looks)
+
+    def record_look(self, look: Look) -> None:
+        """Records a look at a sequential campaign, which ends the campaign if it decides.
+
+        Raises:
+            UnfinishedError: it cannot be written.
+        """
+        self._check_not_replaced()
+        assert self.configuration.seal is not None
+        self.looks.append(look)
+        look_records.write(self.directory, self.configuration.seal, self.looks)
+        self.configuration = self.configuration.after(self.looks)
 
     def _check_not_replaced(self) -> None:
         """Refuses to write if another campaign has replaced this one in its folder."""

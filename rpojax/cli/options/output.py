@@ -62,8 +62,8 @@ class ExportCommand(Command):
         str | None,
         arg(
             metavar="NAMES",
-            help="Tables, with commas between them: metrics, draws, traces, history.",
-            help_behavior_hint="(default: metrics,draws)",
+            help="Tables, with commas between them: runs (metrics and draws), metrics, draws, traces, history.",
+            help_behavior_hint="(default: runs)",
         ),
     ] = None
     run_id: Annotated[int | None, arg(metavar="I", help="This run alone.", help_behavior_hint="(default: all)")] = None

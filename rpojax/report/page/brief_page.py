@@ -12,6 +12,7 @@ from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.left_out_parts import Notes
 from rpojax.report.page import page_templates
 from rpojax.report.page.detail_values import DetailValues, choose_run, detail_values
+from rpojax.report.page.headline import ended_runs
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_page import is_single_run
 from rpojax.report.page.run_timeline import TimelineRow
@@ -22,6 +23,7 @@ from rpojax.report.sections import (
     metrics_section,
     requirement_verdict_section,
     safety_section,
+    sequential_section,
 )
 from rpojax.report.sections.dispersion_section import drawn_distributions
 from rpojax.scenario.plugins import plugin_registry
@@ -94,6 +96,7 @@ def _values(
         "runs": content["runs"],
         "warnings": content["warnings"],
         "requirements": requirements[:_MOST_REQUIREMENTS],
+        "plan_sentence": sequential_section.plan_sentence(content["requirements"], ended_runs(content)),
         "more_requirements": max(0, len(requirements) - _MOST_REQUIREMENTS),
         "safety": safety_section.rows(content["safety"])[:14],
         "metric_rows": _metric_rows(campaign, content),

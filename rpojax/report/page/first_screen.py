@@ -50,7 +50,7 @@ def _is_passive_safety(entry: Mapping[str, Any], safety: Mapping[str, Any]) -> b
     horizons = [drift["horizon"] for drift in safety["free_drift"] if drift["below_keep_out"] is not None]
     if not horizons or entry["metric"] != horizon_metric_name(horizons[-1]) or "of" in entry:
         return False
-    has_verdict = entry["verdict"] in (Verdict.VERIFIED, Verdict.NOT_VERIFIED, Verdict.MORE_RUNS)
+    has_verdict = entry["verdict"] in (Verdict.VERIFIED, Verdict.NOT_VERIFIED, Verdict.MORE_RUNS, Verdict.UNDECIDED)
     return bool(has_verdict and entry["bound"] == "at least" and entry["limit"] == safety["keep_out_m"])
 
 

@@ -101,8 +101,8 @@ def _verified(requirements: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _is_out_of_reach(entry: Mapping[str, Any]) -> bool:
-    """Whether a requirement is not decided and more runs like these would not verify it."""
-    return entry["verdict"] == Verdict.MORE_RUNS and not entry["more_runs"]
+    """Whether a requirement is not decided, and more runs like these would not verify it, or were not planned."""
+    return entry["verdict"] == Verdict.UNDECIDED or (entry["verdict"] == Verdict.MORE_RUNS and not entry["more_runs"])
 
 
 def _reason(content: Mapping[str, Any]) -> str:
@@ -122,6 +122,8 @@ def _reason(content: Mapping[str, Any]) -> str:
         )
     if out_of_reach := [entry for entry in requirements if _is_out_of_reach(entry)]:
         worst = max(out_of_reach, key=lambda entry: float(entry["violations"]))
+        if worst["verdict"] == Verdict.UNDECIDED:
+            return f"{_violation(worst)[:-1]}: too few to refute it, too many to verify it by all runs of the plan."
         return f"{_violation(worst)[:-1]}: too few to refute it, too many for more runs to verify it."
     if wanted := [entry["more_runs"] for entry in requirements if entry["more_runs"]]:
         which = "all" if len(wanted) == len(requirements) > 1 else str(len(wanted))

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rpojax.analysis.statistics.tolerance_verdicts import Verdict, counts, required_values, violates
+from rpojax.analysis.statistics.tolerance_verdicts import Verdict
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import format_number, format_p_value
@@ -14,6 +14,7 @@ from rpojax.report.page.headline import ended_runs, passive_safety_count, weakes
 from rpojax.report.sections.failure_section import detail_counts
 from rpojax.report.sections.requirement_verdict_section import limit_text, requirement_of, violations_text, worst_text
 from rpojax.report.sections.safety_section import nearest_text, without_drift_text
+from rpojax.simulation.outcomes.requirement_violations import counts, required_values, violates
 from rpojax.summary_text import counted
 
 _MOST_STEPS: Final = 6
@@ -230,8 +231,21 @@ def _influence(content: Mapping[str, Any], entry: Mapping[str, Any]) -> str:
 
 def _more_runs(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
     """Row of the requirements that more runs may verify; none while runs fail, which more runs do not mend."""
+    undecided = [entry for entry in content["requirements"] if entry["verdict"] == Verdict.UNDECIDED]
     wanted = [entry["more_runs"] for entry in content["requirements"] if entry["more_runs"]]
     ended = ended_runs(content)
+    if undecided and not content["runs"]["failed"]:
+        runs = 2 * content["runs"]["requested"]
+        command = shell_commands.more_runs_command(campaign, runs, int(campaign.info.get("seed", 0)) + 1)
+        return [
+            NextStep(
+                f"{counted(len(undecided), 'requirement')} undecided",
+                f"all {ended} runs of the plan were simulated",
+                "plan a new campaign of more runs with another seed",
+                "requirements",
+                command,
+            )
+        ]
     if not wanted or content["runs"]["failed"] or ended < 2:
         return []
     runs = content["runs"]["requested"] + max(wanted)

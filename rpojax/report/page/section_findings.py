@@ -150,6 +150,9 @@ def _dispersions(_: Mapping[str, Any], shown: Mapping[str, Any]) -> str:
 
 
 def _sensitivity(content: Mapping[str, Any], _: Mapping[str, Any]) -> str:
+    if leading := content["drivers"]["drivers"]:
+        inputs = " with ".join(leading[0]["inputs"])
+        return f"{_counted(len(leading), 'driver')}; {leading[0]['event']}: {inputs}"
     found = [entry for entry in content["sensitivity"] if entry["by_spearman"]]
     if not found:
         return "No input stands out" if content["sensitivity"] else "Needs at least ten runs and a dispersed input"

@@ -13,7 +13,7 @@ from rpojax.report.figures.plotly_charts import Chart
 from rpojax.report.figures.scatter_explorer import scatter_explorer
 from rpojax.report.left_out_parts import Notes
 from rpojax.report.page.first_screen import leading_figures, verdict_tiles
-from rpojax.report.page.headline import headline, headline_notes
+from rpojax.report.page.headline import ended_runs, headline, headline_notes
 from rpojax.report.page.marked_runs import run_marks, shown_rows
 from rpojax.report.page.metric_groups import histogram_groups
 from rpojax.report.page.next_steps import next_steps
@@ -24,6 +24,7 @@ from rpojax.report.sections import (
     coverage_section,
     detection_section,
     dispersion_section,
+    driver_section,
     envelope_section,
     failure_section,
     identity_section,
@@ -34,6 +35,7 @@ from rpojax.report.sections import (
     requirement_verdict_section,
     safety_section,
     sensitivity_section,
+    sequential_section,
     simulation_section,
     team_section,
     trace_section,
@@ -162,6 +164,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
     return {
         "identity": identity_section.identity_lines(campaign, content),
         "requirements": requirement_verdict_section.rows(content["requirements"]),
+        "plan_sentence": sequential_section.plan_sentence(content["requirements"], ended_runs(content)),
         "tiles": metrics_section.headline_tiles(content),
         "metric_rows": notes.derived("Metrics", lambda: metrics_section.metric_rows(campaign, content), []),
         "safety": safety_section.rows(content["safety"]),
@@ -176,6 +179,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
             "whiteness": consistency_section.whiteness_rows(consistency),
         },
         "low_coverage": consistency_section.low_coverage_text(consistency),
+        "drivers": driver_section.table(content["drivers"]),
         "sensitivity": content["sensitivity"],
         "failures": failure_section.failure_table(content),
         "why_rows": cause_section.rows(content["why_failed"]),
@@ -184,8 +188,6 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
             (
                 cause,
                 failure_section.sign_rows(cause),
-                failure_section.cause_rows(cause),
-                failure_section.cause_sentence(cause),
             )
             for cause in content["failure_causes"]
         ],

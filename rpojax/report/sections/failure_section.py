@@ -1,4 +1,4 @@
-"""Failed runs by outcome, inputs that distinguish them from completed runs, and flags that were raised and cleared."""
+"""Failed runs by outcome, signs that tell them from completed runs, and flags that were raised and cleared."""
 
 import re
 from collections import Counter
@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.dependence import separate_failing_runs
 from rpojax.physics.equipment_faults import KINDS
-from rpojax.report.campaign_results import CampaignResults, rankable_scalars, runs_are_independent
-from rpojax.report.labels import format_number, format_p_value, heading, metric_label
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.labels import format_number, heading, metric_label
 from rpojax.scenario import former_fault
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -26,7 +25,6 @@ _SIGNS = (
     "formation_error_rms_m",
 )
 """Metrics that tell why a run ended as it did: camera, gate, filter, control and thrust, and what came of it."""
-_MAX_INPUTS = 5
 _AT_TIME = re.compile(r" at [0-9.e+]+ s")
 _MAX_FAILURES = 50
 TABLE_COLUMNS = (
@@ -40,17 +38,10 @@ TABLE_COLUMNS = (
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """Part of report.json: for each outcome that is a failure the runs, times, and inputs, the most different first.
-
-    P-values, corrected for the number of inputs, are None if runs are not independent; categorical inputs are left out.
-    """
+    """Part of report.json: for each outcome that is a failure the runs, times, and medians of telling metrics."""
     completed = np.asarray(campaign.completed, dtype=bool)
     failures = Counter(str(outcome) for outcome in campaign.outcomes[np.asarray(campaign.failed, dtype=bool)])
-    inputs = rankable_scalars(campaign)
-    return [
-        _cause_entry(campaign, inputs, completed, Outcome(outcome), runs_are_independent(campaign))
-        for outcome, _ in failures.most_common()
-    ]
+    return [_cause_entry(campaign, completed, Outcome(outcome)) for outcome, _ in failures.most_common()]
 
 
 def event_entries(campaign: CampaignResults) -> list[dict[str, Any]]:
@@ -74,45 +65,9 @@ def without_time(detail: str) -> str:
     return _AT_TIME.sub("", detail)
 
 
-def cause_rows(entry: Mapping[str, Any]) -> list[list[str]]:
-    """Rows of a reason's table: input, direction of the difference, KS distance and p, AUC and p."""
-    return [
-        [
-            one["input"],
-            "greater" if one["auc"] > 0.5 else "smaller",
-            format_number(one["ks"], 3),
-            format_p_value(one["ks_p"]),
-            format_number(one["auc"], 3),
-            format_p_value(one["auc_p"]),
-        ]
-        for one in entry["inputs"][:_MAX_INPUTS]
-    ]
-
-
-def cause_sentence(entry: Mapping[str, Any]) -> str:
-    """Sentence on the inputs that differ significantly between failed and completed runs, or others without these."""
-    if not entry["compared_with"]:
-        return "All runs ended so: there are no others to compare them with."
-    significant = [one["input"] for one in entry["inputs"][:_MAX_INPUTS] if _is_significant(one)]
-    if not entry["inputs"]:
-        return "There is no dispersed input to compare."
-    if entry["inputs"][0]["ks_p"] is None:
-        return "The runs are not independent, so no p-values are given."
-    if not significant:
-        return "No input differs significantly between these and completed runs."
-    return f"Inputs that differ significantly between these and completed runs: {', '.join(significant)}."
-
-
-def _cause_entry(
-    campaign: CampaignResults,
-    inputs: Mapping[str, np.ndarray],
-    completed: np.ndarray,
-    outcome: Outcome,
-    independent: bool,
-) -> dict[str, Any]:
+def _cause_entry(campaign: CampaignResults, completed: np.ndarray, outcome: Outcome) -> dict[str, Any]:
     failed = np.asarray(campaign.outcomes == outcome)
     compared = failed | (completed if completed.any() else np.ones_like(completed))
-    found = separate_failing_runs({name: values[compared] for name, values in inputs.items()}, failed[compared])
     times = campaign.failed_at_s[failed]
     return {
         "outcome": str(outcome),
@@ -123,16 +78,6 @@ def _cause_entry(
         "median_at_s": float(np.median(times)),
         "last_at_s": float(np.max(times)),
         "signs": _signs(campaign, failed, compared & ~failed),
-        "inputs": [
-            {
-                "input": separation.name,
-                "ks": separation.difference.ks_distance,
-                "ks_p": separation.difference.ks_p if independent else None,
-                "auc": separation.difference.auc,
-                "auc_p": separation.difference.auc_p if independent else None,
-            }
-            for separation in found
-        ],
     }
 
 
@@ -155,11 +100,6 @@ def sign_rows(entry: Mapping[str, Any]) -> list[list[str]]:
         title = heading(metric_label(sign["metric"]))
         rows.append([title, format_number(sign["median"]), format_number(sign["others"])])
     return rows
-
-
-def _is_significant(one: Mapping[str, Any]) -> bool:
-    p_values = [one[key] for key in ("ks_p", "auc_p") if one[key] is not None]
-    return bool(p_values) and min(p_values) < 0.05
 
 
 def failure_table(summary: Mapping[str, Any]) -> dict[str, Any]:

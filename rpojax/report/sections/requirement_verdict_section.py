@@ -12,17 +12,15 @@ from rpojax.analysis.statistics.tolerance_verdicts import (
     VIOLATED,
     RequirementEvaluation,
     Verdict,
-    counts,
     evaluate_requirement,
-    is_of_outcome,
-    reaches,
-    required_values,
 )
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults, runs_are_independent
 from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.sections import sequential_section
 from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
+from rpojax.simulation.outcomes.requirement_violations import counts, is_of_outcome, reaches, required_values
 
 _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE_RUNS: "open"}
 
@@ -36,7 +34,8 @@ class RequirementRow:
 
     `cells` are pairs of a text and a smaller one below it: worst value; percentile of the sample; tolerance bound,
     which is compared with the limit, and its rank; margin; violations, and those allowed; success fraction, and its
-    bounds; consumer's risk, and that reached.
+    bounds; consumer's risk, and that reached. `decided` and `looks` are those of a sequential
+    campaign.
     """
 
     title: str
@@ -47,6 +46,8 @@ class RequirementRow:
     cells: list[tuple[str, str]]
     violating: list[int]
     more_violating: int
+    decided: str = ""
+    looks: Sequence[sequential_section.LookRow] = ()
 
 
 def content(campaign: CampaignResults, missing: int) -> list[dict[str, Any]]:
@@ -120,17 +121,20 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
     reached = reaches(requirement, campaign.metrics) if ended else None
     of_outcome = is_of_outcome(requirement, campaign.outcomes)
     sealed = bool(campaign.info.get("sealed", True))
+    looks = sequential_section.path_of(campaign, requirement) if ended else None
     found = evaluate_requirement(
-        requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted, sealed
+        requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted, sealed, looks
     )
+    sequential = sequential_section.entry(found, sequential_section.planned_looks(campaign.info))
     # One run alone says whether it kept the limit.
     is_hopeless = found.verdict is Verdict.MORE_RUNS and len(campaign.failed) > 1 and bool(np.all(campaign.failed))
+    words = ALL_FAILED if is_hopeless else _verdict_text(found)
     return {
         "text": _requirement_phrase(requirement),
         **requirement.model_dump(),
         "unit": metric_label(requirement.metric_name).unit or "-",
         "verdict": str(found.verdict),
-        "verdict_text": ALL_FAILED if is_hopeless else _verdict_text(found),
+        "verdict_text": f"{words} {sequential_section.decided_text(sequential)}".rstrip(),
         "more_runs": None if is_hopeless or found.is_out_of_reach else found.more_runs,
         "runs": found.runs,
         "violations": found.violations,
@@ -149,6 +153,7 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "risk_reached": found.risk_reached,
         "success_interval": None if found.success_interval is None else list(found.success_interval),
         "violating_ids": list(found.violating_ids),
+        **sequential,
         **({} if requirement.is_of_all_runs else {"of": requirement.metric_name, "not_counted": found.not_counted}),
         **({} if reached is None else _reached_entry(requirement, reached, of_outcome)),
     }
@@ -191,13 +196,15 @@ def _reached_entry(requirement: RequirementSection, reached: np.ndarray, of_outc
 
 def _row(entry: Mapping[str, Any]) -> RequirementRow:
     label = metric_label(entry.get("of", entry["metric"]))
-    cells = _cells(entry)
+    cells, decided = _cells(entry), sequential_section.decided_text(entry)
     return RequirementRow(
         title=limit_text(entry),
         probability=f"in at least {_share(entry)}" + _reached(entry),
-        verdict=entry["verdict_text"],
+        verdict=entry["verdict_text"].removesuffix(decided).rstrip(),
+        decided=decided,
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
-        note=f"in {_share(entry)}"
+        note=(f"{decided}; " if decided else "")
+        + f"in {_share(entry)}"
         + _reached(entry)
         + f"; {violations_text(entry)}"
         + _not_counted(entry)
@@ -205,6 +212,7 @@ def _row(entry: Mapping[str, Any]) -> RequirementRow:
         cells=cells,
         violating=list(entry["violating_ids"]),
         more_violating=entry["violations"] - len(entry["violating_ids"]),
+        looks=sequential_section.look_rows(entry),
     )
 
 

@@ -10,9 +10,9 @@ from rpojax.analysis.statistics.tolerance_verdicts import (
     RequirementEvaluation,
     Verdict,
     evaluate_requirement,
-    violates,
 )
 from rpojax.scenario.schema import RequirementSection
+from rpojax.simulation.outcomes.requirement_violations import violates
 
 
 def requirement(bound: Literal["at most", "at least"] = "at most", **changes: Any) -> RequirementSection:

@@ -53,11 +53,12 @@ def test_command_line_and_python_give_the_same_record(mission: ScenarioFile) -> 
 
 @pytest.mark.usefixtures("started")
 def test_python_sets_every_option(mission: ScenarioFile) -> None:
-    further = {"first_run": 2, "block_size": 3, "run_range": RunRange(0, 9), "report": True}
+    further = {"first_run": 2, "block_size": 3, "run_range": RunRange(0, 9), "report": True, "until_decided": False}
     assert further.keys() == get_type_hints(FurtherOptions).keys()
     found = options_of_call(mission, runs=4, seed=5, histories=[2, 3], **further)
     assert found == CampaignOptions(runs=4, seed=5, histories=Retention("2,3,"), **further)
-    assert {*further, "runs", "seed", "histories"} == CampaignOptions.__dataclass_fields__.keys()
+    # The plan of looks is made of the others.
+    assert {*further, "runs", "seed", "histories", "plan"} == CampaignOptions.__dataclass_fields__.keys()
 
 
 @pytest.mark.parametrize(

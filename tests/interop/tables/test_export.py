@@ -180,12 +180,30 @@ def test_tables_of_a_format_without_them_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_one_table_has_a_row_for_each_run_with_metrics_and_draws(three_runs: Campaign, tmp_path: Path) -> None:
+    path, columns = export(three_runs, tmp_path / "r.csv")
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [int(row["run_id"]) for row in rows] == [0, 1, 2]
+    assert [row["outcome"] for row in rows] == three_runs.outcomes.tolist()
+    for name, values in three_runs.metrics.items():
+        found = [float(row[name]) if row[name] else np.nan for row in rows]
+        np.testing.assert_array_equal(found, values, err_msg=name)
+    position = three_runs.drawn["initial.relative_position_m"]
+    assert [float(row["initial.relative_position_m[1]"]) for row in rows] == position[:, 1].tolist()
+    with columns.open(newline="") as stream:
+        described = list(csv.DictReader(stream))
+    assert [each["column"] for each in described] == list(rows[0])
+    assert {each["column"]: each["unit"] for each in described}["initial.relative_position_m[1]"] == "m"
+
+
 def test_an_existing_file_is_replaced_only_by_force(three_runs: Campaign, tmp_path: Path) -> None:
     (tmp_path / "r_draws.csv").write_text("mine")
+    both = ("metrics", "draws")
     with pytest.raises(OutputError, match=r"r_draws.csv: exists already"):
-        export(three_runs, tmp_path / "r.csv")
+        export(three_runs, tmp_path / "r.csv", what=both)
     assert (tmp_path / "r_draws.csv").read_text() == "mine"
-    export(three_runs, tmp_path / "r.csv", force=True)
+    export(three_runs, tmp_path / "r.csv", what=both, force=True)
     assert (tmp_path / "r_draws.csv").read_text().startswith("run_id,")
 
 
@@ -195,7 +213,7 @@ def test_the_command_prints_what_it_wrote(
     command = ["export", str(three_runs.directory), "--format", "csv", "--out", str(tmp_path / "r.csv")]
     assert main.main(command) == 0
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
-    assert names == ["r_metrics.csv", "r_draws.csv", "r_columns.csv"]
+    assert names == ["r.csv", "r_columns.csv"]
     with pytest.raises(RpojaxError, match="form: found 'xlsx'"):
         export_as(three_runs, tmp_path / "r.xlsx", "xlsx", ExportOptions())
     assert main.main([*command[:-1], str(tmp_path / "s.csv"), "--what", "metrics,nothing"]) == 2

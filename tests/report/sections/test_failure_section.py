@@ -3,7 +3,7 @@
 import numpy as np
 from report_page_parser import page_text, rendered_page
 
-from rpojax.report.sections import failure_section
+from rpojax.report.sections import driver_section, failure_section
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -18,20 +18,18 @@ def test_distinguishing_inputs_are_named_for_each_outcome(build):
         ("keep_out", "entered the keep-out sphere", 19),
         ("non_finite", "non-finite state", 1),
     ]
-    first = found[0]["inputs"][0]
-    assert (first["input"], first["ks"], first["auc"]) == ("gps.noise_m", 1.0, 1.0)
-    assert first["ks_p"] < 1e-6
-    assert failure_section.cause_sentence(found[0]).endswith("completed runs: gps.noise_m.")
-    assert failure_section.cause_rows(found[0])[0][:2] == ["gps.noise_m", "greater"]
-    # One run alone proves nothing: its rank among 181 has at best a p-value of about 0.01, times five inputs.
-    assert (
-        failure_section.cause_sentence(found[1]) == "No input differs significantly between these and completed runs."
-    )
+    drivers = driver_section.content(campaign)
+    # One run alone proves nothing.
+    assert {one["event"] for one in drivers["drivers"]} == {"entered the keep-out sphere"}
+    assert drivers["drivers"][0]["inputs"] == ["gps.noise_m"]
+    assert drivers["drivers"][0]["count"] == [0, 0, 19]
+    words = page_text(rendered_page(campaign))
+    assert "gps.noise_m" in words.partition("Drivers")[2]
 
 
 def test_without_a_completed_run_outcomes_are_told_from_each_other(build):
     campaign = build(runs=40, seconds=60, kept=(), failed=tuple(range(40)))
-    assert failure_section.cause_sentence(failure_section.content(campaign)[0]).startswith("All runs ended so")
+    assert [one["compared_with"] for one in failure_section.content(campaign)] == [0]
     campaign.outcomes[:20] = "lost"
     campaign.drawn["gps.noise_m"][:20] += 5.0
     found = failure_section.content(campaign)
@@ -39,7 +37,8 @@ def test_without_a_completed_run_outcomes_are_told_from_each_other(build):
         ("lost", 20, 20),
         ("keep_out", 20, 20),
     ]
-    assert found[0]["inputs"][0]["input"] == "gps.noise_m"
+    leading = driver_section.content(campaign)["drivers"][:2]
+    assert [one["inputs"] for one in leading] == [["gps.noise_m"]] * 2
 
 
 def test_flags_that_were_raised_and_cleared_are_listed(build):

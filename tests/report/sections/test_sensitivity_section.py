@@ -47,7 +47,8 @@ def test_inputs_are_ranked_by_size_without_independent_runs(build):
 
 def influence(campaign, metric):
     """What a row of the first screen says of the inputs of a metric, and the line of the folded section."""
-    content = {"sensitivity": [one for one in sensitivity_section.content(campaign) if one["metric"] == metric]}
+    ranked = [one for one in sensitivity_section.content(campaign) if one["metric"] == metric]
+    content = {"sensitivity": ranked, "drivers": {"drivers": []}}
     return next_steps._influence(content, {"metric": metric}), section_findings._sensitivity(content, {})
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from rpojax.analysis.statistics.tolerance_verdicts import required_values, violates
 from rpojax.metrics import metric_catalogue
 from rpojax.metrics.metric_definition import Reduction
 from rpojax.scenario.plugins.custom_metrics import make_metric, metric
 from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.metrics import team_metrics
+from rpojax.simulation.outcomes.requirement_violations import required_values, violates
 
 EACH = np.array([[1.0, 3.0], [5.0, 5.0], [np.nan, 5.0], [np.nan, np.nan]])
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from rpojax.analysis.reliability.simulated_failures.estimate_folder import EstimateFolder
 from rpojax.campaign import rerun as again
-from rpojax.campaign import run_and_resume
-from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign import run_and_resume, sequential_looks
+from rpojax.campaign.options.campaign_options import UNSTATED, CampaignOptions
 from rpojax.campaign.rerun import RerunResult
 from rpojax.campaign.storage import folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -25,6 +25,7 @@ from rpojax.cli.exit_status import Status
 from rpojax.cli.options.campaigns import CampaignCommand, RerunCommand, ResumeCommand, RunCommand
 from rpojax.cli.scenario_files import fuse_loops_of, load, show_warnings
 from rpojax.runtime.progress import run_progress
+from rpojax.scenario.schema import ScenarioFile
 
 
 def run(asked: RunCommand) -> int:
@@ -42,6 +43,7 @@ def campaign(asked: CampaignCommand) -> int:
     """Does the work of the command; returns its exit status."""
     asked.dry_run.check(asked.out, asked.output.force)
     file = load(asked.scenario, asked.overrides)
+    asked = replace(asked, options=_with_runs(file, asked.options))
     asked.executor.check(asked.output.force)
     execution = run_and_resume.Execution(shard=asked.executor.parse_shard(), executor=executor_factory(asked.executor))
     if asked.dry_run.dry_run:
@@ -60,6 +62,12 @@ def campaign(asked: CampaignCommand) -> int:
         return conclude(
             result, report=wanted.report, as_json=asked.session.as_json, film=not asked.output.no_film, shared=shared
         )
+
+
+def _with_runs(file: ScenarioFile, options: CampaignOptions) -> CampaignOptions:
+    """Options with a number of runs: that of the plan where a campaign ends when it is decided and states none."""
+    is_open = options.until_decided and options.runs == UNSTATED
+    return replace(options, runs=sequential_looks.most_runs(file)) if is_open else options
 
 
 def resume(asked: ResumeCommand) -> int:
