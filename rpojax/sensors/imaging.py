@@ -27,4 +27,10 @@ class Imaging:
         at_least=0.0,
         default=None,
     )
+    fill_light: Array = number(
+        "irradiance of light from the Earth's side beside that of the sunlit ground, by that of the Sun while it is in "
+        "view: an assumption, for the air past the terminator and the servicer's own surfaces",
+        at_least=0.0,
+        default=0.1,
+    )
     score_threshold: Array = number("boxes with a lower score are discarded", at_least=0.0, at_most=1.0)

@@ -65,8 +65,9 @@ def render_window(
         bloom=imaging.bloom,
         bloom_radius=imaging.bloom_radius,
     )
+    fill_light = imaging.fill_light.astype(jnp.float32)
     noise = random_streams.normal(key, side * side * 3).astype(jnp.float32).reshape(side, side, 3)
-    image = form_image(networks.field, networks.sky, exposure, sampling, window, side, scene, noise)
+    image = form_image(networks.field, networks.sky, exposure, sampling, window, side, scene, noise, fill_light)
     pixel = jnp.arange(side, dtype=jnp.float32) + 0.5
     across = window.corner_px[0] + pixel * window.binning < width_px
     down = window.corner_px[1] + pixel * window.binning < height_px

@@ -63,7 +63,7 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     del content["target"]["scale"], content["fault"]["thruster"], content["effects"]["plume"]
     del content["effects"]["inertia_change"], content["thruster"]["tank_radius_m"]
     del content["health"]["lasting_limit"], content["rates"]["command_delay_s"]
-    del content["imaging"]["bloom_radius_px"]
+    del content["imaging"]["bloom_radius_px"], content["imaging"]["fill_light"]
     for key in ("delay_s", "delay_jitter_s", "processing_s", "time_tag_error_s"):
         del content["camera"][key]
     del content["camera"]["landmarks"], content["servicer"]["radius_m"], content["imaging"]["landmark_network"]

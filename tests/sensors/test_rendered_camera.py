@@ -43,6 +43,7 @@ def frame(
         read_noise=UNUSED,
         blur=UNUSED,
         bloom_radius=UNUSED,
+        fill_light=jnp.asarray(0.1),
         score_threshold=jnp.asarray(0.5),
     )
     window = ImageWindow(
@@ -145,7 +146,7 @@ def test_an_image_is_black_where_its_window_goes_beyond_the_frame(monkeypatch: p
     seen = {}
 
     def white(*arguments: object) -> jax.Array:
-        seen["exposure"], seen["noise"] = arguments[2], arguments[-1]
+        seen["exposure"], seen["noise"] = arguments[2], arguments[-2]
         return jnp.ones((side, side, 3), jnp.float32)
 
     monkeypatch.setattr(rendered_camera, "form_image", white)
@@ -155,6 +156,7 @@ def test_an_image_is_black_where_its_window_goes_beyond_the_frame(monkeypatch: p
         read_noise=jnp.asarray(12.0),
         blur=jnp.asarray(0.7),
         bloom_radius=UNUSED,
+        fill_light=jnp.asarray(0.1),
         score_threshold=UNUSED,
     )
     corner = jnp.asarray([70.0, 20.0], jnp.float32)

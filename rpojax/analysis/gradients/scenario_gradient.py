@@ -117,19 +117,16 @@ def gradient(
 ) -> Gradient:
     """Derivatives of metrics of single runs with respect to scenario keys, by automatic differentiation.
 
-    A key that is dispersed is shifted by the same amount in all runs. Boxes, gates and burns are decided as in the
-    run itself, so the derivative holds as long as no decision changes; pulses of small thrusters are decided too. Near
-    the gate and the dead band 'slopes' lets a derivative see a decision that is close, which is what a descent wants;
-    from a finite difference of runs it differs by 0.2 % in the median and by half at worst in a close approach. With
-    'steps' it is the derivative of the run itself. Flight software keeps its own model.
-
-    With a rendered camera it is the derivative through the picture, of a run with a soft detector and gate. A low
-    `temperature` is close to a run itself, and has larger derivatives in fewer frames.
+    A dispersed key is shifted by the same amount in all runs. Decisions (boxes, gates, burns, pulses) are those of the
+    run itself, so the derivative holds as long as none changes. Near the gate and the dead band 'slopes' sees a
+    decision that is close, which a descent wants; in a close approach it differs from a finite difference by 0.2 % in
+    the median and by half at worst. 'steps' is the derivative of the run itself. Flight software keeps its own model.
+    With a rendered camera it is that of a run with a soft detector and gate, through the picture.
 
     Args:
         file: scenario with independent runs
         keys: such as `formation.delta_v_weight`; a vector stands for all its components. With a rendered camera also
-            tensors of its networks, such as `imaging.detector.second.out_quality.bias`
+            tensors of networks, such as `imaging.detector.second.out_quality.bias`
         metrics: names of metrics with a derivative; by default those of the scenario's requirements
         runs: number of runs, those of a campaign with the same seed
         first_run: number of the first run
@@ -138,27 +135,22 @@ def gradient(
         mode: of differentiation; 'auto' is the forward mode for few keys per metric, else the reverse mode
         gates: what the derivative sees of gates and dead band
         stages: of the flight software, replaced ones included
-        temperature: of the soft detector of a rendered camera, in log-odds; 0.25 is a start
+        temperature: of a soft detector, in log-odds; 0.25 is a start, a lower one is closer to a run itself
         progress: show progress on stderr
 
     Raises:
-        RpojaxError: a key names no number of the scenario, a metric has no derivative, runs are not independent, or a
-            rendered camera has no temperature, or another one has.
+        RpojaxError: a key or a metric has no derivative, runs are not independent, or the temperature is missing for a
+            rendered camera, or given for another.
     """
     argument_checks.check_numbers(runs, first_run, seed, None)
     _check_request(file, mode, gates, temperature)
     used = _with_horizon(file, horizon_s)
-    nominal = _nominals_of(used, keys)
-    names = select_metrics(used, metrics)
-    count = sum(value.size for value in nominal.values())
-    run_ids = first_run + np.arange(runs)
+    nominal, names = _nominals_of(used, keys), select_metrics(used, metrics)
+    count, run_ids = sum(value.size for value in nominal.values()), first_run + np.arange(runs)
     if mode == "auto":
         mode = "forward" if count <= FORWARD_MODE_MAX_INPUTS * len(names) else "reverse"
     evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages)
-    if temperature is not None:
-        evaluator.soften_detector(temperature)
-    if gates == "steps":
-        evaluator.take_gates_as_steps()
+    _set_derivative(evaluator, gates, temperature)
     with stage(f"derivatives in {mode} mode: compiling, then simulating", quiet=not progress):
         found, jacobian = _jacobian(evaluator, np.zeros((runs, count)), run_keys(seed, run_ids), mode)
     return Gradient(
@@ -170,6 +162,13 @@ def gradient(
         mode=mode,
         compile_s=evaluator.compile_s,
     )
+
+
+def _set_derivative(evaluator: RolloutEvaluator, gates: str, temperature: float | None) -> None:
+    if temperature is not None:
+        evaluator.soften_detector(temperature)
+    if gates == "steps":
+        evaluator.take_gates_as_steps()
 
 
 def _check_request(file: ScenarioFile, mode: str, gates: str, temperature: float | None) -> None:

@@ -33,7 +33,7 @@ def first_error(error: ValidationError, tables: Mapping[str, Any]) -> ScenarioEr
         context = fault.get("ctx", {})
         return ScenarioError(f"{key}.kind", context["tag"], f"one of {context['expected_tags']}")
     if fault["type"] == "too_long" and isinstance(fault["input"], list):
-        most = fault["ctx"]["max_length"]
+        most = fault.get("ctx", {})["max_length"]
         return ScenarioError(key, f"{len(fault['input'])} of them", f"at most {most}")
     if fault["type"] in ("model_type", "model_attributes_type"):
         return ScenarioError(key, fault["input"], "a table")

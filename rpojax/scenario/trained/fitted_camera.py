@@ -24,7 +24,7 @@ from rpojax.vision.surface.landmark_file import landmark_digest
 RANGE_KEY = "range of start and station [m]"
 LANDMARKS_KEY = "camera.landmarks"
 _CAMERA_KEYS = ("width_px", "height_px", "field_of_view_deg")
-_IMAGING_KEYS = ("exposure", "full_well", "read_noise", "blur_px", "score_threshold")
+_IMAGING_KEYS = ("exposure", "full_well", "read_noise", "blur_px", "fill_light", "score_threshold")
 _OPTIONAL_KEYS = ("camera.distortion", "imaging.bloom", "imaging.bloom_radius_px", "imaging.exposure_time_s")
 """Of these a card has those only that are not None; older ones know none."""
 

@@ -70,15 +70,18 @@ def image_window(intrinsics: Intrinsics, corner_px: Float[Array, "2"], binning: 
     return ImageWindow(intrinsics=window_intrinsics, corner_px=corner_px, binning=binning)
 
 
-def light_on_target(scene: Scene) -> Light:
-    """Light of the Sun, and of the Earth as fill light from its centre."""
+def light_on_target(scene: Scene, fill_light: Float[Array, ""]) -> Light:
+    """Light of the Sun, and of the Earth as fill light from its centre.
+
+    To the light of the sunlit ground `fill_light` is added while the Sun is in view, by the Sun's irradiance.
+    """
     nadir_N = -scene.position_N * jax.lax.rsqrt(jnp.sum(scene.position_N**2))
     nadir_K = jnp.sum(scene.R_KN * nadir_N[None, :], axis=1)
     return Light(
         sun_T=scene.sun_T,
         sunlight=scene.sunlight,
         fill_T=jnp.sum(scene.R_KT * nadir_K[:, None], axis=0),
-        fill=earth_shine(scene.position_N, scene.sun_N),
+        fill=earth_shine(scene.position_N, scene.sun_N) + fill_light * scene.sunlight,
     )
 
 
@@ -91,10 +94,21 @@ def form_image(
     size_px: int,
     scene: Scene,
     noise: Image,
+    fill_light: Float[Array, ""],
 ) -> Image:
-    """sRGB codes (size_px, size_px, 3) in 0..1 of a window; `noise` are standard normal numbers."""
+    """sRGB codes (size_px, size_px, 3) in 0..1 of a window; `noise` are standard normal numbers.
+
+    `fill_light` is that beside the sunlit ground's, by the Sun's (see `light_on_target`).
+    """
     target = render_target(
-        field, window.intrinsics, size_px, size_px, sampling, scene.r_KT_T, scene.R_KT, light_on_target(scene)
+        field,
+        window.intrinsics,
+        size_px,
+        size_px,
+        sampling,
+        scene.r_KT_T,
+        scene.R_KT,
+        light_on_target(scene, fill_light),
     )
     binning = window.binning.astype(jnp.float32)
     sky_image = background(
