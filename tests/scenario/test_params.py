@@ -45,8 +45,11 @@ STATIC = {
     "enabled",
     "delays",
     "delay_memory_s",
+    "distortion",
+    "bloom",
+    "exposure_time_s",
 }
-"""Keys of static settings, and of a section that may be absent."""
+"""Keys of static settings, of a section that may be absent, and of optics that are so by default."""
 
 
 def numeric_keys() -> list[str]:

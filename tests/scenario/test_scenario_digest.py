@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from scenario_variants import with_design
 
+from rpojax.scenario import former_fault
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
@@ -60,7 +61,9 @@ def test_defaults_are_not_hashed(tables: dict[str, Any], faults: bool) -> None:
     del content["chamber_pressure"], content["link_range"]
     for key in ("name", "description", "requirements", "tuning", "design", "precision", "format_version", *optional):
         del content[key]
-    del content["target"]["scale"], content["fault"]["thruster"], content["effects"]["plume"]
+    assert content.pop("faults") == []
+    content["fault"] = dict(former_fault.NOMINAL)
+    del content["target"]["scale"], content["effects"]["plume"]
     del content["effects"]["inertia_change"], content["thruster"]["tank_radius_m"]
     del content["health"]["lasting_limit"], content["rates"]["command_delay_s"]
     del content["imaging"]["bloom_radius_px"], content["imaging"]["fill_light"]

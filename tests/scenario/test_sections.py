@@ -69,7 +69,6 @@ BAD_VALUES = {
     "a number for a switch": ("effects.drag=1", "effects.drag", "boolean"),
     "an unknown integrator": ("effects.integrator=euler", "effects.integrator", "'rk4'", "'rk8'"),
     "an unknown fault": ("faults.fault.kind=gremlins", "faults.fault.kind", "'none'", "'gps_outage'"),
-    "a fourth wheel": ("faults.fault.wheel=3", "faults.fault.wheel", "0, 1 or 2"),
     "air without a scale": ("atmosphere.scale_height_m=0.0", "atmosphere.scale_height_m", "greater than 0"),
     "unknown gating": ("navigation.gating=maybe", "navigation.gating", "'covariance'", "'none'"),
     "a plant too fast for any machine": ("rates.plant_hz=1001.0", "rates.plant_hz", "less than or equal to 1000"),

@@ -202,7 +202,13 @@ def soft_frame(
     box = jnp.array([10.0, 10.0, 20.0, 30.0], jnp.float32)
     monkeypatch.setattr(rendered_camera, "soft_detect", lambda *_: (box, log_odds))
     imaging = Imaging(
-        exposure=UNUSED, full_well=UNUSED, read_noise=UNUSED, blur=UNUSED, score_threshold=jnp.asarray(threshold)
+        exposure=UNUSED,
+        full_well=UNUSED,
+        read_noise=UNUSED,
+        blur=UNUSED,
+        bloom_radius=UNUSED,
+        fill_light=UNUSED,
+        score_threshold=jnp.asarray(threshold),
     )
     window = ImageWindow(
         intrinsics=None, corner_px=jnp.asarray(CORNER, jnp.float32), binning=jnp.asarray(BINNING, jnp.float32)
