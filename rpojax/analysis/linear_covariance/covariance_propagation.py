@@ -96,6 +96,8 @@ def check_scenario(file: ScenarioFile) -> None:
         raise RpojaxError("effects.faults: found true, expected false for a linear covariance")
     if file.chamber_pressure.enabled:
         raise RpojaxError("chamber_pressure.enabled: found true, expected false for a linear covariance")
+    if file.camera.distortion is not None:
+        raise RpojaxError("camera.distortion: found a lens, expected a pinhole for a linear covariance")
     if file.camera.edge_noise_px == 0.0:
         raise RpojaxError("camera.edge_noise_px: found 0.0, expected more for a linear covariance")
     for name in present_sensors(file):

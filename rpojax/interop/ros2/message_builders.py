@@ -215,7 +215,7 @@ def _valve_point(time_ns: int, force: float) -> Any:
 
 
 def camera_info(time_ns: int, detector_image: DetectorImage) -> Any:
-    """`sensor_msgs/CameraInfo` of an image without distortion."""
+    """`sensor_msgs/CameraInfo` of an image, with the lens as flight software knows it."""
     width, height = detector_image.size_px.tolist()
     (x, y), f = detector_image.center_px.tolist(), float(detector_image.focal_px)
     return message_class("sensor_msgs/msg/CameraInfo")(
@@ -223,7 +223,7 @@ def camera_info(time_ns: int, detector_image: DetectorImage) -> Any:
         height=height,
         width=width,
         distortion_model="plumb_bob",
-        d=np.zeros(5),
+        d=np.asarray(detector_image.distortion, dtype=np.float64),
         k=np.array([f, 0.0, x, 0.0, f, y, 0.0, 0.0, 1.0]),
         r=np.eye(3).reshape(9),
         p=np.array([f, 0.0, x, 0.0, 0.0, f, y, 0.0, 0.0, 0.0, 1.0, 0.0]),

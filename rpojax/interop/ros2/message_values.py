@@ -43,6 +43,7 @@ class DetectorImage:
         size_px: (2,) width and height, int32
         focal_px: () as flight software knows it
         center_px: (2,) principal point
+        distortion: (5,) coefficients of the lens as flight software knows them, zeros of a pinhole
         box_center_px: (2,)
         box_size_px: (2,) width and height
         score: () of the box, 0..1
@@ -52,6 +53,7 @@ class DetectorImage:
     size_px: Array
     focal_px: Array
     center_px: Array
+    distortion: Array
     box_center_px: Array
     box_size_px: Array
     score: Array
@@ -227,10 +229,12 @@ def _detector_image(scenario: Scenario, params: Params, telemetry: Telemetry) ->
         size = (scenario.width_px, scenario.height_px)
         corner, binning = jnp.zeros(2, dtype=jnp.float64), jnp.ones((), dtype=jnp.float64)
     low, high = frame.box.edges[:2], frame.box.edges[2:]
+    vehicle = params.flight.seen_through(telemetry.flight.lens).vehicle
     return DetectorImage(
         size_px=jnp.array(size, dtype=jnp.int32),
-        focal_px=params.flight.seen_through(telemetry.flight.lens).vehicle.focal_px / binning,
+        focal_px=vehicle.focal_px / binning,
         center_px=(frame_center - corner) / binning,
+        distortion=jnp.zeros(5) if vehicle.distortion is None else vehicle.distortion,
         box_center_px=(0.5 * (low + high) - corner) / binning,
         box_size_px=(high - low) / binning,
         score=frame.score,

@@ -38,6 +38,7 @@ def test_the_covariance_of_a_short_run_is_that_of_sampled_runs() -> None:
         (["effects.faults=true"], "effects.faults"),
         (["chamber_pressure.enabled=true"], "chamber_pressure.enabled"),
         (["camera.edge_noise_px=0.0"], "camera.edge_noise_px"),
+        (["camera.distortion=[-0.1, 0.0, 0.0, 0.0, 0.0]"], "camera.distortion"),
         (["dispersions=[{key='gps.noise_m', kind='choice', values=[1.0, 2.0]}]"], "gps.noise_m"),
         (["dispersions=[]", "design={kind='grid', values={'servicer.mass_kg'=[29, 31]}}"], "design.kind"),
     ],
