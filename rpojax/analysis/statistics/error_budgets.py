@@ -4,7 +4,7 @@ Source: ECSS-E-ST-60-10C, Control performance, 2008. With the performance error 
 APE, MPE, RPE, PDE and PRE; with the knowledge error (estimated minus actual) AKE, MKE, RKE, KDE and KRE.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -117,8 +117,10 @@ def least_size_holding(sizes: Floats, probability: float) -> float:
     return float(np.quantile(sizes, probability, method="inverted_cdf"))
 
 
-def budget_line(sizes: Floats, probability: float, confidence: float = 0.95, independent: bool = True) -> BudgetLine:
-    """Three statistical interpretations of sizes of an error (runs, times); NaN where it is undefined.
+def budget_line(
+    sizes: Floats | Sequence[Floats], probability: float, confidence: float = 0.95, independent: bool = True
+) -> BudgetLine:
+    """Three statistical interpretations of sizes of an error, (times,) of each run; NaN where it is undefined.
 
     Every member has the same weight in `mixed`, however many of its times are defined. Only `independent` runs have a
     confidence bound (of order statistics, for any distribution).
