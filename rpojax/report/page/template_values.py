@@ -180,6 +180,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any], notes: N
             "whiteness": consistency_section.whiteness_rows(consistency),
         },
         "budgets": error_budget_section.budget_tables(content["error_budgets"]),
+        "budget_histories": error_budget_section.histories_wanted(content["error_budgets"]),
         "budget_windows": error_budget_section.windows_text(content["error_budgets"]),
         "low_coverage": consistency_section.low_coverage_text(consistency),
         "drivers": driver_section.table(content["drivers"]),

@@ -242,25 +242,20 @@ def _entry(error: BudgetedError, servicer: str, sizes: Sizes, independent: bool)
 
 @dataclass(frozen=True)
 class BudgetTable:
-    """Table of one error: title, unit, kind, and rows of an index, its meaning, and cells."""
+    """Table of one error: its title with the unit, and rows of an index with its meaning, and cells."""
 
     title: str
-    unit: str
-    kind: str
-    rows: list[tuple[str, str, list[str]]]
+    rows: list[tuple[str, list[str]]]
 
 
 def budget_tables(budgets: Mapping[str, Any] | None) -> list[BudgetTable]:
     """Tables of the errors; empty without budgets."""
     return [
         BudgetTable(
-            f"{entry['title']}, {entry['servicer']}" if entry["servicer"] else entry["title"],
-            entry["unit"],
-            entry["kind"],
+            f"{entry['title']}{', ' if entry['servicer'] else ''}{entry['servicer']} [{entry['unit']}]",
             [
                 (
-                    line["index"],
-                    line["of"],
+                    f"{line['index']}, {line['of']}",
                     [format_number(line[key], 3) for key in ("temporal", "ensemble", "ensemble_bound", "mixed")],
                 )
                 for line in entry["indices"]
@@ -285,12 +280,12 @@ def windows_text(budgets: Mapping[str, Any] | None) -> str:
     )
     if budgets["stopped_early"]:
         text += f" Left out: {budgets['stopped_early']} that stopped early."
-    if budgets["runs"] < budgets["runs_for_bound"]:
-        text += (
-            f" A bound of the ensemble takes {budgets['runs_for_bound']} runs: `--histories all` keeps the history of "
-            "each."
-        )
     return text
+
+
+def histories_wanted(budgets: Mapping[str, Any] | None) -> int | None:
+    """Number of histories that a bound of the ensemble takes; None if there are as many."""
+    return budgets["runs_for_bound"] if budgets and budgets["runs"] < budgets["runs_for_bound"] else None
 
 
 def finding(budgets: Mapping[str, Any] | None) -> str:
@@ -298,7 +293,8 @@ def finding(budgets: Mapping[str, Any] | None) -> str:
     if budgets is None:
         return "No history is kept whatever the results are"
     parts = [
-        f"{entry['title'][:1].lower()}{entry['title'][1:]} {format_number(line['mixed'], 3)} {entry['unit']} "
+        f"{entry['title'] if entry is budgets['errors'][0] else entry['title'].lower()} "
+        f"{format_number(line['mixed'], 3)} {entry['unit']} "
         f"({line['index']})"
         for entry in budgets["errors"][:3]
         for line in entry["indices"][:1]

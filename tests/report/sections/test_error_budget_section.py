@@ -12,7 +12,7 @@ import rpojax
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.report import drawn_scenarios
 from rpojax.report.sections import error_budget_section
-from rpojax.report.sections.error_budget_section import budget_tables, pointing_error, windows_text
+from rpojax.report.sections.error_budget_section import budget_tables, histories_wanted, pointing_error, windows_text
 
 
 def lines(content, error: str, servicer: str = "") -> dict[str, dict]:
@@ -44,7 +44,7 @@ def test_sizes_are_those_of_the_settled_part_of_the_histories(build):
     assert found["reproducibility"]["mixed"] == pytest.approx(0.2)
     assert [line["mixed"] for line in lines(content, "formation").values()] == pytest.approx([0.5, 0.5, 0, 0, 0])
     assert found["absolute"]["ensemble_bound"] is None
-    assert "takes 59 runs" in windows_text(content)
+    assert histories_wanted(content) == 59
 
 
 def test_runs_whose_history_depends_on_results_are_no_sample(build):
@@ -67,7 +67,7 @@ def test_a_bound_needs_independent_runs(build):
     # From 100 s on two periods of eight windows of 12 s.
     largest = [np.linalg.norm(h["servicer_error_H"][100:292], axis=1).max() for h in campaign.histories.values()]
     assert bound == pytest.approx(max(largest), rel=1e-6)
-    assert "takes 59 runs" not in windows_text(content)
+    assert histories_wanted(content) is None
     campaign.info["scenario"]["design"] = {"kind": "sobol"}
     assert lines(error_budget_section.content(campaign), "servicer_navigation")["absolute"]["ensemble_bound"] is None
 
@@ -88,7 +88,7 @@ def test_histories_with_few_channels_or_ticks_have_fewer_errors_or_none(build):
 def test_each_servicer_of_a_team_has_its_errors(tmp_path):
     content = error_budget_section.content(synthetic_team(tmp_path, kept=(0, 1)))
     tables = budget_tables(content)
-    assert {"Formation error, near", "Formation error, far"} <= {table.title for table in tables}
+    assert {"Formation error, near [m]", "Formation error, far [m]"} <= {table.title for table in tables}
     assert lines(content, "formation", "near") != lines(content, "formation", "far")
 
 
@@ -150,8 +150,9 @@ def test_page_and_report_json_have_the_budgets(campaign):
     words = page_text(page)
     content = json.loads((campaign.directory / "report.json").read_text())["error_budgets"]
     assert content == error_budget_section.content(campaign)
-    assert "Formation error [m] APE absolute" in words
+    assert "Formation error [m] APE, absolute" in words
     assert "means over windows of 25 s" in words
     assert "3 of 40 runs count" in words
+    assert "takes 59 runs with a history, which --histories 59 keeps" in words
     campaign.histories = {}
     assert "Error budgets" not in page_text(rendered_page(campaign))
