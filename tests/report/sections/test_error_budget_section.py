@@ -156,3 +156,23 @@ def test_page_and_report_json_have_the_budgets(campaign):
     assert "takes 59 runs with a history, which --histories 59 keeps" in words
     campaign.histories = {}
     assert "Error budgets" not in page_text(rendered_page(campaign))
+
+
+def test_pointing_of_a_simulated_run_is_the_angle_that_it_recorded(tmp_path):
+    """From attitude, position, mounting and drawn misalignment, to the single precision of the channels."""
+    overrides = ("duration_s=240", "requirements=[]")
+    simulated = rpojax.run_campaign(rpojax.load("inspection", overrides), runs=2, seed=4, out=tmp_path / "runs")
+    assert np.ptp(simulated.drawn["camera.misalignment_deg"], axis=0).min() > 0.0
+    for run in simulated.history_ids:
+        history = simulated.history(run)
+        angle = np.linalg.norm(pointing_error(history, drawn_scenarios.drawn_tables(simulated, run)[0]), axis=1)
+        settled = np.isfinite(angle)
+        assert 0.5 < settled.mean() < 1.0
+        assert angle[settled] == pytest.approx(history["pointing_error_deg"][settled], abs=2e-5)
+        # The same instants as those of the metric.
+        p95 = simulated.metrics["pointing_error_p95_deg"][run]
+        assert np.percentile(angle[settled], 95.0) == pytest.approx(p95, abs=2e-5)
+    content = error_budget_section.content(simulated)
+    assert content is not None
+    assert content["runs"] == 2
+    assert lines(content, "pointing")["absolute"]["runs"] == 2
