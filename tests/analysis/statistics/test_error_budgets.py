@@ -64,6 +64,8 @@ def test_undefined_instants_are_left_out_of_means_and_of_members() -> None:
     means = window_means(error, 4)[:, 0]
     assert means.tolist()[0] == 3.0
     assert np.isnan(means[1])  # a quarter of the instants is too few
+    error[4] = 6.0
+    assert window_means(error, 4)[1, 0] == 4.0  # half of them are enough
     line = budget_line(np.array([[1.0, np.nan], [np.nan, np.nan], [2.0, 3.0]]), 0.5)
     assert line.runs == 2
     # Half of the weight: the only time of the first member.
@@ -96,7 +98,8 @@ def test_the_square_splits_into_mean_and_relative(
     relative = found["relative"].reshape(shape)
     absolute = np.where(np.isfinite(relative), found["absolute"].reshape(shape), np.nan)
     known = np.isfinite(found["mean"])
-    assert np.array_equal(known, np.isfinite(absolute).sum(axis=2) >= max(1, window / 2))
+    defined = np.isfinite(found["absolute"]).reshape(shape).sum(axis=2)
+    assert np.array_equal(known, (defined > 0) & (2 * defined >= window))
     squares = [np.nanmean(values[known] ** 2, axis=1) for values in (absolute, relative)] if known.any() else [[], []]
     np.testing.assert_allclose(squares[0], found["mean"][known] ** 2 + squares[1], rtol=1e-9)
 
