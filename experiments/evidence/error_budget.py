@@ -33,7 +33,7 @@ def gauss_markov(rng: np.random.Generator, runs: int, ticks: int, correlation: f
     """Stationary errors (runs, ticks, 1) of variance 1, neighbours of which have the correlation."""
     draws = rng.normal(size=(runs, ticks))
     draws[:, 1:] *= np.sqrt(1.0 - correlation**2)
-    return lfilter([1.0], [1.0, -correlation], draws, axis=1)[..., None]
+    return np.asarray(lfilter([1.0], [1.0, -correlation], draws, axis=1))[..., None]
 
 
 def exact_variances(correlation: float, windows: BudgetWindows) -> dict[str, float]:
