@@ -1,7 +1,7 @@
 """What stays the same during a run that is played back: camera, thruster, bodies, zones of each phase, and the Sun."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,14 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rpojax.core.orbits import eclipse, sun_moon_ephemeris
-from rpojax.errors import RpojaxError
 from rpojax.physics.thruster import Thruster
-from rpojax.report.campaign_results import CampaignResults
-from rpojax.scenario.loading import scenario_loader
+from rpojax.report.drawn_scenarios import camera_axes
 from rpojax.scenario.numbers.section_records import record_of
-from rpojax.scenario.team.members import member_files
-from rpojax.sensors import camera_pose
-from rpojax.sensors.camera import Camera
 from rpojax.value_types import epoch_seconds
 
 _CHORD_S: Final = 60.0
@@ -37,34 +32,11 @@ class Optics:
     R_KB: np.ndarray
 
 
-def drawn_tables(campaign: CampaignResults, run_id: int) -> Sequence[dict[str, Any] | None]:
-    """Scenario of each servicer with the values drawn for a run; None if the recorded one cannot be read."""
-    names = list(campaign.servicer_names) or [""]
-    try:
-        members = member_files(scenario_loader.validate_recorded(campaign.info.get("scenario", {})))
-    except (RpojaxError, KeyError, TypeError):
-        return [None] * len(names)
-    row = int(np.flatnonzero(campaign.run_ids == run_id)[0])
-    return [_with_drawn(each.model_dump(), campaign, row, name) for each, name in zip(members, names, strict=True)]
-
-
-def _with_drawn(tables: dict[str, Any], campaign: CampaignResults, row: int, name: str) -> dict[str, Any]:
-    """Tables of a servicer with the values drawn in a row of the campaign."""
-    for key, values in campaign.drawn.items():
-        path, _, servicer = key.partition("/")
-        section, _, leaf = path.partition(".")
-        if servicer in ("", name) and leaf in tables.get(section, {}):
-            tables[section][leaf] = np.asarray(values[row]).tolist()
-    return tables
-
-
 def optics(tables: Mapping[str, Any]) -> Optics:
     """The true camera of a servicer's scenario."""
-    camera, table = record_of(Camera, tables, "camera"), tables["camera"]
-    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
-    q_KB = np.asarray(camera_pose.camera_attitude(camera, identity))
+    table = tables["camera"]
     focal = _focal_px(table["width_px"], table["field_of_view_deg"])
-    return Optics(int(table["width_px"]), int(table["height_px"]), focal, attitude_matrices(q_KB[None])[0])
+    return Optics(int(table["width_px"]), int(table["height_px"]), focal, camera_axes(tables))
 
 
 def focal_lengths(tables: Mapping[str, Any], wide_lens: np.ndarray) -> np.ndarray:
@@ -113,11 +85,6 @@ def _corridor(phase: Mapping[str, Any]) -> dict[str, Any] | None:
         "width": float(table["width_m"]),
         "turns": phase.get("frame") == "target",
     }
-
-
-def attitude_matrices(q: np.ndarray) -> np.ndarray:
-    """Direction cosine matrices (n, 3, 3) of scalar-first quaternions (n, 4)."""
-    return Rotation.from_quat(np.roll(np.asarray(q, dtype=np.float64), -1, axis=-1)).as_matrix()
 
 
 def hill_axes(time_s: np.ndarray, r_TN_N: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from rpojax.report import drawn_scenarios
 from rpojax.report.campaign_results import CampaignResults, nominal_keep_out_radii
 from rpojax.report.page import playback_geometry, run_series
 from rpojax.report.page.packed_arrays import Packed, pack_bytes, pack_floats, pack_rounded
@@ -42,7 +43,7 @@ def playback(campaign: CampaignResults, run_id: int | None) -> dict[str, Any] | 
     ticks = shown_ticks(histories)
     if len(ticks) < 2:
         return None
-    tables = playback_geometry.drawn_tables(campaign, run_id)
+    tables = drawn_scenarios.drawn_tables(campaign, run_id)
     first = {} if tables[0] is None else tables[0]
     R_HN = _hill_axes(histories[0], ticks)
     scenario = campaign.info.get("scenario", {})
@@ -100,7 +101,7 @@ def _scene(history: History, ticks: np.ndarray, R_HN: np.ndarray | None, epoch: 
 
 def attitudes_in_hill(R_HN: np.ndarray, q_BN: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4), scalar last, that turn body components into those of H; signs without jumps."""
-    turns = R_HN @ playback_geometry.attitude_matrices(q_BN).transpose(0, 2, 1)
+    turns = R_HN @ drawn_scenarios.attitude_matrices(q_BN).transpose(0, 2, 1)
     q = Rotation.from_matrix(turns).as_quat()
     flips = np.sum(q[1:] * q[:-1], axis=1) < 0.0
     return q * np.where(np.concatenate([[0], np.cumsum(flips)]) % 2, -1.0, 1.0)[:, None]

@@ -6,7 +6,7 @@ from typing import Any, Final
 from rpojax.analysis.statistics.tolerance_verdicts import VIOLATED, Verdict
 from rpojax.report.labels import format_number, metric_label, with_unit
 from rpojax.report.page.headline import ended_runs, passive_safety_count
-from rpojax.report.sections import port_section
+from rpojax.report.sections import error_budget_section, port_section
 from rpojax.report.sections.failure_section import outcomes_text
 from rpojax.report.sections.safety_section import without_drift_text, worst_value_texts
 
@@ -28,6 +28,7 @@ def section_findings(content: Mapping[str, Any], shown: Mapping[str, Any]) -> di
         "metrics": lambda _, page: f"{_counted(len(page['metric_rows']), 'metric')}: statistics, intervals, meaning",
         "coverage": _coverage,
         "consistency": _consistency,
+        "budgets": lambda found, _: error_budget_section.finding(found["error_budgets"]),
         "convergence": _convergence,
         "dispersions": _dispersions,
         "sensitivity": _sensitivity,

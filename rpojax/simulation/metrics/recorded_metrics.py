@@ -115,7 +115,7 @@ def _quantities(file: ScenarioFile, records: Records, varied: Values) -> Records
         **records,
         **(_arrival(file, records, varied, desired) if file.phases else {}),
         "desired_position_H": desired,
-        "is_settled": _is_settled(records["mode"], np.round(settle_time_s / (1.0 / file.rates.camera_hz))),
+        "is_settled": is_settled(records["mode"], np.round(settle_time_s / (1.0 / file.rates.camera_hz))),
     }
 
 
@@ -145,7 +145,7 @@ def desired_position_H(file: ScenarioFile, records: Records, varied: Values) -> 
     return np.broadcast_to(desired[:, None], records["rho_H"].shape)
 
 
-def _is_settled(mode: NDArray[np.integer], settle_ticks: Floats) -> NDArray[np.bool_]:
+def is_settled(mode: NDArray[np.integer], settle_ticks: Floats) -> NDArray[np.bool_]:
     """Whether the camera has pointed at the target for its settling time (runs,), or since the start (runs, ticks)."""
     looking = mode == Mode.LOOK
     tick = np.arange(mode.shape[1], dtype=np.int32)

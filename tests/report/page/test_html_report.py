@@ -19,6 +19,7 @@ _SECTIONS = {
         "metrics",
         "safety",
         "envelopes",
+        "budgets",
         "consistency",
         "distributions",
     ),
