@@ -4,8 +4,8 @@ At each look a requirement is verified if at most `allowed` of the runs so far v
 `refuting` do. Both are found by recursion over the binomial number of violations among the runs that no look has
 decided yet, at the limit of the requirement (Armitage, McPherson and Rowe, J. R. Statist. Soc. A 132, 1969). Each side
 has spent at most `risk * spent_share(t)` of its risk by the look at the fraction t of the plan (Lan and DeMets,
-Biometrika 70, 1983, with the power family of Kim and DeMets, Biometrika 74, 1987). With more violations looks verify no
-earlier and refute no later, so that the limit is the worst case of both sides.
+Biometrika 70, 1983, with the power family of Kim and DeMets, Biometrika 74, 1987). A higher rate of violations
+delays no refutation and hastens no verification, so that the limit is the worst case of both sides.
 """
 
 import math

@@ -146,16 +146,12 @@ def start_campaign(
         UnfinishedError: the results cannot be written.
     """
     used = execution or Execution()
-    if options.until_decided and used.shard is not None:
-        found = "found it with until_decided, expected one process that looks at all runs"
-        raise RpojaxError.of_argument("shard", found)
+    options = planned(file, options, used)
     if used.shard is None:
         argument_checks.check_folder(out, force)
     # Processes that share a campaign need blocks of the same size, whatever each has of cores.
     is_shared = used.shard is not None or used.executor is not None
     most = len(programs_per_device.choose_devices(used.devices))
-    if options.until_decided:
-        options = sequential_looks.with_plan(file, options, most)
     fitted = default_block_size(file) if is_shared else fitted_block_size(file, options.runs, most)
     size = options.block_size or fitted
     options = replace(options, block_size=size)
@@ -178,6 +174,20 @@ def start_campaign(
     executor = used.executor(campaign) if used.executor else LocalExecutor(campaign, engine)
     simulate_missing_blocks(campaign, executor, on_progress, used.shard, used.stages)
     return campaign
+
+
+def planned(file: ScenarioFile, options: CampaignOptions, execution: Execution) -> CampaignOptions:
+    """Options with the looks of a campaign that ends when it is decided; any other's as they are.
+
+    Raises:
+        RpojaxError: the scenario cannot be decided, or several processes share the campaign.
+    """
+    if not options.until_decided:
+        return options
+    if execution.shard is not None:
+        found = "found it with until_decided, expected one process that looks at all runs"
+        raise RpojaxError.of_argument("shard", found)
+    return sequential_looks.with_plan(file, options, len(programs_per_device.choose_devices(execution.devices)))
 
 
 def _as_retention(histories: Sequence[int] | str | Retention | None) -> Retention:

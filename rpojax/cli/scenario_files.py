@@ -38,6 +38,9 @@ def show_warnings(file: ScenarioFile, quiet: bool) -> None:
     show_lines([] if quiet else scenario_warnings(file))
 
 
-def show_unused_keys(file: ScenarioFile, quiet: bool) -> None:
-    """Prints on stderr which keys were given and have no effect in the scenario, unless `quiet`."""
-    show_lines([] if quiet else unused_key_warnings(file))
+def show_unused_keys(file: ScenarioFile, quiet: bool, but: str = " ") -> None:
+    """Prints on stderr which keys were given and have no effect in the scenario, unless `quiet`.
+
+    Keys that begin with `but` are those to which the command gives an effect.
+    """
+    show_lines(line for line in ([] if quiet else unused_key_warnings(file)) if not line.startswith(but))

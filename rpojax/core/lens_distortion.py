@@ -1,50 +1,64 @@
 """Radial and tangential distortion of a lens, after Brown and Conrady (Brown, Photogrammetric Engineering, 1966)."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-_STEPS = 6
+_STEPS = 8
 """Steps of Newton's method: from the distorted place itself, rounding is reached within the frame of a usual lens."""
-_FOLD = 0.05
-"""Determinant of the derivative below which an image is taken as folded."""
+_FARTHEST = 1.5
+"""Tangent up to which the polynomial of a lens is used: 56 deg from the boresight."""
+_RADII = np.linspace(0.0, _FARTHEST, 97)
+"""Tangents at which a lens is tried."""
+_LEAST_SLOPE = 0.1
+"""Derivative of the shown radius by the true one below which the image of a lens is taken as folded."""
+_TINY = 1e-12
 
 
 def distort(coefficients: Float[Array, "5"], tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
     """Tangents right and down of the boresight as a lens shows them, of those of a pinhole.
 
     The coefficients are k1, k2, p1, p2, k3 in the order and with the signs of OpenCV: three radial ones of the second,
-    fourth and sixth power of the tangent, two tangential ones.
+    fourth and sixth power of the tangent, two tangential ones. Beyond the radius where the polynomial would fold the
+    image back, a place goes on straight out, so that what is outside of the frame stays there.
     """
-    k1, k2, p1, p2, k3 = (coefficients[i].astype(tangents.dtype) for i in range(5))
-    x, y = tangents[0], tangents[1]
-    square = x * x + y * y
-    radial = 1.0 + square * (k1 + square * (k2 + square * k3))
-    return jnp.stack(
-        [
-            x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
-            y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ]
-    )
+    limit = _fold_radius(coefficients).astype(tangents.dtype)
+    excess = jnp.maximum(_radius(tangents) / limit, 1.0)
+    return _polynomial(coefficients, tangents / excess[None]) * excess[None]
 
 
 def undistort(coefficients: Float[Array, "5"], tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
     """Tangents of a pinhole of those that a lens shows: the inverse of `distort`, by Newton's method."""
     k1, k2, p1, p2, k3 = (coefficients[i].astype(tangents.dtype) for i in range(5))
-    found = tangents
+    limit = shown_radius(coefficients, _fold_radius(coefficients)).astype(tangents.dtype)
+    excess = jnp.maximum(_radius(tangents) / limit, 1.0)
+    shown = tangents / excess[None]
+    found = shown
     for _ in range(_STEPS):
         x, y = found[0], found[1]
-        error_x, error_y = distort(coefficients, found) - tangents
+        error_x, error_y = _polynomial(coefficients, found) - shown
         square = x * x + y * y
         radial = 1.0 + square * (k1 + square * (k2 + square * k3))
         slope = 2.0 * (k1 + square * (2.0 * k2 + 3.0 * square * k3))
         xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
         yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
         xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-        determinant = xx * yy - xy * xy
-        # Beyond the place where a lens folds its image there is no inverse; a step of Newton would leave the frame.
-        scale = 1.0 / jnp.where(determinant > _FOLD, determinant, 1.0)
+        scale = 1.0 / jnp.maximum(xx * yy - xy * xy, _LEAST_SLOPE**2)
         found = found - jnp.stack([scale * (yy * error_x - xy * error_y), scale * (xx * error_y - xy * error_x)])
-    return found
+    return found * excess[None]
+
+
+def shown_radius(coefficients: Float[Array, "5"], radius: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Tangent of the angle from the boresight as the radial part of a lens shows it."""
+    k1, k2, _, _, k3 = (coefficients[i] for i in range(5))
+    square = radius * radius
+    return radius * (1.0 + square * (k1 + square * (k2 + square * k3)))
+
+
+def largest_shown_radius(coefficients: Float[Array, "5"]) -> Float[Array, ""]:
+    """Tangent from the boresight up to which a lens shows each direction at one place."""
+    return shown_radius(coefficients, _fold_radius(coefficients))
 
 
 def corrected(coefficients: Float[Array, "5"] | None, tangents: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
@@ -60,3 +74,29 @@ def of_lens_in_use(
         return None
     pinhole = jnp.zeros(5)
     return jnp.where(is_wide, pinhole if wide is None else wide, pinhole if own is None else own)
+
+
+def _polynomial(coefficients: Array, tangents: Array) -> Array:
+    k1, k2, p1, p2, k3 = (coefficients[i].astype(tangents.dtype) for i in range(5))
+    x, y = tangents[0], tangents[1]
+    square = x * x + y * y
+    radial = 1.0 + square * (k1 + square * (k2 + square * k3))
+    return jnp.stack(
+        [
+            x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
+            y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ]
+    )
+
+
+def _radius(tangents: Array) -> Array:
+    return jnp.sqrt(tangents[0] ** 2 + tangents[1] ** 2 + _TINY)
+
+
+def _fold_radius(coefficients: Array) -> Array:
+    """Tangent from the boresight below which the shown radius grows with the true one."""
+    k1, k2, _, _, k3 = (jax.lax.stop_gradient(coefficients[i]) for i in range(5))
+    radii = jnp.asarray(_RADII, coefficients.dtype)
+    square = radii * radii
+    slope = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + 7.0 * k3 * square))
+    return jnp.min(jnp.where(slope < _LEAST_SLOPE, radii, _FARTHEST))

@@ -106,7 +106,9 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
     else:
         found.append("The scenario has no requirement that is judged: a run survives if its outcome is no failure.")
     low = 100.0 * clopper_pearson_interval(runs, runs)[0]
-    found.append(f"{runs} of {runs} runs may still come from a share of {low:.3g} % that survives (95 % interval).")
+    found.append(
+        f"{runs} of {runs} survived runs are compatible with a survival probability of {low:.3g} % (95 % interval)."
+    )
     if study["not_judged"]:
         left = ", ".join(map(title, study["not_judged"]))
         found.append(f"Not judged, because they need free drifts or coverage (--free-drifts): {left}.")

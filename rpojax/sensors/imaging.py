@@ -28,8 +28,8 @@ class Imaging:
         default=None,
     )
     fill_light: Array = number(
-        "irradiance of light from the Earth's side beside that of the sunlit ground, by that of the Sun while it is in "
-        "view: an assumption, for the air past the terminator and the servicer's own surfaces",
+        "irradiance from the Earth's side, relative to the Sun's, that is added to the light of the sunlit ground "
+        "while the Sun is in view: an assumption, for the air past the terminator and the servicer's own surfaces",
         at_least=0.0,
         default=0.1,
     )

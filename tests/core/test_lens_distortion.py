@@ -43,3 +43,13 @@ def test_correction_has_the_derivative_of_the_inverse() -> None:
     forward = jax.jacobian(lambda at: lens_distortion.distort(coefficients, at))(place)
     back = jax.jacobian(lambda at: lens_distortion.undistort(coefficients, at))(shown)
     np.testing.assert_allclose(back @ forward, np.eye(2), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["barrel", "pincushion"])
+def test_what_is_outside_of_the_frame_stays_there(name: str) -> None:
+    coefficients = jnp.asarray([-0.3, 0.0, 0.0, 0.0, 0.0] if name == "barrel" else LENSES[name])
+    far = jnp.asarray(np.stack([np.linspace(0.3, 40.0, 400), np.zeros(400)]))
+    shown = np.asarray(lens_distortion.distort(coefficients, far))[0]
+    assert (np.diff(shown) > 0.0).all()
+    found = lens_distortion.undistort(coefficients, jnp.asarray(np.stack([shown, 0.0 * shown])))
+    np.testing.assert_allclose(found[0], far[0], rtol=1e-5)

@@ -17,7 +17,7 @@ def test_categorical_inputs_are_not_ranked(build):
     )
     found = driver_section.content(campaign)
     # Every run of the first kind of fault fails, which its values tell, without an order.
-    assert any(one["inputs"] == ["fault.kind"] and one["parts"] == [[1.0, 2.0, 3.0]] for one in found["drivers"])
+    assert any(one["inputs"] == ["faults.fault.kind"] and one["parts"] == [[1.0, 2.0, 3.0]] for one in found["drivers"])
     explorer = scatter_explorer(campaign, np.arange(len(campaign.run_ids)))
     assert explorer is not None
     assert all(codes.isdisjoint(one["rank"]) for one in explorer["metrics"].values())

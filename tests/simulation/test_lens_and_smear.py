@@ -40,7 +40,7 @@ def test_box_is_corrected_for_the_nominal_lens(params: Params, place: tuple[floa
     moved = np.abs(shown - plain).max()
     assert moved > (5.0 if place[0] else 0.02)
     # A straight edge is shown bent, and the box is around it.
-    assert np.abs(corrected - plain).max() < 0.1 * moved + 0.02
+    assert np.abs(corrected - plain).max() < 0.15 * moved + 0.02
 
 
 def turned(truth: Truth, dt: float) -> Truth:

@@ -164,7 +164,9 @@ IDLE = {
         [
             "navigation.gating=none",
             "effects.faults=true",
-            "faults=[{name='fault', kind='gps_outage', start_s=100, duration_s=50, severity=0.5, wheel=0}]",
+            "faults.fault.kind=gps_outage",
+            "faults.fault.start_s=100",
+            "faults.fault.duration_s=50",
             "camera.outlier_probability=0",
             "gps.bias_sigma_m=0",
             "target.tumble_rate_deg_s=0",

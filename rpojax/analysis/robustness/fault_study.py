@@ -12,7 +12,7 @@ from rpojax.analysis.robustness.assigned_runs import AssignedRuns, StudyProgress
 from rpojax.analysis.robustness.step_runs import requirement_names
 from rpojax.analysis.statistics.intervals import clopper_pearson_interval
 from rpojax.campaign.storage.atomic_outputs import to_json_types
-from rpojax.errors import RpojaxError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.physics.equipment_faults import KINDS, LEAKS
 from rpojax.runtime.progress import run_progress
@@ -20,7 +20,7 @@ from rpojax.scenario.dispersed_numbers.dispersion_keys import assigned_keys
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.loading.table_merging import apply_override
 from rpojax.scenario.schema import RequirementSection, ScenarioFile
-from rpojax.simulation.outcomes.outcome_kinds import count_outcomes, is_failed, is_frozen
+from rpojax.simulation.outcomes.outcome_kinds import Outcome, count_outcomes, is_failed, is_frozen
 from rpojax.simulation.outcomes.requirement_violations import counts, required_values, violates
 
 DEFAULT_RUNS: Final = 32
@@ -140,7 +140,13 @@ def inject(file: ScenarioFile, count: int) -> Injection:
     names = (*own, *(name for name in _NAMES if name not in own))[:count]
     settings = [] if file.effects.faults else ["effects.faults=true"]
     for entry in file.dispersions:
-        if any(key.key.startswith("faults.") and key.key.split(".")[-1] in _CHOSEN for key in assigned_keys(entry)):
+        keys = [key.key for key in assigned_keys(entry)]
+        chosen = [key for key in keys if key.startswith("faults.") and key.split(".")[-1] in _CHOSEN]
+        if chosen and len(chosen) < len(keys):
+            others = ", ".join(key for key in keys if key not in chosen)
+            expected = f"it alone, since the study chooses it: drawn together with {others}"
+            raise ScenarioError("dispersions", chosen[0], expected)
+        if chosen:
             settings.append(f"dispersions.{entry.name}=none")
     settings += [f"faults.{name}.kind=none" for name in own[count:]]
     tables = file.model_dump()
@@ -186,7 +192,7 @@ def check(
     cells = [Cell(each, time) for each in fault_sets(file, double) for time in times]
     if len(cells) * runs > _MOST_RUNS:
         found = f"found {runs} of each of {len(cells)} faults and times"
-        raise RpojaxError.of_argument("runs", f"{found}, expected at most {_MOST_RUNS} runs in all")
+        raise RpojaxError.of_argument("runs, times", f"{found}, expected at most {_MOST_RUNS} runs in all")
     return cells
 
 
@@ -212,7 +218,8 @@ def faults(
         seed: master seed; the runs of all cells have the same numbers
         times_s: when faults begin [s]
         every_s: time between them [s], in place of `times_s`; by default a quarter of the run
-        double: inject each two faults of different equipment at once in place of each alone
+        double: inject each two faults of different equipment at once in place of each alone; the first of a pair, in
+            the order of the page, has severity and duration of the first fault of the scenario
         free_drifts: judge requirements on free drifts and on coverage, too
         progress: show progress on stderr
 
@@ -268,11 +275,13 @@ def judge_cell(
         values, counted = required_values(each, found), counts(each, found, outcomes)
         survived &= ~(violates(each, values) & counted)
         slack = (each.limit - values) if each.bound == "at most" else (values - each.limit)
-        relative = slack / (abs(each.limit) or 1.0)
+        # Of a limit of zero there is no share.
+        relative = slack / abs(each.limit) if each.limit else np.where(slack < 0.0, -np.inf, np.inf)
         margins[row] = np.where(counted, np.where(np.isfinite(relative), relative, -np.inf), np.inf)
     if not judged:
         survived &= ~is_failed(outcomes)
-    clearance = found["min_range_m"] - radii
+    # A run that enters the sphere ends there and has no metrics.
+    clearance = np.where(outcomes == Outcome.KEEP_OUT, 0.0, found["min_range_m"] - radii)
     least = margins.min(axis=0)
     # Runs that did not survive come first, then the least margin, then the least clearance.
     worst = int(np.lexsort((np.nan_to_num(clearance, nan=-np.inf), least, survived))[0])

@@ -17,8 +17,8 @@ DEFAULT_HISTORIES = Retention("8+requirements")
 """The first eight runs keep a full history, and the worst run of each requirement."""
 
 
-UNSTATED: Final = -1
-"""Number of runs of a command that states none."""
+UNSTATED: Final = -(2**63)
+"""Number of runs of a command that states none; nobody asks for it."""
 
 
 @dataclass(frozen=True)

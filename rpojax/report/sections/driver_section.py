@@ -106,7 +106,9 @@ def sentence(found: Mapping[str, Any]) -> str:
     count, tested = len(found["drivers"]), f"{len(found['events'])} events against {found['inputs']} inputs and pairs"
     if not count:
         return f"Of {tested}, none stands out from chance."
-    return f"{count} found among {tested}; of these at most {100.0 * found['level']:g} % are expected to be false."
+    return (
+        f"{count} found among {tested}; of these at most about {100.0 * found['level']:g} % are expected to be false."
+    )
 
 
 def _row(entry: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.lamp_checks import check_lamp
 from rpojax.scenario.checks.landmark_checks import check_landmarks
 from rpojax.scenario.checks.listed_design_checks import check_design
+from rpojax.scenario.checks.optics_checks import check_optics
 from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.checks.ranging_checks import check_ranging
 from rpojax.scenario.checks.requirement_checks import check_requirements
@@ -74,6 +75,7 @@ def check_consistency(file: ScenarioFile) -> None:
     check_delays(file)
     check_lamp(file)
     check_wide_lens(file)
+    check_optics(file)
     check_dispersions(file)
     check_design(file)
     check_faults(file)

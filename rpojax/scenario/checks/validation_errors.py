@@ -35,6 +35,8 @@ def first_error(error: ValidationError, tables: Mapping[str, Any]) -> ScenarioEr
     if fault["type"] == "too_long" and isinstance(fault["input"], list):
         most = fault.get("ctx", {})["max_length"]
         return ScenarioError(key, f"{len(fault['input'])} of them", f"at most {most}")
+    if fault["type"] == "too_short" and isinstance(fault["input"], list):
+        return ScenarioError(key, fault["input"], f"at least {fault.get('ctx', {})['min_length']} numbers")
     if fault["type"] in ("model_type", "model_attributes_type"):
         return ScenarioError(key, fault["input"], "a table")
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ").removeprefix("expected ")

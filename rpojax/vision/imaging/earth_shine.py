@@ -1,4 +1,4 @@
-"""Sunlight that the Earth throws back at a spacecraft, as the irradiance of a surface that faces its centre."""
+"""Sunlight reflected by the Earth onto a spacecraft, as the irradiance of a surface that faces its centre."""
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ _LEAST_HEIGHT = 1e-3
 
 
 def earth_shine(position: Float[Array, "3"], sun: Float[Array, "3"]) -> Float[Array, ""]:
-    """Irradiance () of a surface that faces the Earth's centre, by that of the Sun.
+    """Irradiance () of a surface that faces the Earth's centre, relative to the solar irradiance.
 
     `position` is that of the surface from the centre [Earth radii], `sun` a unit vector. The integral over the disc
     of radiance times cosine is a sum over 48 parts of equal weight. Night side and ground beyond the terminator are

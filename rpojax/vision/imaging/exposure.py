@@ -10,8 +10,10 @@ Image = Float[Array, "h w 3"]
 Scalar = Float[Array, ""]
 
 _KERNEL_RADIUS_PX = 3
-_SMEAR_PLACES = 8
-"""Places of Gauss and Legendre along a smear: exact for a smear of up to some six sigma of the blur."""
+_SMEAR_PLACES = 16
+"""Places of Gauss and Legendre along a smear, so that its moments are exact."""
+_LONGEST_SMEAR_SIGMA = 13.0
+"""Smear by the sigma of the blur up to which these places make an even line; a longer one widens the blur."""
 _LEAST_SMEAR_SIGMA_PX = 0.3
 
 
@@ -72,10 +74,12 @@ def through_optics(
 def _blur_along(image: Image, sigma: Scalar, smear: Float[Array, "2"]) -> Image:
     """Gaussian blur of an image that moves by `smear` [px], right and down, about its place in the middle.
 
-    A sum of Gaussians along the way. At rest the blur is that of `sigma`, at least 0.3 px, sampled at pixels.
+    A sum of 16 Gaussians along the way, of at least 0.3 px, and so wide that they make a line: of a smear of more than
+    13 sigma the blur is wider than it is.
     """
     places, weights = np.polynomial.legendre.leggauss(_SMEAR_PLACES)
-    sigma = jnp.maximum(sigma, _LEAST_SMEAR_SIGMA_PX)
+    length = jnp.sqrt(jnp.sum(smear.astype(jnp.float32) ** 2) + 1e-12)
+    sigma = jnp.maximum(jnp.maximum(sigma, _LEAST_SMEAR_SIGMA_PX), length / _LONGEST_SMEAR_SIGMA)
     found = jnp.zeros_like(image)
     for place, weight in zip(0.5 * places, 0.5 * weights, strict=True):
         across, down = (
@@ -91,12 +95,11 @@ def _filtered(image: Image, down: Float[Array, "h h"], across: Float[Array, "w w
 
 
 def _gaussian(size: int, shift: Scalar, sigma: Scalar) -> Float[Array, "n n"]:
-    """Weights (n, n) by which each pixel of a row gets light of each other; what leaves the row is lost."""
+    """Weights (n, n) by which each pixel of a row gets light of the others, as if the row went on beyond its ends."""
     pixel = jnp.arange(size, dtype=jnp.float32)
     offset = pixel[:, None] - pixel[None, :] - shift.astype(jnp.float32)
-    beyond = jnp.arange(-size, size + 1, dtype=jnp.float32)
     weight = jnp.exp(-0.5 * (offset / sigma) ** 2)
-    return weight / jnp.sum(jnp.exp(-0.5 * (beyond / sigma) ** 2))
+    return weight / jnp.sum(weight, axis=1, keepdims=True)
 
 
 def _blur(image: Image, sigma: Scalar) -> Image:

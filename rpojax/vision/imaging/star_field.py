@@ -6,9 +6,6 @@ from jaxtyping import Array
 from rpojax.vision.imaging.random_sky import Sky
 from rpojax.vision.pinhole import Intrinsics, shown_by_lens
 
-_NEAR_FRAME = 1.5
-"""Tangents of stars that are drawn, by those of the frame's longer side."""
-
 
 def render_stars(sky: Sky, intrinsics: Intrinsics, shape: tuple[int, int], R_KN: Array) -> Array:
     """Radiance (h, w) of stars, each shared by the four pixels around it."""
@@ -18,9 +15,6 @@ def render_stars(sky: Sky, intrinsics: Intrinsics, shape: tuple[int, int], R_KN:
     center, focal = intrinsics.center_px.astype(jnp.float32), intrinsics.focal_px.astype(jnp.float32)
     tangents = star_K[:, :2] / depth[:, None]
     if intrinsics.distortion is not None:
-        # The polynomial of a lens holds in the frame; far outside it may lead back there.
-        span = _NEAR_FRAME * 0.5 * max(shape) / focal
-        ahead = ahead & jnp.all(jnp.abs(tangents) < span, axis=1)
         tangents = shown_by_lens(intrinsics, tangents.T).T
     place = center[None, :] + focal * tangents - 0.5
     first = jnp.floor(place)

@@ -102,6 +102,24 @@ def test_smeared_image_is_the_mean_of_moved_ones() -> None:
     np.testing.assert_allclose(found, np.mean(moved, axis=0), atol=2e-6)
 
 
+@pytest.mark.parametrize("smear", [(0.0, 0.0), (12.0, 0.0), (24.0, -6.0)])
+def test_an_even_picture_stays_even_up_to_its_border(smear: tuple[float, float]) -> None:
+    image = np.full((64, 64, 3), 0.3, np.float32)
+    settings = optics(blur=0.6, bloom=0.2, bloom_radius=6.0)
+    found = jax.jit(exposure.through_optics)(image, settings, 1.0, jnp.asarray(smear, jnp.float32))
+    np.testing.assert_allclose(found, 0.3, rtol=1e-5)
+
+
+@pytest.mark.parametrize("length", [6.0, 12.0, 24.0])
+def test_a_long_smear_of_a_point_is_an_even_line(length: float) -> None:
+    image = np.zeros((96, 96, 3), np.float32)
+    image[48, 48] = 1.0
+    found = jax.jit(exposure.through_optics)(image, optics(blur=0.6), 1.0, jnp.asarray([length, 0.0], jnp.float32))
+    line = np.asarray(found)[..., 0].sum(axis=0)
+    inside = line[int(48 - 0.5 * length) + 4 : int(48 + 0.5 * length) - 3]
+    np.testing.assert_allclose(inside * length, 1.0, atol=0.02)
+
+
 def test_bloom_scatters_its_fraction_into_a_halo() -> None:
     image = spot((2.0, 2.0), (48.0, 48.0))
     plain = np.asarray(jax.jit(exposure.through_optics)(image, optics()))

@@ -1,6 +1,5 @@
 """The command `rpojax faults`: which faults of the equipment the runs of a scenario survive."""
 
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from rpojax.cli.standard_streams import print_json
 from rpojax.errors import RpojaxError
 from rpojax.report import survived_faults
 from rpojax.report.page.faults_page import PAGE_NAME, write_page
+from rpojax.scenario.plugins.command_lines import command_line
 
 RECORD_NAME = "faults.json"
 
@@ -24,9 +24,9 @@ RECORD_NAME = "faults.json"
 def faults(asked: FaultsCommand) -> int:
     """Does the work of the command; returns its exit status."""
     file = load(asked.scenario, asked.overrides)
-    show_unused_keys(file, quiet=asked.session.as_json)
     times = _times(asked.times)
     fault_study.check(file, asked.runs, asked.seed, times, asked.every, asked.double)
+    show_unused_keys(file, quiet=asked.session.as_json, but="faults.")
     claim_folder(asked.out)
     check_replaceable((asked.out / name for name in (RECORD_NAME, PAGE_NAME)), asked.force)
     shown = not asked.session.as_json
@@ -41,7 +41,7 @@ def faults(asked: FaultsCommand) -> int:
         progress=shown,
     )
     for cell in content["cells"]:
-        cell["replay"] = _replay(asked, cell)
+        cell["replay"] = _replay(asked, cell, file.plugin)
     write_json(asked.out / RECORD_NAME, content)
     write_page(content, asked.out)
     if shown:
@@ -63,11 +63,12 @@ def _times(text: str) -> list[float] | None:
         raise RpojaxError.of_argument("times", f"found {text[:60]!r}, expected numbers such as 500,1500") from None
 
 
-def _replay(asked: FaultsCommand, cell: dict[str, Any]) -> str:
+def _replay(asked: FaultsCommand, cell: dict[str, Any], plugin: str | None) -> str:
     """Command that simulates the worst run of a cell alone, with its whole history."""
     settings = [word for each in (*asked.overrides, *cell["settings"]) for word in ("--set", each)]
     run = ["--seed", str(asked.seed), "--run-id", str(cell["worst_run"])]
-    return shlex.join(["rpojax", "run", str(asked.scenario), *run, *settings, "--out", "worst_run"])
+    words = ("run", str(asked.scenario), *run, *settings, "--out", "worst_run")
+    return command_line(*words, plugin=plugin)
 
 
 def _show(content: dict[str, Any], out: Path) -> None:

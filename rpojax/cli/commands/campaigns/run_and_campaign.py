@@ -47,6 +47,8 @@ def campaign(asked: CampaignCommand) -> int:
     asked.executor.check(asked.output.force)
     execution = run_and_resume.Execution(shard=asked.executor.parse_shard(), executor=executor_factory(asked.executor))
     if asked.dry_run.dry_run:
+        if asked.options.until_decided:
+            asked = replace(asked, options=run_and_resume.planned(file, asked.options, execution))
         dry_run_output.show(file, asked.options, asked.dry_run, asked.out, asked.output.force, asked.session.as_json)
         return Status.DONE
     assert asked.out is not None
