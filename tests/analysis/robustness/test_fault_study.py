@@ -114,7 +114,7 @@ def test_an_ended_run_does_not_survive_and_has_no_margin() -> None:
     judged = [("min_range_m", file.requirements[0])]
     found = {"min_range_m": np.array([20.0, np.nan]), "outcomes": np.array(["completed", "keep_out"])}
     cell = fault_study.judge_cell(judged, found, np.full(2, 10.0))
-    assert (cell["survived"], cell["worst_run"], cell["clearance_m"]) == (1, 1, 10.0)
+    assert (cell["survived"], cell["worst_run"], cell["clearance_m"]) == (1, 1, 0.0)
     assert cell["margin"]["relative"] == -np.inf
     lost = {**found, "outcomes": np.array(["lost", "completed"]), "min_range_m": np.array([20.0, 15.0])}
     cell = fault_study.judge_cell([], lost, np.full(2, 10.0))

@@ -45,7 +45,7 @@ def enlarged(factor: float) -> Landmarks:
         ),
         ("pose_inspection", ["landmarks.minimum_size_px=0"], "landmarks.minimum_size_px", "greater than 0"),
         ("pose_inspection", ["landmarks.believed_noise_factor=0"], "landmarks.believed_noise_factor", "greater than 0"),
-        ("pose_inspection", ["landmarks.body_offset_m=[0.0, 0.0]"], "landmarks.body_offset_m", "at least 3 items"),
+        ("pose_inspection", ["landmarks.body_offset_m=[0.0, 0.0]"], "landmarks.body_offset_m", "at least 3 numbers"),
     ],
 )
 def test_bad_landmarks_are_refused_in_one_line(scenario: str, changes: list[str], key: str, words: str) -> None:
