@@ -236,7 +236,16 @@ def headings_of_sections() -> list[str]:
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
     assert sorted(named) == sorted(
-        [*sections_of_the_schema(), "design", "dispersions", "phases", "requirements", "servicers", "thrusters"]
+        [
+            *sections_of_the_schema(),
+            "design",
+            "dispersions",
+            "faults",
+            "phases",
+            "requirements",
+            "servicers",
+            "thrusters",
+        ]
     )
 
 
@@ -259,6 +268,7 @@ def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
         *sections_of_the_schema(),
         "design",
         "dispersions",
+        "faults",
         "phases",
         "requirements",
         "servicers",
@@ -299,7 +309,7 @@ def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, unio
 
 
 def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None:
-    start, handover, goal, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
+    start, handover, goal, team, faults, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
     (tmp_path / "iss.tle").write_text(TLE)
     (tmp_path / "start.toml").write_text(start)
     assert scenario_loader.load(tmp_path / "start.toml").start is not None
@@ -310,6 +320,8 @@ def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None
     assert scenario_loader.load(path).goal.phase == "approach"
     path.write_text('extends = "safety_ellipse"\n' + team)
     assert [each.name for each in scenario_loader.load(path).servicers] == ["leader", "follower"]
+    path.write_text('extends = "inspection"\n' + faults)
+    assert [each.name for each in scenario_loader.load(path).faults] == ["tracker", "wheel"]
     path.write_text('extends = "inspection"\n' + derived)
     assert scenario_loader.load(path).dispersions[-1].kind == "derived"
     path.write_text('extends = "inspection"\n' + requirement)

@@ -29,7 +29,10 @@ def distort(coefficients: Float[Array, "5"], tangents: Float[Array, "2 ..."]) ->
 
 
 def undistort(coefficients: Float[Array, "5"], tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
-    """Tangents of a pinhole of those that a lens shows: the inverse of `distort`, by Newton's method."""
+    """Tangents of a pinhole of those that a lens shows: the inverse of `distort`, by Newton's method.
+
+    Beyond the radius of `distort` it is so but for the tangential terms.
+    """
     k1, k2, p1, p2, k3 = (coefficients[i].astype(tangents.dtype) for i in range(5))
     limit = shown_radius(coefficients, _fold_radius(coefficients)).astype(tangents.dtype)
     excess = jnp.maximum(_radius(tangents) / limit, 1.0)

@@ -177,7 +177,7 @@ def test_a_tuned_file_extends_what_was_tuned_with_the_changed_numbers_alone(noth
     assert call("inspection", "--judge", 0, "--out", "tuned.toml", "--set", "duration_s=3000") == 0
     content = tomllib.loads(Path("tuned.toml").read_text())
     assert content == {
-        "format_version": 3,
+        "format_version": 4,
         "extends": "inspection",
         "duration_s": 3000.0,
         "navigation": {"edge_noise_px": 2.0},

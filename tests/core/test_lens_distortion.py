@@ -47,7 +47,7 @@ def test_correction_has_the_derivative_of_the_inverse() -> None:
 
 @pytest.mark.parametrize("name", ["barrel", "pincushion"])
 def test_what_is_outside_of_the_frame_stays_there(name: str) -> None:
-    coefficients = jnp.asarray([-0.3, 0.0, 0.0, 0.0, 0.0] if name == "barrel" else LENSES[name])
+    coefficients = jnp.asarray([-0.3 if name == "barrel" else 0.12, 0.0, 0.0, 0.0, 0.0])
     far = jnp.asarray(np.stack([np.linspace(0.3, 40.0, 400), np.zeros(400)]))
     shown = np.asarray(lens_distortion.distort(coefficients, far))[0]
     assert (np.diff(shown) > 0.0).all()

@@ -149,7 +149,7 @@ def test_parameters_of_effects_that_are_off_are_not_used(params: Params, in_orbi
         gravity=replace(known.gravity, zonals=unknown(known.gravity.zonals), radius=jnp.float64(jnp.nan)),
         atmosphere=unknown(known.atmosphere),
         sunlight=unknown(known.sunlight),
-        fault=unknown(known.fault),
+        faults=unknown(known.faults),
     )
     sick = replace(HEALTHY, wheel_friction=jnp.full(3, jnp.nan), wheel_stuck=jnp.ones(3, dtype=bool))
     command, thrusts = (0.01, 0.0, -0.02), (step_thrust(known),)

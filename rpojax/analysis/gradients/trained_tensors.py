@@ -25,6 +25,7 @@ DETECTOR: Final = "imaging.detector."
 FIELD: Final = "imaging.field."
 _NETWORK_OF_NAME: Final = {name: network for network, name in NAME_IN_FILES.items()}
 _FEATURES: Final = "features"
+_NETWORKS: Final = ("network", "material", "fill_network")
 
 
 def is_tensor(key: str) -> bool:
@@ -42,8 +43,9 @@ def tensors(networks: Networks) -> dict[str, Array]:
     }
     if isinstance(networks.field, GridField):
         found[FIELD + _FEATURES] = networks.field.features
-        for index, layer in enumerate(networks.field.network):
-            found |= {f"{FIELD}network.{index}.{name}": layer[_place(name)] for name in ("weight", "bias")}
+        for network in _NETWORKS:
+            for index, layer in enumerate(getattr(networks.field, network)):
+                found |= {f"{FIELD}{network}.{index}.{name}": layer[_place(name)] for name in ("weight", "bias")}
     return found
 
 
@@ -89,10 +91,10 @@ def with_tensors(networks: Networks | None, changed: Mapping[str, Array]) -> Net
         if path == [_FEATURES]:
             field = replace(field, features=jnp.asarray(value).astype(field.features.dtype))
         else:
-            layers = [list(layer) for layer in field.network]
+            layers = [list(layer) for layer in getattr(field, path[0])]
             layer, place = layers[int(path[1])], _place(path[2])
             layer[place] = jnp.asarray(value).astype(layer[place].dtype)
-            field = replace(field, network=tuple((weight, bias) for weight, bias in layers))
+            field = replace(field, **{path[0]: tuple((weight, bias) for weight, bias in layers)})
     return replace(networks, detector=detector, field=field)
 
 

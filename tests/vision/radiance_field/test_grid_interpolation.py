@@ -20,6 +20,8 @@ def test_linear_features_are_interpolated_exactly() -> None:
         raw_density=jnp.zeros(len(features), jnp.float32),
         features=jnp.asarray(features),
         network=(),
+        material=(),
+        fill_network=(),
     )
     place = np.array([2.25, 3.5, 0.125])
     rows, weights = trilinear_nodes(field, jnp.asarray(np.asarray(field.low) + 0.1 * place, jnp.float32))
