@@ -233,18 +233,16 @@ def headings_of_sections() -> list[str]:
     return re.findall(r"^## (`.*`)$", SCENARIO_PAGE, re.MULTILINE)
 
 
+LISTS_AND_DESIGN = ("design", "dispersions", "faults", "phases", "requirements", "servicers", "thrusters")
+"""What has headings of its own beside the sections of the schema."""
+
+
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
     assert sorted(named) == sorted(
         [
             *sections_of_the_schema(),
-            "design",
-            "dispersions",
-            "faults",
-            "phases",
-            "requirements",
-            "servicers",
-            "thrusters",
+            *LISTS_AND_DESIGN,
         ]
     )
 
@@ -266,13 +264,7 @@ def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
     listed = {cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, "Top level"))}
     assert listed == set(ScenarioFile.model_fields) - {
         *sections_of_the_schema(),
-        "design",
-        "dispersions",
-        "faults",
-        "phases",
-        "requirements",
-        "servicers",
-        "thrusters",
+        *LISTS_AND_DESIGN,
     }
 
 

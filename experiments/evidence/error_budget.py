@@ -18,8 +18,6 @@ from rpojax.analysis.statistics.error_budgets import (
     budget_line,
     error_budget,
     error_indices,
-    gauss_markov_mean_variance,
-    gauss_markov_sampled_mean_variance,
 )
 from rpojax.analysis.statistics.tolerance_bounds import runs_for_bound
 
@@ -34,6 +32,25 @@ def gauss_markov(rng: np.random.Generator, runs: int, ticks: int, correlation: f
     draws = rng.normal(size=(runs, ticks))
     draws[:, 1:] *= np.sqrt(1.0 - correlation**2)
     return np.asarray(lfilter([1.0], [1.0, -correlation], draws, axis=1))[..., None]
+
+
+def gauss_markov_mean_variance(variance: float, ratio: float) -> float:
+    """Variance of the mean over a window of a first-order Gauss-Markov error of the given variance.
+
+    `ratio` is the window over the correlation time, T / tau: s^2 = 2 variance (x - 1 + exp(-x)) / x^2.
+    """
+    # The series keeps what cancels at small ratios.
+    factor = 1.0 - ratio / 3.0 if ratio < 1e-5 else 2.0 * (ratio + np.expm1(-ratio)) / ratio**2
+    return float(variance * factor)
+
+
+def gauss_markov_sampled_mean_variance(variance: float, correlation: float, count: int) -> float:
+    """Variance of the mean of `count` samples of a Gauss-Markov error, neighbours of which have the correlation.
+
+    Exact: variance / n (1 + 2 sum over k of (1 - k / n) correlation^k), from 1 to n - 1.
+    """
+    lag = np.arange(1, count)
+    return float(variance / count * (1.0 + 2.0 * np.sum((1.0 - lag / count) * correlation**lag)))
 
 
 def exact_variances(correlation: float, windows: BudgetWindows) -> dict[str, float]:

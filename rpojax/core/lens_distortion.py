@@ -16,57 +16,50 @@ _LEAST_SLOPE = 0.1
 _TINY = 1e-12
 
 
-def distort(coefficients: Float[Array, "5"], tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
-    """Tangents right and down of the boresight as a lens shows them, of those of a pinhole.
+def distort(coefficients: Float[Array, "5"] | None, x: Array, y: Array) -> tuple[Array, Array]:
+    """Tangents right and down of the boresight as a lens shows them, of those of a pinhole; the same without a lens.
 
     The coefficients are k1, k2, p1, p2, k3 in the order and with the signs of OpenCV: three radial ones of the second,
     fourth and sixth power of the tangent, two tangential ones. Beyond the radius where the polynomial would fold the
     image back, a place goes on straight out, so that what is outside of the frame stays there.
     """
-    limit = _fold_radius(coefficients).astype(tangents.dtype)
-    excess = jnp.maximum(_radius(tangents) / limit, 1.0)
-    return _polynomial(coefficients, tangents / excess[None]) * excess[None]
+    if coefficients is None:
+        return x, y
+    numbers = coefficients.astype(x.dtype)
+    excess = jnp.maximum(_radius(x, y) / _fold_radius(numbers), 1.0)
+    shown_x, shown_y = _polynomial(numbers, x / excess, y / excess)
+    return shown_x * excess, shown_y * excess
 
 
-def undistort(coefficients: Float[Array, "5"], tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
+def undistort(coefficients: Float[Array, "5"] | None, x: Array, y: Array) -> tuple[Array, Array]:
     """Tangents of a pinhole of those that a lens shows: the inverse of `distort`, by Newton's method.
 
     Beyond the radius of `distort` it is so but for the tangential terms.
     """
-    k1, k2, p1, p2, k3 = (coefficients[i].astype(tangents.dtype) for i in range(5))
-    limit = shown_radius(coefficients, _fold_radius(coefficients)).astype(tangents.dtype)
-    excess = jnp.maximum(_radius(tangents) / limit, 1.0)
-    shown = tangents / excess[None]
-    found = shown
+    if coefficients is None:
+        return x, y
+    numbers = coefficients.astype(x.dtype)
+    k1, k2, p1, p2, k3 = numbers
+    excess = jnp.maximum(_radius(x, y) / largest_shown_radius(numbers), 1.0)
+    shown_x, shown_y = x / excess, y / excess
+    x, y = shown_x, shown_y
     for _ in range(_STEPS):
-        x, y = found[0], found[1]
-        error_x, error_y = _polynomial(coefficients, found) - shown
+        found_x, found_y = _polynomial(numbers, x, y)
+        error_x, error_y = found_x - shown_x, found_y - shown_y
         square = x * x + y * y
-        radial = 1.0 + square * (k1 + square * (k2 + square * k3))
-        slope = 2.0 * (k1 + square * (2.0 * k2 + 3.0 * square * k3))
+        radial, slope = _radial(numbers, square), 2.0 * (k1 + square * (2.0 * k2 + 3.0 * square * k3))
         xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
         yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
         xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
         scale = 1.0 / jnp.maximum(xx * yy - xy * xy, _LEAST_SLOPE**2)
-        found = found - jnp.stack([scale * (yy * error_x - xy * error_y), scale * (xx * error_y - xy * error_x)])
-    return found * excess[None]
-
-
-def shown_radius(coefficients: Float[Array, "5"], radius: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Tangent of the angle from the boresight as the radial part of a lens shows it."""
-    k1, k2, _, _, k3 = (coefficients[i] for i in range(5))
-    square = radius * radius
-    return radius * (1.0 + square * (k1 + square * (k2 + square * k3)))
+        x, y = x - scale * (yy * error_x - xy * error_y), y - scale * (xx * error_y - xy * error_x)
+    return x * excess, y * excess
 
 
 def largest_shown_radius(coefficients: Float[Array, "5"]) -> Float[Array, ""]:
     """Tangent from the boresight up to which a lens shows each direction at one place."""
-    return shown_radius(coefficients, _fold_radius(coefficients))
-
-
-def corrected(coefficients: Float[Array, "5"] | None, tangents: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
-    """Tangents (n, 2) of a picture corrected for a lens; as they are for None, a pinhole."""
-    return tangents if coefficients is None else undistort(coefficients, tangents.T).T
+    radius = _fold_radius(coefficients)
+    return radius * _radial(coefficients, radius * radius)
 
 
 def of_lens_in_use(
@@ -79,26 +72,29 @@ def of_lens_in_use(
     return jnp.where(is_wide, pinhole if wide is None else wide, pinhole if own is None else own)
 
 
-def _polynomial(coefficients: Array, tangents: Array) -> Array:
-    k1, k2, p1, p2, k3 = (coefficients[i].astype(tangents.dtype) for i in range(5))
-    x, y = tangents[0], tangents[1]
+def _polynomial(coefficients: Array, x: Array, y: Array) -> tuple[Array, Array]:
+    p1, p2 = coefficients[2], coefficients[3]
     square = x * x + y * y
-    radial = 1.0 + square * (k1 + square * (k2 + square * k3))
-    return jnp.stack(
-        [
-            x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
-            y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ]
+    radial = _radial(coefficients, square)
+    return (
+        x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
+        y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
     )
 
 
-def _radius(tangents: Array) -> Array:
-    return jnp.sqrt(tangents[0] ** 2 + tangents[1] ** 2 + _TINY)
+def _radial(coefficients: Array, square: Array) -> Array:
+    """Factor of a radius, by its square."""
+    k1, k2, k3 = coefficients[0], coefficients[1], coefficients[4]
+    return 1.0 + square * (k1 + square * (k2 + square * k3))
+
+
+def _radius(x: Array, y: Array) -> Array:
+    return jnp.sqrt(x * x + y * y + _TINY)
 
 
 def _fold_radius(coefficients: Array) -> Array:
     """Tangent from the boresight below which the shown radius grows with the true one."""
-    k1, k2, _, _, k3 = (jax.lax.stop_gradient(coefficients[i]) for i in range(5))
+    k1, k2, _, _, k3 = jax.lax.stop_gradient(coefficients)
     radii = jnp.asarray(_RADII, coefficients.dtype)
     square = radii * radii
     slope = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + 7.0 * k3 * square))

@@ -31,7 +31,7 @@ def headings(content: Mapping[str, Any]) -> list[str]:
 
 def table(content: Mapping[str, Any]) -> list[list[str]]:
     """Headings, and a row for each fault: survived runs and margin for each time."""
-    rows = [[name, *(f"{_text(cell)}" for cell in cells)] for name, cells in by_title(content).items()]
+    rows = [[name, *map(_text, cells)] for name, cells in by_title(content).items()]
     nominal = content["nominal"]
     without = ["none", _text(nominal), *([""] * (len(content["study"]["times_s"]) - 1))]
     return [headings(content), without, *rows]

@@ -187,9 +187,10 @@ def landmarks_found(
     found = rendered_camera.landmarks_in_picture(params.networks, view, picture, frame.box.edges, size)
     focal = params.flight.vehicle.focal_px
     middle = 0.5 * jnp.array(size, dtype=focal.dtype)
-    tangents = (found.places.astype(focal.dtype) - middle[None]) / focal
+    shown = (found.places.astype(focal.dtype) - middle[None]) / focal
+    tangents = lens_distortion.undistort(params.flight.vehicle.distortion, shown[:, 0], shown[:, 1])
     return FoundInPicture(
-        tangents=lens_distortion.corrected(params.flight.vehicle.distortion, tangents),
+        tangents=jnp.stack(tangents, axis=1),
         sigma=found.sigma.astype(focal.dtype) / focal,
         present=frame.box.present & (found.visible_probability > IN_SIGHT),
     )

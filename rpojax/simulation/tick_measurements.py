@@ -202,18 +202,12 @@ def _corrected_edges(
     distortion: Float[Array, "5"], edges: Float[Array, "4"], center_px: Float[Array, "2"], focal_px: Float[Array, ""]
 ) -> Float[Array, "4"]:
     """Edges [px] of a box corrected for the lens, each at its middle."""
-    middle = bounding_box.box_center(edges)
-    places = jnp.stack(
-        [
-            jnp.stack([edges[0], middle[1]]),
-            jnp.stack([middle[0], edges[1]]),
-            jnp.stack([edges[2], middle[1]]),
-            jnp.stack([middle[0], edges[3]]),
-        ]
-    )
-    tangents = lens_distortion.corrected(distortion, (places - center_px[None]) / focal_px)
-    found = center_px[None] + focal_px * tangents
-    return jnp.stack([found[0, 0], found[1, 1], found[2, 0], found[3, 1]])
+    left, top, right, bottom = edges
+    across, down = bounding_box.box_center(edges)
+    x = (jnp.stack([left, across, right, across]) - center_px[0]) / focal_px
+    y = (jnp.stack([down, top, down, bottom]) - center_px[1]) / focal_px
+    x, y = lens_distortion.undistort(distortion, x, y)
+    return jnp.concatenate([center_px, center_px]) + focal_px * jnp.stack([x[0], y[1], x[2], y[3]])
 
 
 def _measure_additional(

@@ -32,22 +32,12 @@ def pinhole_intrinsics(
     return Intrinsics(focal_px=focal, center_px=center_px, distortion=distortion)
 
 
-def shown_by_lens(intrinsics: Intrinsics, tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
-    """Tangents right and down of the boresight as the lens shows them."""
-    return tangents if intrinsics.distortion is None else lens_distortion.distort(intrinsics.distortion, tangents)
-
-
-def seen_through_lens(intrinsics: Intrinsics, tangents: Float[Array, "2 ..."]) -> Float[Array, "2 ..."]:
-    """Tangents of the directions that a lens shows at tangents: the inverse of `shown_by_lens`."""
-    return tangents if intrinsics.distortion is None else lens_distortion.undistort(intrinsics.distortion, tangents)
-
-
 def project(intrinsics: Intrinsics, points_K: Float[Array, "n 3"]) -> Float[Array, "2 n"]:
     """Pixels (x right, y down) of points [m] in camera axes; meaningful only for points in front of the camera."""
     depth = jnp.where(points_K[:, 2] > 1e-6, points_K[:, 2], 1e-6)
     if intrinsics.distortion is not None:
-        shown = shown_by_lens(intrinsics, jnp.stack([points_K[:, 0] / depth, points_K[:, 1] / depth]))
-        return intrinsics.center_px[:, None] + intrinsics.focal_px * shown
+        shown = lens_distortion.distort(intrinsics.distortion, points_K[:, 0] / depth, points_K[:, 1] / depth)
+        return intrinsics.center_px[:, None] + intrinsics.focal_px * jnp.stack(shown)
     return jnp.stack(
         [
             intrinsics.center_px[0] + intrinsics.focal_px * points_K[:, 0] / depth,

@@ -24,6 +24,14 @@ CORNER = (40.0, 100.0)
 UNUSED = jnp.zeros(())
 
 
+def only(**numbers: jax.Array) -> Imaging:
+    """Imaging of which some numbers are used."""
+    unused = dict.fromkeys(
+        ("exposure", "full_well", "read_noise", "blur", "bloom_radius", "fill_light", "score_threshold"), UNUSED
+    )
+    return Imaging(**(unused | numbers))
+
+
 def frame(
     monkeypatch: pytest.MonkeyPatch,
     box: tuple[float, float, float, float],
@@ -37,15 +45,7 @@ def frame(
     boxes = jnp.asarray([[box, (0.0, 0.0, 1.0, 1.0)]], jnp.float32)
     found = Detections(box_px=boxes, score=jnp.asarray([[score, 0.1]], jnp.float32))
     monkeypatch.setattr(rendered_camera, "detect", lambda *_: found)
-    imaging = Imaging(
-        exposure=UNUSED,
-        full_well=UNUSED,
-        read_noise=UNUSED,
-        blur=UNUSED,
-        bloom_radius=UNUSED,
-        fill_light=jnp.asarray(0.1),
-        score_threshold=jnp.asarray(0.5),
-    )
+    imaging = only(score_threshold=jnp.asarray(0.5))
     window = ImageWindow(
         intrinsics=None,
         corner_px=jnp.asarray(corner, jnp.float32),
@@ -150,14 +150,12 @@ def test_an_image_is_black_where_its_window_goes_beyond_the_frame(monkeypatch: p
         return jnp.ones((side, side, 3), jnp.float32)
 
     monkeypatch.setattr(rendered_camera, "form_image", white)
-    imaging = Imaging(
+    imaging = only(
         exposure=jnp.asarray(1.5),
         full_well=jnp.asarray(2e4),
         read_noise=jnp.asarray(12.0),
         blur=jnp.asarray(0.7),
-        bloom_radius=UNUSED,
         fill_light=jnp.asarray(0.1),
-        score_threshold=UNUSED,
     )
     corner = jnp.asarray([70.0, 20.0], jnp.float32)
     window = ImageWindow(intrinsics=None, corner_px=corner, binning=jnp.asarray(BINNING, jnp.float32))
@@ -201,15 +199,7 @@ def soft_frame(
     """Frame of a soft detector of temperature 0.5 whose box is (10, 10, 20, 30) px of the image."""
     box = jnp.array([10.0, 10.0, 20.0, 30.0], jnp.float32)
     monkeypatch.setattr(rendered_camera, "soft_detect", lambda *_: (box, log_odds))
-    imaging = Imaging(
-        exposure=UNUSED,
-        full_well=UNUSED,
-        read_noise=UNUSED,
-        blur=UNUSED,
-        bloom_radius=UNUSED,
-        fill_light=UNUSED,
-        score_threshold=jnp.asarray(threshold),
-    )
+    imaging = only(score_threshold=jnp.asarray(threshold))
     window = ImageWindow(
         intrinsics=None, corner_px=jnp.asarray(CORNER, jnp.float32), binning=jnp.asarray(BINNING, jnp.float32)
     )

@@ -20,7 +20,7 @@ from rpojax.analysis.calibration.camera_fit import (
     pair_statistics,
 )
 from rpojax.analysis.calibration.detection_outcomes import DetectionOutcomes
-from rpojax.core import quaternion
+from rpojax.core import lens_distortion, quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight.navigation import perspective_n_point
 from rpojax.scenario.sections import CameraSection
@@ -46,7 +46,8 @@ def fit_landmarks(
     """Fitted statistics without correlation in time, and figures of the fit."""
     rows, seen = _rows(outcomes, threshold)
     field_of_view = jnp.asarray(np.radians(camera.field_of_view_deg))
-    lens = pinhole_intrinsics(field_of_view, camera.width_px, camera.height_px)
+    distortion = None if camera.distortion is None else jnp.asarray(camera.distortion)
+    lens = pinhole_intrinsics(field_of_view, camera.width_px, camera.height_px, distortion)
     turn = _false_turn(outcomes, landmarks, lens, np.flatnonzero(seen)[np.asarray(rows["is_false"])])
     mean, spread = mean_and_spread(rows["features"])
     count = rows["found"].shape[1]
@@ -146,7 +147,8 @@ def _false_turn(outcomes: DetectionOutcomes, landmarks: Landmarks, lens: Intrins
         return none
     places, sigma, sight = (np.asarray(each)[chosen] for each in (shown.places, shown.sigma, shown.probability))
     weight = np.where(sight > IN_SIGHT, (np.asarray(lens.focal_px) / sigma) ** 2, 0.0)
-    tangents = (places - np.asarray(lens.center_px)) / np.asarray(lens.focal_px)
+    x, y = jnp.moveaxis((places - np.asarray(lens.center_px)) / np.asarray(lens.focal_px), -1, 0)
+    tangents = jnp.stack(lens_distortion.undistort(lens.distortion, x, y), axis=-1)
 
     def turn(tangents: Array, weight: Array, R_KT: Array) -> tuple[Array, Array]:
         poses = perspective_n_point.solve_pose(landmarks.positions, tangents, weight)

@@ -158,22 +158,3 @@ def error_budget(
         name: budget_line(sizes, probability, confidence, independent)
         for name, sizes in error_indices(error, windows).items()
     }
-
-
-def gauss_markov_mean_variance(variance: float, ratio: float) -> float:
-    """Variance of the mean over a window of a first-order Gauss-Markov error of the given variance.
-
-    `ratio` is the window over the correlation time, T / tau: s^2 = 2 variance (x - 1 + exp(-x)) / x^2.
-    """
-    # The series keeps what cancels at small ratios.
-    factor = 1.0 - ratio / 3.0 if ratio < 1e-5 else 2.0 * (ratio + np.expm1(-ratio)) / ratio**2
-    return float(variance * factor)
-
-
-def gauss_markov_sampled_mean_variance(variance: float, correlation: float, count: int) -> float:
-    """Variance of the mean of `count` samples of a Gauss-Markov error, neighbours of which have the correlation.
-
-    Exact: variance / n (1 + 2 sum over k of (1 - k / n) correlation^k), from 1 to n - 1.
-    """
-    lag = np.arange(1, count)
-    return float(variance / count * (1.0 + 2.0 * np.sum((1.0 - lag / count) * correlation**lag)))

@@ -64,10 +64,8 @@ def select_window(
     r_TK_K = quaternion.rotate(q_KN, orbit.relative.r_TS_N)
     depth = jnp.maximum(r_TK_K[2], _LEAST_DEPTH)
     center_px = jnp.array([0.5 * camera.width_px, 0.5 * camera.height_px], dtype=depth.dtype)
-    tangents = r_TK_K[:2] / depth
-    if vehicle.distortion is not None:
-        tangents = lens_distortion.distort(vehicle.distortion, tangents)
-    expected_px = center_px + vehicle.focal_px * tangents
+    tangents = lens_distortion.distort(vehicle.distortion, r_TK_K[0] / depth, r_TK_K[1] / depth)
+    expected_px = center_px + vehicle.focal_px * jnp.stack(tangents)
     acquisition = pointing.acquisition
     tracked = acquisition.acquired & (acquisition.unseen_time < _TRACKING_TIMEOUT_S) & (r_TK_K[2] > 0.0)
     return window_around(camera, expected_px, vehicle.focal_px * target_size / depth, tracked)

@@ -20,25 +20,21 @@ def write_page(content: Mapping[str, Any], directory: Path) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    study = content["study"]
-    headline, *further = survived_faults.sentences(content)
     worst = survived_faults.worst_first(content)
     values = {
-        "name": study["scenario"],
-        "headline": headline,
-        "sentences": further,
+        **page_templates.study_values(
+            "Faults",
+            {"survived": "Survived", "worst": "Worst runs"},
+            content["study"],
+            survived_faults.sentences(content),
+            directory,
+            each="fault and time",
+        ),
         "headings": survived_faults.headings(content),
         "rows": [(name, list(map(_cell, cells))) for name, cells in survived_faults.by_title(content).items()],
         "nominal": _cell(content["nominal"]),
         "worst": list(map(_worst, worst[:_MOST_COMMANDS])),
         "more": max(0, len(worst) - _MOST_COMMANDS),
-        "identity": [
-            ("Folder", str(directory)),
-            ("Scenario", f"{study['scenario']}, hash {study['scenario_hash']}"),
-            ("Seed", str(study["seed"])),
-            ("Runs", f"{study['runs']} of each fault and time, {study['runs_simulated']} in all"),
-        ],
-        "foot": page_templates.foot_text({**study, "name": study["scenario"]}),
     }
     page = page_templates.render("faults.html", {"charts": {}}, values)
     write_atomically(directory / PAGE_NAME, page.encode("utf-8", "backslashreplace"))

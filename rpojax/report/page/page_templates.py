@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,6 +45,40 @@ def foot_text(info: Mapping[str, Any]) -> str:
         str(info.get("created", "")).partition("T")[0],
     ]
     return " \N{MIDDLE DOT} ".join(part for part in parts if part)
+
+
+def study_values(
+    kind: str,
+    contents: Mapping[str, str],
+    study: Mapping[str, Any],
+    sentences: Sequence[str],
+    directory: Path,
+    each: str,
+) -> dict[str, Any]:
+    """Values of `study.html` for a study of a scenario.
+
+    Args:
+        kind: of study, as the heading has it
+        contents: headings of its sections by their names
+        study: provenance in its record
+        sentences: what it found, the headline first
+        directory: that holds the page
+        each: what so many runs are of, such as a step
+    """
+    return {
+        "kind": kind,
+        "contents": list(contents.items()),
+        "name": study["scenario"],
+        "headline": sentences[0],
+        "sentences": sentences[1:],
+        "identity": [
+            ("Folder", str(directory)),
+            ("Scenario", f"{study['scenario']}, hash {study['scenario_hash']}"),
+            ("Seed", str(study["seed"])),
+            ("Runs", f"{study['runs']} of each {each}, {study['runs_simulated']} in all"),
+        ],
+        "foot": foot_text({**study, "name": study["scenario"]}),
+    }
 
 
 def _environment() -> jinja2.Environment:

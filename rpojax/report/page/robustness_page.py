@@ -23,21 +23,18 @@ def write_page(content: Mapping[str, Any], directory: Path) -> None:
     study, rows = content[STUDY], robust_margins.rows(content)
     picture = margin_bars(study["scenario"], rows)
     write_atomically(directory / PICTURE_NAME, picture)
-    headline, *further = robust_margins.sentences(content)
     values = {
-        "name": study["scenario"],
-        "headline": headline,
-        "sentences": further,
+        **page_templates.study_values(
+            "Robustness",
+            {"margins": "Margins", "confidence": "Confidence"},
+            study,
+            robust_margins.sentences(content),
+            directory,
+            each="step",
+        ),
         "picture": f"data:image/png;base64,{base64.b64encode(picture).decode()}",
         "headings": robust_margins.HEADINGS,
         "rows": rows,
-        "identity": [
-            ("Folder", str(directory)),
-            ("Scenario", f"{study['scenario']}, hash {study['scenario_hash']}"),
-            ("Seed", str(study["seed"])),
-            ("Runs", f"{study['runs']} of each step, {study['runs_simulated']} in all"),
-        ],
-        "foot": page_templates.foot_text({**study, "name": study["scenario"]}),
     }
     page = page_templates.render("robustness.html", {"charts": {}}, values)
     write_atomically(directory / PAGE_NAME, page.encode("utf-8", "backslashreplace"))

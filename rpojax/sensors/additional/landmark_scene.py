@@ -116,9 +116,9 @@ class LandmarkScene:
         ratio = self.focal_px / self.nominal_focal_px
         if self.distortion is None:
             return ratio * places_K[:, :2] / jnp.maximum(places_K[:, 2], _NEAREST)[:, None]
-        tangents = places_K[:, :2] / jnp.maximum(places_K[:, 2], _NEAREST)[:, None]
-        shown = ratio * lens_distortion.distort(self.distortion, tangents.T).T
-        return lens_distortion.corrected(self.nominal_distortion, shown)
+        depth = jnp.maximum(places_K[:, 2], _NEAREST)
+        x, y = lens_distortion.distort(self.distortion, places_K[:, 0] / depth, places_K[:, 1] / depth)
+        return jnp.stack(lens_distortion.undistort(self.nominal_distortion, ratio * x, ratio * y), axis=1)
 
     def order(self, swapped: Bool[Array, ""], which: Scalar) -> Array:
         """Landmark that each is taken for (n,): itself, or if `swapped` one by the symmetry `which`, from 0 to 1."""

@@ -112,7 +112,6 @@ def field_metrics(rendered: RenderedViews, views: Views) -> dict[str, float]:
     rows = metrics_per_view(rendered, views)
     covered = views.alpha > _COVERED_ALPHA
     square = _squared_errors(rendered, views)
-    peaks = views.radiance(FILL_LIGHT).max(axis=(1, 2, 3))
     return {
         "psnr_db": psnr(square),
         "psnr_target_db": psnr(square[covered]),
@@ -120,7 +119,7 @@ def field_metrics(rendered: RenderedViews, views: Views) -> dict[str, float]:
         "silhouette_iou": float(np.mean(rows["silhouette_iou"])),
         "box_iou_median": float(np.median(rows["box_iou"])),
         "peak_over_white_median": float(np.median(rows["peak"])),
-        "peak_by_trace_median": float(np.median(rows["peak"] / np.maximum(peaks, _LEAST_PEAK))),
+        "peak_by_trace_median": float(np.median(rows["peak_by_trace"])),
     }
 
 
@@ -129,13 +128,16 @@ def metrics_per_view(rendered: RenderedViews, views: Views) -> dict[str, np.ndar
     square = _squared_errors(rendered, views)
     covered = views.alpha > _COVERED_ALPHA
     count = range(len(views))
-    shown, traced = srgb_codes(rendered.rgb), srgb_codes(views.radiance(FILL_LIGHT))
+    radiance = views.radiance(FILL_LIGHT)
+    shown, traced = srgb_codes(rendered.rgb), srgb_codes(radiance)
+    peak = rendered.rgb.max(axis=(1, 2, 3))
     return {
         "psnr_db": np.array([psnr(square[i]) for i in count]),
         "psnr_target_db": np.array([psnr(square[i][covered[i]]) for i in count]),
         "ssim": np.array([ssim(shown[i], traced[i]) for i in count]),
         "silhouette_iou": np.array([mask_iou(rendered.alpha[i] > 0.5, views.alpha[i] > 0.5) for i in count]),
-        "peak": rendered.rgb.max(axis=(1, 2, 3)),
+        "peak": peak,
+        "peak_by_trace": peak / np.maximum(radiance.max(axis=(1, 2, 3)), _LEAST_PEAK),
         "box_iou": intersection_over_union(
             *(np.array([silhouette_box(alpha) for alpha in alphas]) for alphas in (rendered.alpha, views.alpha))
         ),

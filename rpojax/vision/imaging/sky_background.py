@@ -4,10 +4,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core import lens_distortion
 from rpojax.vision.imaging.earth_background import render_earth
 from rpojax.vision.imaging.random_sky import Sky
 from rpojax.vision.imaging.star_field import render_stars
-from rpojax.vision.pinhole import Intrinsics, seen_through_lens
+from rpojax.vision.pinhole import Intrinsics
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -35,10 +36,8 @@ def background(
     x = (jnp.arange(width_px, dtype=jnp.float32) + 0.5 - center[0]) / focal
     y = (jnp.arange(height_px, dtype=jnp.float32) + 0.5 - center[1]) / focal
     shape = (height_px, width_px)
-    plane = seen_through_lens(
-        intrinsics, jnp.stack([jnp.broadcast_to(x[None, :], shape), jnp.broadcast_to(y[:, None], shape)])
-    )
-    rays_K = jnp.concatenate([plane, jnp.ones((1, *shape), jnp.float32)])
+    plane = jnp.broadcast_to(x[None, :], shape), jnp.broadcast_to(y[:, None], shape)
+    rays_K = jnp.stack([*lens_distortion.undistort(intrinsics.distortion, *plane), jnp.ones(shape, jnp.float32)])
     rays_K = rays_K * jax.lax.rsqrt(jnp.sum(rays_K * rays_K, axis=0))[None]
     rays_N = jnp.einsum("ki,khw->ihw", R_KN, rays_K)
     earth, covered = render_earth(sky, rays_N, position, sun_N, earth_rotation)

@@ -3,8 +3,9 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from rpojax.core import lens_distortion
 from rpojax.vision.imaging.random_sky import Sky
-from rpojax.vision.pinhole import Intrinsics, shown_by_lens
+from rpojax.vision.pinhole import Intrinsics
 
 
 def render_stars(sky: Sky, intrinsics: Intrinsics, shape: tuple[int, int], R_KN: Array) -> Array:
@@ -13,10 +14,8 @@ def render_stars(sky: Sky, intrinsics: Intrinsics, shape: tuple[int, int], R_KN:
     ahead = star_K[:, 2] > 0.1
     depth = jnp.where(ahead, star_K[:, 2], 1.0)
     center, focal = intrinsics.center_px.astype(jnp.float32), intrinsics.focal_px.astype(jnp.float32)
-    tangents = star_K[:, :2] / depth[:, None]
-    if intrinsics.distortion is not None:
-        tangents = shown_by_lens(intrinsics, tangents.T).T
-    place = center[None, :] + focal * tangents - 0.5
+    tangents = lens_distortion.distort(intrinsics.distortion, star_K[:, 0] / depth, star_K[:, 1] / depth)
+    place = center[None, :] + focal * jnp.stack(tangents, axis=1) - 0.5
     first = jnp.floor(place)
     fraction = place - first
     column, row = first[:, 0].astype(jnp.int32), first[:, 1].astype(jnp.int32)

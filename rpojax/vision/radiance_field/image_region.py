@@ -2,9 +2,11 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from rpojax.vision.pinhole import Intrinsics, seen_through_lens, shown_by_lens
+from rpojax.core import lens_distortion
+from rpojax.vision.pinhole import Intrinsics
 from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 
 _MARGIN = 1.03
@@ -34,12 +36,10 @@ def project_region(
 
 def _shown_square(intrinsics: Intrinsics, place: Array, half_sides: Array) -> tuple[Array, Array]:
     """Middle and half sides of the box around a box of tangents as the lens shows it, by places along its edges."""
-    steps = jnp.linspace(-1.0, 1.0, _EDGE_PLACES, dtype=jnp.float32)
-    ends, ones = jnp.array([-1.0, 1.0], jnp.float32), jnp.ones_like(steps)
-    along = jnp.concatenate([jnp.tile(steps, 2), ends[0] * ones, ends[1] * ones])
-    across = jnp.concatenate([ends[0] * ones, ends[1] * ones, jnp.tile(steps, 2)])
-    edge = place[:, None] + half_sides[:, None] * jnp.stack([along, across])
-    shown = shown_by_lens(intrinsics, edge)
+    steps, ones = np.linspace(-1.0, 1.0, _EDGE_PLACES, dtype=np.float32), np.ones(_EDGE_PLACES, np.float32)
+    along, across = np.concatenate([steps, steps, -ones, ones]), np.concatenate([-ones, ones, steps, steps])
+    edge = place[:, None] + half_sides[:, None] * np.stack([along, across])
+    shown = jnp.stack(lens_distortion.distort(intrinsics.distortion, edge[0], edge[1]))
     low, high = jnp.min(shown, axis=1), jnp.max(shown, axis=1)
     return 0.5 * (low + high), 0.5 * (high - low)
 
@@ -50,7 +50,7 @@ def region_directions(intrinsics: Intrinsics, count: int, corner: Array, side: A
     center, focal = intrinsics.center_px.astype(jnp.float32), intrinsics.focal_px.astype(jnp.float32)
     x = jnp.broadcast_to(((corner[0] + place - center[0]) / focal)[None, :], (count, count)).reshape(-1)
     y = jnp.broadcast_to(((corner[1] + place - center[1]) / focal)[:, None], (count, count)).reshape(-1)
-    x, y = seen_through_lens(intrinsics, jnp.stack([x, y])) if intrinsics.distortion is not None else (x, y)
+    x, y = lens_distortion.undistort(intrinsics.distortion, x, y)
     scale = jax.lax.rsqrt(1.0 + x * x + y * y)
     direction_K = jnp.stack([x * scale, y * scale, scale], axis=1)
     return jnp.sum(direction_K[:, :, None] * R_KT[None, :, :], axis=1)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from experiment_modules import load_experiment
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import lfilter
 
 from rpojax.analysis.statistics.error_budgets import (
     INDICES,
@@ -12,11 +12,12 @@ from rpojax.analysis.statistics.error_budgets import (
     budget_line,
     error_budget,
     error_indices,
-    gauss_markov_mean_variance,
-    gauss_markov_sampled_mean_variance,
     window_means,
 )
 from rpojax.analysis.statistics.tolerance_bounds import quantile_upper_bound
+
+FORMS = load_experiment("evidence/error_budget.py")
+"""Closed forms of a Gauss-Markov error."""
 
 
 def test_hand_worked_indices() -> None:
@@ -120,20 +121,14 @@ def test_interpretations_have_their_order_and_mean_what_they_say(seed: int, prob
     assert np.mean(sizes < line.mixed) < probability + 1e-9
 
 
-def _gauss_markov(runs: int, ticks: int, correlation: float, seed: int) -> np.ndarray:
-    """Stationary Gauss-Markov errors (runs, ticks, 1) of variance 1."""
-    draws = np.random.default_rng(seed).normal(size=(runs, ticks))
-    draws[:, 1:] *= np.sqrt(1.0 - correlation**2)
-    return lfilter([1.0], [1.0, -correlation], draws, axis=1)[..., None]
-
-
 def test_gauss_markov_closed_form() -> None:
     """Variances of window mean, relative error, drift and reproducibility are the exact ones, within 5 sigma."""
     runs, window, correlation = 20_000, 20, np.exp(-1.0 / 15.0)
     found = error_indices(
-        _gauss_markov(runs, 6 * window, correlation, 1), BudgetWindows(window, 2 * window, 3 * window)
+        FORMS.gauss_markov(np.random.default_rng(1), runs, 6 * window, correlation),
+        BudgetWindows(window, 2 * window, 3 * window),
     )
-    mean = gauss_markov_sampled_mean_variance(1.0, correlation, window)
+    mean = FORMS.gauss_markov_sampled_mean_variance(1.0, correlation, window)
 
     def difference(apart: int) -> float:
         # Covariance of means of windows `apart` ticks from begin to begin: sum of correlation^lag over pairs.
@@ -154,13 +149,13 @@ def test_gauss_markov_closed_form() -> None:
 
 def test_sampled_variance_tends_to_that_of_continuous_time() -> None:
     # exp(-2): T / tau = 2 has the variance (2 - 1 + exp(-2)) / 2.
-    assert gauss_markov_mean_variance(1.0, 2.0) == pytest.approx(0.5 * (1.0 + np.exp(-2.0)))
-    sampled = gauss_markov_sampled_mean_variance(3.0, np.exp(-2.0 / 4000), 4000)
-    assert sampled == pytest.approx(gauss_markov_mean_variance(3.0, 2.0), rel=1e-6)
+    assert FORMS.gauss_markov_mean_variance(1.0, 2.0) == pytest.approx(0.5 * (1.0 + np.exp(-2.0)))
+    sampled = FORMS.gauss_markov_sampled_mean_variance(3.0, np.exp(-2.0 / 4000), 4000)
+    assert sampled == pytest.approx(FORMS.gauss_markov_mean_variance(3.0, 2.0), rel=1e-6)
     # Both ends: an error that does not change in the window, and white noise of two samples.
-    assert gauss_markov_mean_variance(1.0, 1e-9) == pytest.approx(1.0, abs=1e-9)
-    assert gauss_markov_mean_variance(1.0, 1.1e-5) == pytest.approx(1.0 - 1.1e-5 / 3.0, abs=1e-6)
-    assert gauss_markov_sampled_mean_variance(1.0, 0.0, 2) == 0.5
+    assert FORMS.gauss_markov_mean_variance(1.0, 1e-9) == pytest.approx(1.0, abs=1e-9)
+    assert FORMS.gauss_markov_mean_variance(1.0, 1.1e-5) == pytest.approx(1.0 - 1.1e-5 / 3.0, abs=1e-6)
+    assert FORMS.gauss_markov_sampled_mean_variance(1.0, 0.0, 2) == 0.5
 
 
 def test_a_budget_of_runs_has_the_bound_of_order_statistics() -> None:
